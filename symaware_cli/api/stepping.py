@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.api.report import TextReport, number
 from symaware_cli.api.result import RunResult, result_of
-from symaware_cli.runtime.state.simulation_state import SimulationState, put, take
+from symaware_cli.runtime.state.simulation_state import SimulationState, capture, restore
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import nearest
 from symaware_cli.version import __version__
@@ -248,7 +248,7 @@ class SteppedSimulation:
                 it.
             LogError: The log cannot be written.
         """
-        return take(self._run, self._digest, __version__)
+        return capture(self._run, self._digest, __version__)
 
     def restore(self, state: SimulationState) -> None:
         """Restore a state of this simulation, or of another one of the same scenario.
@@ -264,7 +264,7 @@ class SteppedSimulation:
                 gives the reason. Nothing was changed.
             LogError: The log cannot be written.
         """
-        put(self._run, state, self._digest, __version__)
+        restore(self._run, state, self._digest, __version__)
         self._events.clear()
 
     def close(self) -> None:

@@ -1,1 +1,1 @@
-"""When things happen: the simulation, both modes, pace, faults and interruptions."""
+"""The execution of a simulation: scheduling in both modes, pacing, faults, worker processes and interruptions."""

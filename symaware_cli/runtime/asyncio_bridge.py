@@ -1,4 +1,4 @@
-"""The bridge to asyncio: real input and output that components of a paced run may await, by way of asyncio."""
+"""The bridge to asyncio, through which components of a paced run can await real input and output."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Awaitable, Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
-#: Wall time that is given to what is under way when a run ends [s].
+#: Wall time that unfinished tasks are given when a run ends [s].
 _PATIENCE = 1.0
 
 
 class AsyncioBridge:
-    """An asyncio loop that turns while the run waits for its time, and only then.
+    """An asyncio loop that runs only while the run waits for wall time.
 
-    A coroutine of a component is not an asyncio task: it is driven by the run, so that all that does not wait for the
-    outside happens in the same order as ever. Its asyncio futures are watched here.
+    A component's coroutine is not an asyncio task: the run drives it, so that everything that does not depend on real
+    input keeps its order. The asyncio futures that it awaits are watched here.
     """
 
-    #: It belongs to the process.
+    #: The loop belongs to the process.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self) -> None:
@@ -28,30 +28,30 @@ class AsyncioBridge:
 
     @contextmanager
     def entered(self) -> Iterator[None]:
-        """Let code that runs in here find the loop, as code in a task of asyncio does."""
+        """Make the loop the running one, so that code in this context finds it as in an asyncio task."""
         with _running(self._loop):
             yield
 
     @staticmethod
     def is_awaitable(wait: Any) -> bool:
-        """Whether something that was awaited is a future of asyncio."""
+        """Whether an awaited object is an asyncio future."""
         return asyncio.isfuture(wait)
 
     def future(self, awaitable: Awaitable[Any]) -> asyncio.Future[Any]:
-        """Let asyncio see to something that can be awaited.
+        """Schedule an awaitable in asyncio.
 
         Raises:
-            TypeError: Asyncio cannot await it.
+            TypeError: Asyncio cannot await the object.
         """
         return asyncio.ensure_future(awaitable, loop=None if asyncio.isfuture(awaitable) else self._loop)
 
     def watch(self, future: asyncio.Future[Any], call: Callable[[int], object]) -> Callable[..., object]:
-        """Have something called when a future is done, with the instant that it is then.
+        """Call a function when a future is done, with the instant at that time.
 
         Returns:
-            What `unwatch` needs.
+            The callback, for `unwatch`.
         """
-        # Says to the future that who awaits it is a driver of coroutines; see asyncio.Task.
+        # As asyncio.Task does: tells the future that its awaiting is handled.
         future._asyncio_future_blocking = False
 
         def done(future: asyncio.Future[Any]) -> None:
@@ -63,11 +63,11 @@ class AsyncioBridge:
 
     @staticmethod
     def unwatch(future: asyncio.Future[Any], watch: Callable[..., object]) -> None:
-        """Have nothing called any more."""
+        """Remove a callback that `watch` returned."""
         future.remove_done_callback(watch)
 
     def wait(self, duration: float) -> list[Callable[[int], object]]:
-        """Turn until some wall time has passed [s] or a future is done; return the calls of those that are."""
+        """Run the loop for a duration of wall time [s] or until a future is done; return the functions to call."""
         handle = self._loop.call_later(max(0.0, duration), self._loop.stop)
         try:
             with _running(None):
@@ -78,7 +78,7 @@ class AsyncioBridge:
         return ready
 
     def close(self) -> None:
-        """Give up all that is under way."""
+        """Cancel all unfinished tasks and close the loop."""
         tasks = asyncio.all_tasks(self._loop)
         for task in tasks:
             task.cancel()
@@ -91,7 +91,7 @@ class AsyncioBridge:
 
 @contextmanager
 def _running(loop: asyncio.AbstractEventLoop | None) -> Iterator[None]:
-    """Let a loop, or none, be the one that runs: a notebook has one of its own, in which the whole run takes place."""
+    """Make a loop, or none, the running one: in a notebook, the whole run takes place within the notebook's loop."""
     before = asyncio._get_running_loop()
     asyncio._set_running_loop(loop)
     try:

@@ -1,4 +1,4 @@
-"""Attributes what ends a run to the component that caused it, where the exception does not say."""
+"""Attributes a failure of a run to the component that caused it, if the exception does not name it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def attribute_livelock(simulation: Simulation, error: LivelockError) -> RunError:
-    """Name those who wake each other without end."""
+    """Name the components that trigger each other endlessly."""
     entries = [simulation.entries[place] for place in error.places if place >= 0]
     names = ", ".join(f"`{entry.path}`" for entry in entries)
     problem = f"no time passes any more: {names} take turn after turn at one instant"
@@ -22,7 +22,7 @@ def attribute_livelock(simulation: Simulation, error: LivelockError) -> RunError
 
 
 def attribute_subscriber_error(simulation: Simulation, error: SubscriberError) -> RunError:
-    """Name the component that raised when it was told of an event, or else the event."""
+    """Name the component whose event subscriber raised an exception, or otherwise the event."""
     cause = error.__cause__ or error
     problem = f"{error}: {describe(cause)}"
     owner = getattr(error.subscriber, "__self__", None)

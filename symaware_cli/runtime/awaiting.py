@@ -1,4 +1,4 @@
-"""What a coroutine waits for, as a tree: entered in the queue and at the router, and taken out of both again."""
+"""The conditions that a component's coroutine awaits (time, events, messages, asyncio futures), as a tree."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ REAL_TIME = ", which takes real time, and that only a paced run can (run.pace)"
 
 
 class ForeignWaitError(Exception):
-    """A component awaits what simulated time knows nothing of."""
+    """A component awaits something that does not happen in simulated time."""
 
 
 class Wakeups:
-    """The entries in the queue at which one component goes on, or finds that it waits for something else, too.
+    """The queue entries at which one component checks whether its coroutine can resume.
 
-    Their payload is a number that this gave them. An entry that has come is forgotten; `clear` cancels all others.
+    The payload of an entry is a number assigned here. `discard` removes an entry that was reached; `clear` cancels all
+    others.
     """
 
     __slots__ = ("_count", "_entered", "_place", "_queue", "_row", "_soon")
@@ -45,33 +46,33 @@ class Wakeups:
         return wakeup in self._entered
 
     def after(self, duration: int) -> int:
-        """Enter one some time from now, in nanoseconds, and return its number."""
+        """Queue a wake-up after a duration in nanoseconds, and return its number."""
         return self.at(self._queue.clock.now + duration)
 
     def at(self, time: int) -> int:
-        """Enter one for an instant, in nanoseconds, and return its number."""
+        """Queue a wake-up at an instant in nanoseconds, and return its number."""
         self._count += 1
         entry = self._queue.put(time, self._place, Phase.RESUMING, self._row, self.KIND, self._count)
         self._entered[self._count] = entry
         return self._count
 
     def soon(self) -> None:
-        """Enter one for now, unless there is one."""
+        """Queue a wake-up at the present instant, unless one is queued already."""
         if self._soon not in self._entered:
             self._soon = self.after(0)
 
-    def come(self, wakeup: int) -> None:
-        """Forget one that has come."""
+    def discard(self, wakeup: int) -> None:
+        """Discard a wake-up that was reached."""
         del self._entered[wakeup]
 
     def cancel(self, wakeup: int) -> None:
-        """Take one out of the queue, if it is there."""
+        """Cancel a wake-up, if it is queued."""
         entry = self._entered.pop(wakeup, None)
         if entry is not None:
             self._queue.cancel(entry)
 
     def clear(self) -> None:
-        """Take out all that are left."""
+        """Cancel all remaining wake-ups."""
         if not self._entered:
             return
         for entry in self._entered.values():
@@ -80,10 +81,10 @@ class Wakeups:
 
 
 class Pending(ABC):
-    """Something that is waited for; `begin` has it wake the component when it may have come.
+    """A condition that is awaited; after `begin` it wakes the component when it may be fulfilled.
 
     Attributes:
-        is_certain: Whether it will come by itself.
+        is_certain: Whether it will be fulfilled without further events.
     """
 
     __slots__ = ()
@@ -96,15 +97,15 @@ class Pending(ABC):
 
     @abstractmethod
     def settle(self) -> bool:
-        """Whether it has come; of what it consists of, take out what is not needed any more."""
+        """Return whether the condition is fulfilled; cancel parts of it that are no longer needed."""
 
     @abstractmethod
     def value(self) -> Any:
-        """What it came to; asked for once, after it came."""
+        """Return the result; called once, after the condition is fulfilled."""
 
     @abstractmethod
     def cancel(self) -> None:
-        """Wait no more; harmless where it has come."""
+        """Stop waiting; has no effect if the condition is fulfilled."""
 
 
 class _Timer(Pending):
@@ -155,7 +156,7 @@ class _Event(Pending):
         self._connection.cancel()
 
 
-class _Mail(Pending):
+class _Messages(Pending):
     __slots__ = ("_connection", "_exchange", "_has_come", "_router", "_wait", "_wakeups")
 
     def __init__(self, wait: MessageWait, router: EventRouter, exchange: MessageExchange) -> None:
@@ -165,12 +166,12 @@ class _Mail(Pending):
 
     def begin(self, wakeups: Wakeups) -> None:
         self._wakeups = wakeups
-        if not self._look():
+        if not self._check():
             source = f"agents.{self._wait.receiver}"
-            self._connection = self._router.connect("received", source, lambda event: self._look())
+            self._connection = self._router.connect("received", source, lambda event: self._check())
 
-    def _look(self) -> bool:
-        """Go on if there are messages, and not for another component."""
+    def _check(self) -> bool:
+        """Fulfil the condition if messages have arrived for this component."""
         if self._exchange.has_mail(self._wait.receiver, self._wait.reader):
             self.cancel()
             self._has_come = True
@@ -189,7 +190,7 @@ class _Mail(Pending):
 
 
 class _Future(Pending):
-    """Something of asyncio; where it is one of several, it is cancelled with the others and its value is handed on."""
+    """An asyncio future; as a part of several conditions it is cancelled with them, and its result is passed on."""
 
     __slots__ = ("_bridge", "_future", "_has_come", "_is_part", "_wakeups", "_watch")
 
@@ -211,7 +212,7 @@ class _Future(Pending):
         return self._has_come
 
     def value(self) -> Any:
-        # A coroutine that awaits the future itself looks it up there.
+        # A coroutine that awaits the future directly reads the result from it.
         return self._future.result() if self._is_part else None
 
     def cancel(self) -> None:
@@ -245,7 +246,7 @@ class _All(_Some):
         return all(part.is_certain for part in self._parts)
 
     def settle(self) -> bool:
-        # Each is asked: those within that are decided give up what they do not need any more.
+        # `settle` of every part is called, so that parts cancel what they no longer need.
         return sum(part.settle() for part in self._parts) == len(self._parts)
 
     def value(self) -> tuple[Any, ...]:
@@ -278,25 +279,25 @@ class _Any(_Some):
 
 
 class Awaiter:
-    """Makes of what components await what can be waited for."""
+    """Converts the objects that components await into conditions."""
 
     def __init__(self, router: EventRouter, exchange: MessageExchange, bridge: AsyncioBridge | None) -> None:
         """Prepare.
 
         Args:
-            router: Where events are heard.
-            exchange: Where messages are.
-            bridge: Where there is asyncio; None where simulated time does not wait for it.
+            router: Connects conditions with events.
+            exchange: The message exchange.
+            bridge: The bridge to asyncio; None in a run without a pace.
         """
         self._router = router
         self._exchange = exchange
         self.bridge = bridge
 
     def pending(self, wait: Any) -> Pending:
-        """Make what can be waited for.
+        """Convert an awaited object into a condition.
 
         Raises:
-            ForeignWaitError: It cannot be waited for here.
+            ForeignWaitError: The object cannot be awaited in this run.
         """
         if type(wait) is Sleep:
             return _Timer(wait.duration)
@@ -304,30 +305,30 @@ class Awaiter:
         if not isinstance(wait, Wait) and bridge is not None and bridge.is_awaitable(wait):
             return _Future(wait, bridge, is_part=False)
         try:
-            return self._made(wait, is_part=False)
+            return self._create(wait, is_part=False)
         except ForeignWaitError:
             _discard(wait)
             raise
 
-    def _made(self, wait: Any, is_part: bool = True) -> Pending:
+    def _create(self, wait: Any, is_part: bool = True) -> Pending:
         match wait:
             case Sleep():
                 return _Timer(wait.duration)
             case EventWait():
                 return _Event(wait, self._router)
             case MessageWait():
-                return _Mail(wait, self._router, self._exchange)
+                return _Messages(wait, self._router, self._exchange)
             case AnyOf():
-                return _Any([self._made(each) for each in wait.waits])
+                return _Any([self._create(each) for each in wait.waits])
             case AllOf():
-                return _All([self._made(each) for each in wait.waits])
+                return _All([self._create(each) for each in wait.waits])
         if is_part and self.bridge is not None:
             return _Future(self.bridge.future(wait), self.bridge, is_part=True)
         raise ForeignWaitError(f"it awaits {type(wait).__name__}{REAL_TIME}")
 
 
 def _discard(wait: Any) -> None:
-    """Close the coroutines that are never going to be awaited."""
+    """Close coroutines that will never be awaited."""
     if isinstance(wait, Several):
         for each in wait.waits:
             _discard(each)

@@ -1,4 +1,4 @@
-"""Turns that are coroutines: they may wait within, for simulated time, events, messages, or real input and output."""
+"""Turns that are coroutines: they may await simulated time, events, messages, or real input and output."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from symaware_cli.runtime.turn import computed_at, in_turn
 from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.world.chance import Turn
 
-#: What a coroutine comes to when it is done.
+#: The outcome of a coroutine that is done.
 _DONE = object()
 
 
 def is_coroutine(component: Component | GroupComponent) -> bool:
-    """Whether a component takes its turns in its own way in the asynchronous mode."""
+    """Whether a component overrides the asynchronous methods, so that its turns may wait."""
     kind, base = type(component), Component
     return any(
         getattr(kind, name) is not getattr(base, name)
@@ -31,7 +31,7 @@ def is_coroutine(component: Component | GroupComponent) -> bool:
 
 
 class CoroutineTurns:
-    """Lets the components of one entry take turns that may wait."""
+    """Runs the turns of the components of one entry as coroutines."""
 
     def __init__(
         self,
@@ -42,19 +42,19 @@ class CoroutineTurns:
         guard: Guard,
         progress: TurnsInProgress,
         awaiter: Awaiter,
-        over: Callable[[int], object],
+        on_done: Callable[[int], object],
     ) -> None:
         """Prepare.
 
         Args:
-            simulation: What runs.
-            entry: Whose turns they are.
-            place: Its position among all entries.
-            queue: Where it is entered when they go on.
-            guard: Calls them.
-            progress: Which turns are under way.
-            awaiter: Makes of what they await what can be waited for.
-            over: Told of the row of a turn that is over.
+            simulation: The simulation.
+            entry: The components' entry.
+            place: Its index among all entries.
+            queue: The queue for wake-ups.
+            guard: Calls the components.
+            progress: The unfinished turns.
+            awaiter: Converts awaited objects into conditions.
+            on_done: Called with the row of each finished turn.
         """
         self._simulation = simulation
         self._entry = entry
@@ -63,22 +63,22 @@ class CoroutineTurns:
         self._guard = guard
         self._progress = progress
         self._awaiter = awaiter
-        self._over = over
+        self._on_done = on_done
         queue.register(place, {Wakeups.KIND: self._wake})
 
     def take(self, rows: Sequence[int]) -> None:
-        """Let the components of some rows begin a turn; it may be over at once."""
-        with self._guard.supervision.watched():
+        """Begin the turns of some components; a turn may be finished at once."""
+        with self._guard.supervision.supervised():
             for row in rows:
                 turn = self._progress.begin(row, self._queue.clock.now)
                 wakeups = Wakeups(self._queue, self._place, row)
                 begun = _CoroutineTurn(self._entry.components[row], row, turn, wakeups)
-                self._progress.occupy(row, begun)
+                self._progress.add(row, begun)
                 begun.coroutine = self._whole_turn(begun)
-                self._go_on(begun)
+                self._resume(begun)
 
     async def _whole_turn(self, begun: _CoroutineTurn) -> None:
-        """What `async_compute_and_update` does, with the latency between its halves."""
+        """Do what `async_compute_and_update` does, with the latency between computing and updating."""
         component, latency = begun.component, self._guard.supervision.latency(begun.row, begun.turn)
         if not latency:
             await component.async_compute_and_update()
@@ -94,21 +94,21 @@ class CoroutineTurns:
         with computed_at(component, instant):
             await component.async_update(value)
 
-    def _go_on(self, turn: _CoroutineTurn) -> None:
+    def _resume(self, turn: _CoroutineTurn) -> None:
         """Resume a coroutine until it waits again or is done."""
         with in_turn(turn.component, turn.turn):
             outcome = self._guard.attempt(turn.row, self._advance, turn)
         if outcome is _DONE:
-            if self._progress.vacate(turn.row, turn):
-                self._over(turn.row)
+            if self._progress.remove(turn.row, turn):
+                self._on_done(turn.row)
         elif outcome is FAILED:
-            self._progress.vacate(turn.row, turn)
-        elif not turn.is_given_up:
+            self._progress.remove(turn.row, turn)
+        elif not turn.is_cancelled:
             turn.pending = outcome
             outcome.begin(turn.wakeups)
 
     def _advance(self, turn: _CoroutineTurn) -> Any:
-        """One phase of the coroutine; returns what it waits for then."""
+        """Resume a coroutine once, and return what it awaits next."""
         bridge = self._awaiter.bridge
         try:
             if bridge is None:
@@ -134,26 +134,26 @@ class CoroutineTurns:
             raise
 
     def _wake(self, row: int, wakeup: int) -> None:
-        """Go on with what was waited for, if it has come."""
+        """Resume a coroutine if its condition is fulfilled."""
         turn = self._progress.of(row)
         assert isinstance(turn, _CoroutineTurn)
         assert turn.pending is not None
-        turn.wakeups.come(wakeup)
+        turn.wakeups.discard(wakeup)
         if not turn.pending.settle():
             return
         turn.wakeups.clear()
         guard = self._guard
         if not guard.supervision.interferes and self._entry.timing.on_failure == "stop":
-            self._go_on(turn)
+            self._resume(turn)
             guard.check(None)
             return
-        before = guard.present()
-        with guard.supervision.watched():
-            self._go_on(turn)
+        before = guard.snapshot()
+        with guard.supervision.supervised():
+            self._resume(turn)
         guard.check(before)
 
-    def give_up(self, turn: object) -> None:
-        """Give up a turn that is under way."""
+    def cancel(self, turn: object) -> None:
+        """Cancel a turn that has begun."""
         if not isinstance(turn, _CoroutineTurn):
             return
         try:
@@ -166,7 +166,7 @@ class CoroutineTurns:
 
     @property
     def waiting(self) -> list[str]:
-        """What is waited for without an end in sight, and by whom."""
+        """Descriptions of the turns that await something that may never happen."""
         return [
             f"{each.component.path} for {said(each.waiting)}"
             for each in self._progress
@@ -175,20 +175,20 @@ class CoroutineTurns:
 
 
 class _CoroutineTurn:
-    """One turn of one component.
+    """One turn of one component, as a coroutine.
 
     Attributes:
-        component: Whose turn it is.
+        component: The component.
         row: Its row.
-        turn: Which one.
-        wakeups: When it may go on.
-        coroutine: What it does.
-        waiting: What it awaits, as it said.
-        pending: The same, as it is waited for; None while it goes on.
-        is_given_up: Whether it does not go on any more.
+        turn: The turn's instant and count.
+        wakeups: The queue entries at which it may resume.
+        coroutine: The coroutine.
+        waiting: The object that it awaits.
+        pending: The condition for that object; None while the coroutine runs.
+        is_cancelled: Whether the turn was cancelled.
     """
 
-    __slots__ = ("component", "coroutine", "is_given_up", "pending", "row", "turn", "waiting", "wakeups")
+    __slots__ = ("component", "coroutine", "is_cancelled", "pending", "row", "turn", "waiting", "wakeups")
 
     def __init__(self, component: Component | GroupComponent, row: int, turn: Turn, wakeups: Wakeups) -> None:
         self.component = component
@@ -198,10 +198,10 @@ class _CoroutineTurn:
         self.coroutine: Coroutine[Any, Any, Any] | None = None
         self.waiting: Any = None
         self.pending: Pending | None = None
-        self.is_given_up = False
+        self.is_cancelled = False
 
     def resume(self) -> Any:
-        """Go on with what was waited for, and return what is awaited then."""
+        """Resume the coroutine with the result of its condition, and return the object that it awaits next."""
         coroutine, pending = self.coroutine, self.pending
         assert coroutine is not None
         self.pending = None
@@ -214,8 +214,8 @@ class _CoroutineTurn:
         return coroutine.send(value)
 
     def close(self) -> None:
-        """Give the turn up, with all that it waits for."""
-        self.is_given_up = True
+        """Cancel the turn and all that it waits for."""
+        self.is_cancelled = True
         pending, self.pending = self.pending, None
         if pending is not None:
             pending.cancel()

@@ -1,4 +1,4 @@
-"""Turns whose update lands later than they compute, or that compute in a process of their own."""
+"""Turns with a latency between computing and updating, or with a computation in a worker process."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.runtime.workers import Computed, WorkerError, Workers
 from symaware_cli.world.chance import Turn
 
-#: A row, the turn that it is busy with, and what it computed then.
+#: A row, its unfinished turn, and the value computed in it.
 Landing = tuple[int, Turn, Any]
 
-#: The kind of the entries of updates; their payload is a list of `Landing`.
+#: The kind of the queue entries of updates; their payload is a list of `Landing`.
 _KIND = "update"
 
 
 class DelayedTurns:
-    """The halves of turns that are not coroutines: computing with the data of now, and updating when that is over."""
+    """Runs the two halves of such turns: computing with the present data, and updating after the latency."""
 
     def __init__(
         self,
@@ -33,19 +33,19 @@ class DelayedTurns:
         guard: Guard,
         progress: TurnsInProgress,
         workers: Workers,
-        over: Callable[[int], object],
+        on_done: Callable[[int], object],
     ) -> None:
         """Prepare.
 
         Args:
-            simulation: What runs.
-            entry: Whose turns they are.
-            place: Its position among all entries.
-            queue: Where updates are entered.
+            simulation: The simulation.
+            entry: The component entry.
+            place: Its index among all entries.
+            queue: The queue for updates.
             guard: Calls the components.
-            progress: Which turns are under way.
-            workers: Where components compute that have a process of their own.
-            over: Told of the row of a turn that is over.
+            progress: The unfinished turns.
+            workers: Run the computations of components with `run_in: process`.
+            on_done: Called with the row of each finished turn.
         """
         self._simulation = simulation
         self._events = simulation.events
@@ -55,14 +55,14 @@ class DelayedTurns:
         self._guard = guard
         self._progress = progress
         self._workers = workers
-        self._over = over
+        self._on_done = on_done
         queue.register(place, {_KIND: self._land})
 
     def take(self, rows: Sequence[int]) -> None:
-        """Let the components of some rows compute, and enter their updates.
+        """Compute with the components of some rows, and queue their updates.
 
         Raises:
-            RunError: One failed, and that ends the run.
+            RunError: A component failed, and that ends the run.
         """
         progress, guard = self._progress, self._guard
         now, landings = self._queue.clock.now, dict[int, list[Landing]]()
@@ -71,7 +71,7 @@ class DelayedTurns:
             if value is FAILED:
                 continue
             turn = turns[row]
-            progress.occupy(row, turn)
+            progress.add(row, turn)
             time = now + guard.supervision.latency(row, turn)
             if time == now:
                 self._land(row, [(row, turn, value)])
@@ -81,7 +81,7 @@ class DelayedTurns:
             self._queue.put(time, self._place, Phase.LANDING, landing[0][0], _KIND, landing)
 
     def _values(self, turns: Mapping[int, Turn]) -> Iterator[tuple[int, Any]]:
-        """Yield what each component computes, one after the other; in workers they compute all at once before."""
+        """Yield the value that each component computes, in order; computations in workers run in parallel before."""
         guard, events = self._guard, self._events
         done: dict[int, Computed | WorkerError] | None = None
         if self._entry.timing.in_process:
@@ -99,7 +99,7 @@ class DelayedTurns:
                 continue
             outcome = done[row]
             if isinstance(outcome, WorkerError):
-                guard.fail(row, guard.failure(component, outcome.problem, outcome))
+                guard.handle_failure(row, guard.failure(component, outcome.problem, outcome))
                 yield row, FAILED
                 continue
             for name, source, level, text, data in outcome.events:
@@ -108,12 +108,12 @@ class DelayedTurns:
             yield row, outcome.value
 
     def _land(self, row: int, landing: Sequence[Landing]) -> None:
-        """Update with values that were computed before, unless their component was stopped meanwhile."""
+        """Update with values computed before, unless the turn was cancelled in the meantime."""
         guard, wanted = self._guard, self._events.wanted
-        before, landed = guard.present(), []
-        with guard.supervision.watched():
+        before, landed = guard.snapshot(), []
+        with guard.supervision.supervised():
             for row, turn, value in landing:
-                if not self._progress.vacate(row, turn):
+                if not self._progress.remove(row, turn):
                     continue
                 component = self._entry.components[row]
                 if "computed" in wanted:
@@ -123,4 +123,4 @@ class DelayedTurns:
                 landed.append(row)
         guard.check(before)
         for row in landed:
-            self._over(row)
+            self._on_done(row)

@@ -1,4 +1,4 @@
-"""Motion: what the world does in a run."""
+"""Steps the environment of a run, checks the resulting states and announces contacts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from symaware_cli.world.arrays import FARTHEST, is_within, said_of
 
 
 class EnvironmentStepper:
-    """Lets the world move, looks at what came of it, and takes its failures for those of the run."""
+    """Steps the environment and checks the result; its exceptions become failures of the run."""
 
     def __init__(self, simulation: Simulation, interruption: Interruption) -> None:
         self._simulation = simulation
@@ -24,10 +24,10 @@ class EnvironmentStepper:
         self._interruption = interruption
 
     def step(self) -> None:
-        """Let the world make one step, with signals let through.
+        """Make one step of the environment, during which signals are delivered.
 
         Raises:
-            RunError: It cannot.
+            RunError: The environment raised an exception.
         """
         interruption = self._interruption
         interruption.unshield()
@@ -41,10 +41,10 @@ class EnvironmentStepper:
             interruption.shield()
 
     def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
-        """Change the true states of agents, of those that are there.
+        """Change the true states of those of the agents that are present.
 
         Raises:
-            RunError: The world does not let it.
+            RunError: The environment raised an exception.
         """
         if group.present is not None:
             rows = [row for row in rows if group.present[row]]
@@ -54,10 +54,10 @@ class EnvironmentStepper:
             self._raise_run_error(error)
 
     def check(self) -> None:
-        """Look for true states that are not finite or have run away, and whether the world tells what it applied.
+        """Check that true states are finite and bounded, and that `applied_input` has the right shape.
 
         Raises:
-            RunError: Something is not.
+            RunError: A check failed, or the environment raised an exception.
         """
         simulation = self._simulation
         for group in simulation.groups:
@@ -74,10 +74,10 @@ class EnvironmentStepper:
                 raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
 
     def announce_contacts(self) -> None:
-        """Fire the events of the contacts that began or ended.
+        """Fire an event for each contact that began or ended.
 
         Raises:
-            RunError: The world cannot tell them.
+            RunError: The environment raised an exception.
         """
         now = self._simulation.clock.now
         try:

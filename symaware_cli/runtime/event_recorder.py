@@ -1,4 +1,4 @@
-"""The event recorder: what of the events of a run the recorder is told."""
+"""Subscribes the recorder of the log to the events of a run."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 def record_events(
     recorder: Recorder, simulation: Simulation, interruption: Interruption, elsewhere: object | None
 ) -> None:
-    """Let a recorder know of all events that it can record.
+    """Subscribe a recorder to all events that it can record.
 
     Args:
-        recorder: Who is told.
-        simulation: Whose events.
-        interruption: Holds signals back meanwhile: events fire within turns, too, where they are let through.
-        elsewhere: The subject of events that another process records; None where there is none.
+        recorder: The recorder.
+        simulation: The simulation whose events are recorded.
+        interruption: Defers signals while an event is recorded, as events also fire within turns.
+        elsewhere: The subject of events that another process records; None if there are none.
     """
     events = simulation.events
     for name, record in (

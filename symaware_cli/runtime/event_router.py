@@ -1,4 +1,4 @@
-"""The router: connects events with what they trigger or resume."""
+"""The event router: calls handlers by the name and the source of events, with one bus subscription per name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from symaware_cli.core import Event, EventBus
 
 
 class EventHandler:
-    """A call on an event; `cancel` ends it, at any moment."""
+    """A handler that is called on events; `cancel` disconnects it at any time."""
 
     __slots__ = ("_among", "active", "call", "source")
 
@@ -21,21 +21,21 @@ class EventHandler:
         among[self] = None
 
     def cancel(self) -> None:
-        """Hear no more of it; harmless when repeated."""
+        """Disconnect the handler; has no effect when repeated."""
         self.active = False
         self._among.pop(self, None)
 
 
 class EventRouter:
-    """One subscription for each name of an event, however many components wait for it.
+    """Connects handlers with events; holds one bus subscription for each name, however many handlers there are.
 
-    Components that wait for an event again and again would make the bus itself ever slower. Calls come in the order in
-    which they were connected; those of an exact source are found at once, among however many.
+    Subscribing to the bus for each wait of a component would make the bus slower and slower. Handlers are called in the
+    order of connection, first those of the exact source; these are found by a dictionary lookup.
     """
 
     def __init__(self, events: EventBus) -> None:
         self._events = events
-        #: By the name of the event: those with an exact source, by the source, and all others.
+        #: By the event's name: handlers with an exact source, by that source; and all others.
         self._exact: dict[str, dict[str, dict[EventHandler, None]]] = {}
         self._open: dict[str, dict[EventHandler, None]] = {}
 
@@ -48,8 +48,8 @@ class EventRouter:
 
         Args:
             name: The event's name.
-            source: A path, in which ``*`` matches anything; None for whatever source.
-            call: Enters something in the queue.
+            source: A path, in which ``*`` matches anything; None for any source.
+            call: The function to call.
         """
         if name not in self._exact:
             self._exact[name], self._open[name] = {}, {}

@@ -1,4 +1,4 @@
-"""What can go wrong in a run, told so that somebody can act on it."""
+"""The error that ends a run, with the component, plugin and time at fault."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from symaware_cli.core import seconds
 
 
 class RunError(Exception):
-    """A run cannot go on.
+    """A failure that ends a run.
 
     Attributes:
         source: The dotted path of what failed, such as ``agents.robot.2.steer`` or ``environment``.
@@ -30,7 +30,7 @@ class RunError(Exception):
 
     @property
     def data(self) -> Mapping[str, Any]:
-        """The facts, as recorded with the event ``failed``."""
+        """The data recorded with the event ``failed``."""
         parts = self.source.split(".")
         agent = ".".join(parts[1:-1]) if parts[0] == "agents" else None
         component = parts[-1] if parts[0] == "agents" else None
@@ -45,14 +45,14 @@ class RunError(Exception):
 
 
 def describe(error: BaseException) -> str:
-    """Put an exception into one line."""
+    """Describe an exception in one line."""
     try:
         text = " ".join(str(error).split())
-    except BaseException:  # an exception of a plugin may be as broken as the plugin
+    except BaseException:  # `__str__` of a plugin's exception may raise, too
         text = ""
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _recordable(text: str) -> str:
-    """Spell out what UTF-8 cannot hold, such as the halves of a character in a file name."""
+    """Escape what UTF-8 cannot encode, such as surrogates in a file name."""
     return text.encode("utf-8", "backslashreplace").decode()

@@ -1,4 +1,4 @@
-"""The fault scheduler: when the faults of a scenario begin and end."""
+"""The fault scheduler: begins and ends the faults of a scenario, at their times or on their events."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from symaware_cli.runtime.simulation import Simulation
 
 
 class FaultScheduler:
-    """Lets faults begin and end.
+    """Begins and ends faults.
 
-    In the queue there are, at `OF_FAULTS`, entries of these kinds:
+    Its queue entries are at the place `OF_FAULTS` and of these kinds:
 
-    ``begin``: the payload has the fault's position, and how long ago it should have begun, in nanoseconds.
-    ``end``: the payload is the fault's position.
+    ``begin``: the payload is the fault's index, and how long ago it should have begun, in nanoseconds.
+    ``end``: the payload is the fault's index.
     """
 
     def __init__(
@@ -31,70 +31,70 @@ class FaultScheduler:
         simulation: Simulation,
         schedulers: Sequence[TurnScheduler],
         membership: Membership,
-        motion: EnvironmentStepper,
+        stepper: EnvironmentStepper,
         queue: Queue,
         router: EventRouter,
     ) -> None:
-        """Create; `begin` queues the faults.
+        """Prepare; `begin` queues the faults.
 
         Args:
-            faults: What is to go wrong.
-            simulation: See `Targets`, as for the next three.
-            schedulers: See there.
-            membership: See there.
-            motion: See there.
-            queue: Where beginnings and ends are entered.
-            router: Where the events are heard with which faults come.
+            faults: The faults of the scenario.
+            simulation: See `Targets`.
+            schedulers: See `Targets`.
+            membership: See `Targets`.
+            stepper: See `Targets`.
+            queue: The queue for beginnings and ends.
+            router: Connects faults with the events on which they begin.
         """
         self._faults = faults
-        self._targets = Targets(simulation, schedulers, membership, motion, self._end_named)
+        self._targets = Targets(simulation, schedulers, membership, stepper, self._end_by_name)
         self._queue = queue
         self._router = router
         self._connections: dict[int, EventHandler] = {}
-        #: What ends those that have begun needs to know, by their position.
-        self._ongoing: dict[int, Any] = {}
+        #: What `Effect.begin` returned for each active fault, by the fault's index.
+        self._effects: dict[int, Any] = {}
         queue.register(OF_FAULTS, {"begin": self._begin, "end": self._end})
 
     def begin(self) -> None:
-        """Enter all in the queue, or listen for their events."""
+        """Queue each fault, or subscribe to its event."""
         now = self._queue.clock.now
-        for place, fault in enumerate(self._faults):
+        for index, fault in enumerate(self._faults):
             if fault.at is not None:
-                # Who joins a run late finds some faults over, and others begun.
+                # In a process that joins a run late, some faults are over already, and others have begun.
                 missed = max(0, now - fault.at)
                 if fault.lasting is None or missed < fault.lasting or not missed:
-                    self._put(fault.at + missed, "begin", (place, missed))
+                    self._put(fault.at + missed, "begin", (index, missed))
             elif fault.on is not None:
-                call = partial(self._come, place)
-                self._connections[place] = self._router.connect(fault.on.event, fault.on.source, call)
+                call = partial(self._on_event, index)
+                self._connections[index] = self._router.connect(fault.on.event, fault.on.source, call)
 
     def _put(self, time: int, kind: str, payload: Any) -> None:
         self._queue.put(time, OF_FAULTS, Phase.LANDING, 0, kind, payload)
 
-    def _come(self, place: int, event: Event) -> None:
-        """The event has fired that a fault comes with."""
-        self._connections.pop(place).cancel()
-        self._put(self._queue.clock.now, "begin", (place, 0))
+    def _on_event(self, index: int, event: Event) -> None:
+        """Begin a fault, as its event has fired."""
+        self._connections.pop(index).cancel()
+        self._put(self._queue.clock.now, "begin", (index, 0))
 
     def _begin(self, row: int, payload: tuple[int, int]) -> None:
-        place, missed = payload
-        fault = self._faults[place]
+        index, missed = payload
+        fault = self._faults[index]
         lasts = "" if fault.lasting is None else f" for {fault.lasting / 1e9:g} s"
         text = f"{fault.name}: {fault.text}{lasts}"
         self._targets.simulation.announce("fault", fault.source, text, level=Level.WARNING, fault=fault.name)
-        self._ongoing[place] = fault.effect.begin(self._targets, fault.name)
+        self._effects[index] = fault.effect.begin(self._targets, fault.name)
         if fault.lasting is not None:
-            self._put(self._queue.clock.now + fault.lasting - missed, "end", place)
+            self._put(self._queue.clock.now + fault.lasting - missed, "end", index)
 
-    def _end_named(self, name: str) -> None:
-        """End a fault before its time, unless it has not begun or is over already."""
-        for place, fault in enumerate(self._faults):
+    def _end_by_name(self, name: str) -> None:
+        """End a fault early; no effect unless it is active."""
+        for index, fault in enumerate(self._faults):
             if fault.name == name:
-                self._end(0, place)
+                self._end(0, index)
 
-    def _end(self, row: int, place: int) -> None:
-        if place not in self._ongoing:
-            return  # it was ended before
-        fault = self._faults[place]
-        fault.effect.end(self._targets, self._ongoing.pop(place))
+    def _end(self, row: int, index: int) -> None:
+        if index not in self._effects:
+            return  # it has already ended
+        fault = self._faults[index]
+        fault.effect.end(self._targets, self._effects.pop(index))
         self._targets.simulation.announce("fault-over", fault.source, f"{fault.name}: over", fault=fault.name)

@@ -1,4 +1,4 @@
-"""Faults that a scenario asks for: what they do, from when on, and for how long."""
+"""Faults of a scenario: stopped agents, frozen or slow components, sensor errors, communication faults, pushes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from symaware_cli.runtime.turn import Turns
 from symaware_cli.world.chance import GroupChance, agent_numbers
 
 if TYPE_CHECKING:
-    # Whoever validates a scenario need not import what runs it.
+    # Validating a scenario does not import the modules that run it.
     from symaware_cli.runtime.environment_stepper import EnvironmentStepper
     from symaware_cli.runtime.membership import Membership
     from symaware_cli.runtime.scheduler import TurnScheduler
@@ -33,7 +33,7 @@ class AgentSelection(NamedTuple):
 
     Attributes:
         group: The group.
-        rows: Which of it, ascending.
+        rows: The agents' rows, ascending.
     """
 
     group: AgentGroup
@@ -44,8 +44,8 @@ class ComponentSelection(NamedTuple):
     """A component of some agents.
 
     Attributes:
-        entry: The component.
-        rows: Of which agents, ascending.
+        entry: The component entry.
+        rows: The agents' rows, ascending.
     """
 
     entry: ComponentEntry
@@ -54,90 +54,90 @@ class ComponentSelection(NamedTuple):
 
 @dataclass(frozen=True)
 class Targets:
-    """What faults may interfere with.
+    """The parts of a run that faults act on.
 
     Attributes:
-        simulation: What runs.
-        schedulers: The turns of each entry, in their order.
-        membership: Which agents take part.
-        motion: What the world does.
-        ends: Ends another fault, by its name.
+        simulation: The simulation.
+        schedulers: The turn scheduler of each entry, in their order.
+        membership: Takes agents out of the run and back in.
+        stepper: Steps the environment.
+        end_fault: Ends another fault, by its name.
     """
 
     simulation: Simulation
     schedulers: Sequence[TurnScheduler]
     membership: Membership
-    motion: EnvironmentStepper
-    ends: Callable[[str], object]
+    stepper: EnvironmentStepper
+    end_fault: Callable[[str], object]
 
     def scheduler(self, components: ComponentSelection) -> TurnScheduler:
-        """The turns of a component."""
+        """The turn scheduler of a component."""
         return self.schedulers[self.simulation.entries.index(components.entry)]
 
 
 class Effect(ABC):
-    """What a fault does."""
+    """The effect of a fault."""
 
     @abstractmethod
     def begin(self, targets: Targets, name: str) -> Any:
-        """Do it.
+        """Apply the effect.
 
         Args:
-            targets: What it happens to.
-            name: What the fault is called; keys what it draws.
+            targets: The parts of the run that the effect acts on.
+            name: The fault's name, which keys its random draws.
 
         Returns:
-            What `end` needs to know.
+            The data that `end` needs.
         """
 
     def end(self, targets: Targets, begun: Any) -> None:
-        """Undo it, if it can be undone; `begun` is what `begin` returned."""
+        """Undo the effect, if it can be undone; `begun` is the result of `begin`."""
         return
 
 
 @dataclass(frozen=True)
 class Stop(Effect):
-    """Agents take no part; when it is over they begin anew."""
+    """Agents stop; when the fault ends, they restart."""
 
     agents: Sequence[AgentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Take them out of the run."""
+        """Take the agents out of the run."""
         for group, rows in self.agents:
             targets.membership.retire(group, rows, "safe", f"stopped by the fault `{name}`")
 
     def end(self, targets: Targets, begun: Any) -> None:
-        """Let those begin anew whom nothing else keeps out of it."""
+        """Restart the agents that have no other reason to be stopped."""
         for group, rows in self.agents:
             targets.membership.revive(group, rows)
 
 
 @dataclass(frozen=True)
 class Restart(Effect):
-    """Components give up what they are doing and begin anew."""
+    """Components cancel their present turns and restart."""
 
     components: Sequence[ComponentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Initialise them again."""
+        """Initialise the components again."""
         for each in self.components:
-            targets.scheduler(each).begin_anew(each.rows)
+            targets.scheduler(each).restart_agents(each.rows)
 
 
 @dataclass(frozen=True)
 class Freeze(Effect):
-    """Components take no turns; what they wrote stays."""
+    """Components take no turns; the values that they wrote remain."""
 
     components: Sequence[ComponentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Hold them."""
+        """Suspend the components."""
         for each in self.components:
             for row in each.rows:
                 targets.scheduler(each).hold(row)
 
     def end(self, targets: Targets, begun: Any) -> None:
-        """Let them go."""
+        """Resume the components."""
         for each in self.components:
             for row in each.rows:
                 targets.scheduler(each).release(row)
@@ -145,30 +145,30 @@ class Freeze(Effect):
 
 @dataclass(frozen=True)
 class Slow(Effect):
-    """Computations take another time; where several faults say so, the longest."""
+    """Computations take a different time; of several such faults, the longest time applies."""
 
     components: Sequence[ComponentSelection]
     latency: Duration
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Add a latency."""
+        """Add the latency."""
         for each in self.components:
             targets.scheduler(each).supervision.slow_down(each.rows, self.latency)
 
     def end(self, targets: Targets, begun: Any) -> None:
-        """Let the latency be that of the scenario again, or of other faults."""
+        """Restore the latency of the scenario, or of other faults."""
         for each in self.components:
             targets.scheduler(each).supervision.speed_up(each.rows, self.latency)
 
 
 @dataclass(frozen=True)
 class Blind(Effect):
-    """Sensors see nobody; one's own state is still felt."""
+    """Sensors detect no other agents; they still measure the agent's own state."""
 
     components: Sequence[ComponentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Take away what they see from now on, and what they saw."""
+        """Remove what the sensors detect from now on, and what they detected before."""
         begun = []
         for each in self.components:
             disturbance = partial(_blindfold, frozenset(each.rows))
@@ -179,13 +179,13 @@ class Blind(Effect):
         return begun
 
     def end(self, targets: Targets, begun: Any) -> None:
-        """Let them see again, with their next turns."""
+        """Let the sensors detect agents again, from their next turns on."""
         for scheduler, disturbance in begun:
             scheduler.supervision.undisturb(disturbance)
 
 
 def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int]) -> None:
-    """Take away what some agents believe of others."""
+    """Remove what some agents believe about others."""
     awareness = group.awareness
     for row in sorted(rows):
         database = group.agents[row].awareness_database
@@ -194,7 +194,7 @@ def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int])
         if database.world is not awareness.world:
             database.world = None
     if awareness.world is not None and awareness.seen is None:
-        # One snapshot is shared by all; without some of them, everybody's picture has to be written out.
+        # One snapshot is shared by all agents; if it is removed for some, each of the others needs tracks.
         awareness.seen = awareness.everybody(awareness.world)
         awareness.world = None
     if awareness.seen is not None:
@@ -207,14 +207,14 @@ def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int])
 
 @dataclass(frozen=True)
 class MeasurementError(Effect):
-    """Sensors measure one's own state with an error: an offset, or noise that is drawn at each turn, or both."""
+    """Sensors measure the agent's own state with an error: a bias, or noise drawn at each turn, or both."""
 
     components: Sequence[ComponentSelection]
     bias: Array
     deviation: Array
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Add the error to what they measure from now on."""
+        """Add the error to all measurements from now on."""
         begun = []
         for each in self.components:
             scheduler = targets.scheduler(each)
@@ -225,13 +225,13 @@ class MeasurementError(Effect):
         return begun
 
     def end(self, targets: Targets, begun: Any) -> None:
-        """Let them measure as before."""
+        """Stop adding the error."""
         for scheduler, disturbance in begun:
             scheduler.supervision.undisturb(disturbance)
 
 
 class _Noise:
-    """The noise of one fault in what one component measures: keyed by both, the agent and the turn."""
+    """The measurement noise of one fault in one component; draws are keyed by both, the agent and the turn."""
 
     def __init__(self, deviation: Array, entry: ComponentEntry, seed: int, fault: str) -> None:
         self._deviation = deviation
@@ -241,7 +241,7 @@ class _Noise:
         self._turns = Turns()
 
     def draw(self, rows: Sequence[int], now: int) -> Array:
-        """The noise of some agents in the turn that ends now [ns]; shape (k, nx)."""
+        """Draw the noise of some agents for the turn that ends now [ns]; shape (k, nx)."""
         noise = np.zeros((len(rows), len(self._deviation)))
         if not self._deviation.any():
             return noise
@@ -257,7 +257,7 @@ class _Noise:
 def _mismeasure(
     error: MeasurementError, rows: Sequence[int], noise: _Noise, group: AgentGroup, measured: Sequence[int]
 ) -> None:
-    """Add errors to what some agents have measured in a turn."""
+    """Add errors to the measurements of some agents in a turn."""
     awareness, errors = group.awareness, np.zeros_like(group.awareness.state)
     struck = sorted(set(rows).intersection(measured))
     errors[struck] = error.bias + noise.draw(struck, group.surroundings.clock.now)
@@ -271,13 +271,13 @@ def _mismeasure(
 
 @dataclass(frozen=True)
 class Cut(Effect):
-    """Messages of some agents to others are lost or late.
+    """Messages from some agents to others are lost or delayed.
 
     Attributes:
-        ways: Whose messages, and to whom.
-        loss: Probability that one is lost.
-        delay: How much later one arrives, in nanoseconds.
-        bandwidth: How much gets into each link at most [bytes/s].
+        ways: Pairs of sets of agents: senders and receivers.
+        loss: Probability that a message is lost.
+        delay: Additional delay of a message, in nanoseconds.
+        bandwidth: Greatest data rate of each link [bytes/s].
     """
 
     ways: Sequence[tuple[frozenset[str], frozenset[str]]]
@@ -286,52 +286,52 @@ class Cut(Effect):
     bandwidth: float = math.inf
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Disturb the exchange."""
+        """Disturb the message exchange."""
         disturbances = [Disturbance(name, *ends, self.loss, self.delay, self.bandwidth) for ends in self.ways]
         targets.simulation.exchange.disturb(disturbances)
         return disturbances
 
     def end(self, targets: Targets, begun: Any) -> None:
-        """Let messages through again."""
+        """Remove the disturbance."""
         targets.simulation.exchange.relieve(begun)
 
 
 @dataclass(frozen=True)
 class Restore(Effect):
-    """Another fault is over before its time."""
+    """Another fault ends early."""
 
     fault: str
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """End it, unless it has not begun or is over already."""
-        targets.ends(self.fault)
+        """End the other fault, if it is active."""
+        targets.end_fault(self.fault)
 
 
 @dataclass(frozen=True)
 class Push(Effect):
-    """The true state of agents changes all at once."""
+    """The true state of agents changes instantaneously."""
 
     agents: Sequence[AgentSelection]
     change: Array
 
     def begin(self, targets: Targets, name: str) -> Any:
-        """Push them."""
+        """Change the states."""
         for group, rows in self.agents:
-            targets.motion.push(group, rows, self.change)
+            targets.stepper.push(group, rows, self.change)
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that a scenario asks for.
+    """A fault declared in a scenario.
 
     Attributes:
-        name: What it is called.
-        text: What it does, in one line.
-        source: Whom it happens to, as a path.
-        effect: What it does.
-        at: When, in nanoseconds; None where it comes with an event.
-        on: The event it comes with, the first time that it fires.
-        lasting: For how long, in nanoseconds; None for the rest of the run.
+        name: Its name.
+        text: A description in one line.
+        source: The path of the agents, components or links affected.
+        effect: Its effect.
+        at: When it begins, in nanoseconds; None if it begins with an event.
+        on: The event at whose first occurrence it begins.
+        lasting: Its duration in nanoseconds; None for the rest of the run.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The check of what components write: every number must be finite, and no state beyond all measure."""
+"""The check that control inputs and believed states written by components are finite and bounded."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from symaware_cli.world.arrays import FARTHEST, MOST, said_of
 
 
 class FinitenessCheck:
-    """Looks at the control inputs and the believed states of a group."""
+    """Checks the control inputs and the believed states of a group."""
 
     def __init__(self, group: AgentGroup) -> None:
-        # A control input may be asked for that is beyond all limits: models have theirs.
+        # Components may request very large control inputs: models limit them.
         self._columns = (
             (group.control_column, "control input", MOST),
             (group.awareness.state_column, "state", FARTHEST),
@@ -21,22 +21,22 @@ class FinitenessCheck:
 
     @property
     def is_due(self) -> bool:
-        """Whether something was written since the last time."""
+        """Whether something was written since the last check."""
         (control_input, *_), (state, *_) = self._columns
         return control_input.fresh or state.fresh
 
-    def present(self) -> Sequence[Array]:
-        """What stands there now; a column that is written gets another array, so this is no copy."""
+    def snapshot(self) -> Sequence[Array]:
+        """Return the present values; writing replaces a column's array, so no copy is made."""
         return [column.values for column, *_ in self._columns]
 
-    def offences(self, before: Sequence[Array] | None) -> Iterator[tuple[Sequence[int], str]]:
-        """Find what was written since the last time and is not finite or has run away.
+    def violations(self, before: Sequence[Array] | None) -> Iterator[tuple[Sequence[int], str]]:
+        """Find values written since the last check that are not finite or too large.
 
         Args:
-            before: What stood there before and is put back in its place; None to leave it.
+            before: The values to restore in the rows found, from `snapshot`; None to leave them as they are.
 
         Yields:
-            Rows, ascending, and what is wrong with the first of them.
+            Rows, ascending, and the problem of the first of them.
         """
         for number, (column, what, most) in enumerate(self._columns):
             if not column.fresh:

@@ -1,4 +1,4 @@
-"""Calls into the components of one entry, and what becomes of their failures."""
+"""Guards calls into the components of one entry, and handles their failures as `on_failure` requires."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.supervision import Supervision
 from symaware_cli.runtime.timing import Coast
 
-#: What stands for the value of a call that failed.
+#: The result of a call that failed.
 FAILED = object()
 
-#: Takes agents of a group out of a run, with their control input from now on, and why.
+#: Takes agents of a group out of a run, with a choice of their further control input, and a reason.
 Isolate = Callable[[AgentGroup, Sequence[int], Coast, str], object]
 
 
 class Guard:
-    """Calls components with signals let through, looks at what they write, and does what is said `on_failure`.
+    """Calls components with signals enabled, checks what they write, and applies `on_failure`.
 
     Attributes:
-        supervision: Who takes no part at present, and what faults make of the others.
-        failures: How many failed without ending the run.
-        tries: How often each component began anew after a failure, by row.
+        supervision: Suspended agents, and the effects of faults on the other agents.
+        failures: The number of failures that did not end the run.
+        tries: The number of restarts of each component after failures, by row.
     """
 
     def __init__(
@@ -43,12 +43,12 @@ class Guard:
         """Prepare.
 
         Args:
-            simulation: What runs.
-            entry: Whose components are called.
-            supervision: See there.
-            interruption: Holds signals back.
+            simulation: The simulation.
+            entry: The entry whose components are called.
+            supervision: See `Guard`.
+            interruption: Defers signals.
             isolate: See `Isolate`.
-            restart: Lets the component of a row begin anew.
+            restart: Restarts the component of a row.
         """
         self.supervision = supervision
         self.failures = 0
@@ -63,14 +63,14 @@ class Guard:
         self._finiteness = FinitenessCheck(entry.group)
 
     def attempt(self, row: int, call: Callable[..., Any], *arguments: Any) -> Any:
-        """Call something of a component, with signals let through; `FAILED` where it raised, which is its failure."""
+        """Call a method of a component with signals enabled; handle an exception as a failure and return `FAILED`."""
         self._interruption.unshield()
         try:
             return call(*arguments)
         except (SubscriberError, Interrupted):
             raise
         except BaseException as error:
-            self.fail(row, self.failure(self._entry.components[row], describe(error), error))
+            self.handle_failure(row, self.failure(self._entry.components[row], describe(error), error))
             return FAILED
         finally:
             self._interruption.shield()
@@ -78,16 +78,16 @@ class Guard:
     def failure(
         self, component: Component | GroupComponent, problem: str, cause: BaseException | None = None
     ) -> RunError:
-        """What to say of a component that failed."""
+        """Create the error of a component that failed."""
         return RunError(component.path, self._entry.use, self._simulation.clock.now, problem, cause)
 
-    def fail(self, row: int, failure: RunError, agents: Sequence[int] | None = None) -> None:
-        """Do what the scenario says about a component that failed.
+    def handle_failure(self, row: int, failure: RunError, agents: Sequence[int] | None = None) -> None:
+        """Handle a failure as `on_failure` in the scenario requires.
 
         Args:
             row: The component's row.
-            failure: What happened.
-            agents: The rows of the agents concerned, where those are not all that the component serves.
+            failure: The failure.
+            agents: The rows of the agents concerned; None for all agents of the component.
 
         Raises:
             RunError: The failure ends the run.
@@ -101,30 +101,33 @@ class Guard:
             self.tries[row] += 1
             self._restart(row)
             return
-        everybody = range(len(self._group)) if self._is_group else [row]
-        self._isolate(self._group, everybody if agents is None else agents, timing.coast, "a component failed")
+        all_rows = range(len(self._group)) if self._is_group else [row]
+        self._isolate(self._group, all_rows if agents is None else agents, timing.coast, "a component failed")
 
-    def present(self) -> Sequence[Array] | None:
-        """What stands in the columns, to go back to if it is overwritten with what is not finite."""
-        return None if self._entry.timing.on_failure == "stop" else self._finiteness.present()
+    def snapshot(self) -> Sequence[Array] | None:
+        """Return the present values, to be restored if values that are not finite are written."""
+        return None if self._entry.timing.on_failure == "stop" else self._finiteness.snapshot()
 
     def check(self, before: Sequence[Array] | None) -> None:
-        """Look for what is not finite in what was written.
+        """Check that the values written are finite and bounded.
+
+        Args:
+            before: The result of `snapshot`.
 
         Raises:
-            RunError: Something is not, and that ends the run.
+            RunError: A value is not, and that ends the run.
         """
         if not self._finiteness.is_due:
             return
         ids, name, now = self._group.ids, self._entry.name, self._simulation.clock.now
-        for rows, problem in self._finiteness.offences(before):
+        for rows, problem in self._finiteness.violations(before):
             others = f", and so for {len(rows) - 1} more agents" if len(rows) > 1 else ""
             failure = RunError(f"agents.{ids[rows[0]]}.{name}", self._entry.use, now, problem + others)
             if before is None:
                 raise failure
             if self._is_group:
-                self.fail(0, failure, rows)
+                self.handle_failure(0, failure, rows)
                 continue
             for row in rows:
                 path = f"agents.{ids[row]}.{name}"
-                self.fail(row, RunError(path, self._entry.use, now, problem.partition(":")[0]))
+                self.handle_failure(row, RunError(path, self._entry.use, now, problem.partition(":")[0]))

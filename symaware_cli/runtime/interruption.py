@@ -1,4 +1,4 @@
-"""Ctrl-C, its relatives and limits of wall time: they end a run between two records, never within one."""
+"""Interruption of a run by signals (Ctrl-C, SIGTERM) and limits of wall time, deferred until records are complete."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from typing import Any, ClassVar, NoReturn
 from symaware_cli.core import Event
 from symaware_cli.runtime.process_exit import PATIENCE
 
-#: Signals that follow each other within this are one: some programs pass on what their process group has got [s].
-_TWICE = 0.1
+#: Signals within this time count as one: some programs forward a signal that their process group received [s].
+_REPEAT_INTERVAL = 0.1
 
-#: What ends a run.
+#: The signals that end a run.
 _SIGNALS = int(signal.SIGINT), int(signal.SIGTERM)
 
 
 class Interrupted(BaseException):
-    """Somebody or something asked the run to end; not an `Exception`, so that no component swallows it.
+    """A signal or a time-out ends the run; not an `Exception`, so that components do not swallow it.
 
     Attributes:
-        number: The signal that did; None for what is no signal.
+        number: The signal; None for a time-out.
     """
 
     def __init__(self, cause: str, number: int | None = None) -> None:
@@ -35,71 +35,70 @@ class Interrupted(BaseException):
 
 
 class OverdueError(BaseException):
-    """A turn takes more wall time than it may; not an `Exception`, so that the component does not swallow it."""
+    """A turn exceeds its limit of wall time; not an `Exception`, so that the component does not swallow it."""
 
     def __init__(self, limit: float) -> None:
         super().__init__(f"it did not come back within {limit:g} s of wall time")
 
 
 class Interruption:
-    """Turns SIGINT and SIGTERM into `Interrupted` while a run lasts, and the end of its wall time.
+    """Raises `Interrupted` on SIGINT, on SIGTERM and when the run's wall time is used up.
 
-    Where nothing may be left half done, `shield` holds the signal back and `unshield` delivers it. Who interrupts a
-    second time gives the run a second to finish its log; then the process ends. Where native code keeps the interpreter
-    from hearing of a Ctrl-C at all, the operating system ends the process at the next one. A process that is not the
-    run's own is not ended: there, a second signal is delivered wherever the run is, and the next one is not held back.
+    `shield` defers signals while an operation must not be left incomplete; `unshield` delivers them. After a second
+    signal the run has one second to finish its log; then the process ends. If native code keeps the interpreter from
+    handling a Ctrl-C, the operating system ends the process at the next one. A process that does not belong to the run
+    is not ended: there, a second signal is delivered at once, and further ones are not deferred.
 
-    The context may be entered again and again. In other threads than the main one no signals are handled, and turns
-    have no limit.
+    The context may be entered repeatedly. Outside the main thread no signals are handled, and turns have no limit.
     """
 
-    #: It belongs to the process.
+    #: Signal handlers belong to the process.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(
         self,
         timeout: float | None = None,
         turn_limit: float | None = None,
-        give_up: Callable[[], object] | None = None,
+        exit_process: Callable[[], object] | None = None,
     ) -> None:
-        """Prepare; entering the context begins.
+        """Prepare; handlers are installed when the context is entered.
 
         Args:
             timeout: Wall time after which the run is interrupted [s].
-            turn_limit: Wall time after which what was let through with one `unshield` is ended by `OverdueError` [s].
-            give_up: Ends the process; called, from another thread, if the run does not end after a second signal. None
-                if the process is not to be ended.
+            turn_limit: Longest wall time between `unshield` and `shield`; after it, `OverdueError` is raised [s].
+            exit_process: Ends the process; called from another thread if the run does not end after a second signal.
+                None if the process must not be ended.
         """
         self._shielded = False
         self._pending: Interrupted | None = None
         self._count = 0
         self._first = 0.0
-        self._give_up = give_up
-        self._patience: threading.Timer | None = None
-        self._expiry: threading.Timer | None = None
+        self._exit_process = exit_process
+        self._exit_timer: threading.Timer | None = None
+        self._timeout_timer: threading.Timer | None = None
         self._previous: dict[int, Any] = {}
         self._timeout = timeout
         self._turn_limit = turn_limit
         self._deadline: float | None = None
-        #: Counts what is let through, for the alarm to see whether it still is the same.
+        #: Counts the calls of `unshield`, so that the alarm can tell whether the same turn is still running.
         self._serial = 0
         self._watched = True
         self._seen = (0, 0.0)
 
     def __enter__(self) -> Interruption:
-        # Only the main thread may handle signals; elsewhere whoever runs us decides.
+        # Only the main thread can handle signals; in other threads the caller does.
         if threading.current_thread() is threading.main_thread():
-            # What `signal.signal` itself calls: its enumerations take 20 us, and this may happen with every step.
+            # The function behind `signal.signal`, whose enumerations take 20 us; this may be done at every step.
             for number in _SIGNALS:
                 self._previous[number] = _signal.signal(number, self._handle)
-            if self._give_up:
-                _hear_once(signal.SIGINT)
+            if self._exit_process:
+                _reset_after_next(signal.SIGINT)
             if self._timeout is not None or self._turn_limit is not None:
                 self._set_alarm()
         elif self._timeout is not None:
-            self._expiry = threading.Timer(self._timeout, self._expire)
-            self._expiry.daemon = True
-            self._expiry.start()
+            self._timeout_timer = threading.Timer(self._timeout, self._expire)
+            self._timeout_timer.daemon = True
+            self._timeout_timer.start()
         return self
 
     def _set_alarm(self) -> None:
@@ -115,18 +114,18 @@ class Interruption:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for timer in (self._patience, self._expiry):
+        for timer in (self._exit_timer, self._timeout_timer):
             if timer:
                 timer.cancel()
-        self._give_back()
+        self._restore_handlers()
 
-    def _give_back(self) -> None:
-        """Let signals be handled as before."""
+    def _restore_handlers(self) -> None:
+        """Restore the earlier signal handlers."""
         if signal.SIGALRM in self._previous:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         while self._previous:
             number, handler = self._previous.popitem()
-            # What was not installed from Python cannot be put back.
+            # A handler that was not installed from Python cannot be restored.
             _signal.signal(number, _signal.SIG_DFL if handler is None else handler)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -134,31 +133,31 @@ class Interruption:
         self._count += 1
         if self._count == 1:
             self._first = now
-        elif self._patience is None and now - self._first > _TWICE:
-            self._insist()
-        if number == signal.SIGINT and self._give_up and self._patience is None:
+        elif self._exit_timer is None and now - self._first > _REPEAT_INTERVAL:
+            self._on_second_signal()
+        if number == signal.SIGINT and self._exit_process and self._exit_timer is None:
             signal.signal(number, self._handle)
-            _hear_once(number)
-        # Also where it is raised at once: a component that swallows it is interrupted after its turn.
+            _reset_after_next(number)
+        # Even if raised at once: a component that swallows the exception is interrupted after its turn.
         self._pending = Interrupted(signal.Signals(number).name, number)
         if not self._shielded:
             self._raise(self._pending)
 
     def _raise(self, interrupted: Interrupted) -> NoReturn:
-        """Deliver a signal, and hold back others until the next `unshield`: who ends the run is not to be disturbed."""
+        """Deliver a signal, and defer others until the next `unshield`, so that the run can end undisturbed."""
         self._shielded = True
         raise interrupted
 
-    def _insist(self) -> None:
-        """Somebody interrupts again: the run has a little time to end, and none if that happens once more."""
-        if self._give_up is None:
-            self._give_back()
+    def _on_second_signal(self) -> None:
+        """Give the run a short time to end; a third signal ends the process at once."""
+        if self._exit_process is None:
+            self._restore_handlers()
             self._raise(Interrupted("a second signal", signal.SIGINT))
         for each in (signal.SIGINT, signal.SIGTERM):
             signal.signal(each, signal.SIG_DFL)
-        self._patience = threading.Timer(PATIENCE, self._give_up)
-        self._patience.daemon = True
-        self._patience.start()
+        self._exit_timer = threading.Timer(PATIENCE, self._exit_process)
+        self._exit_timer.daemon = True
+        self._exit_timer.start()
 
     def _on_alarm(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
@@ -180,7 +179,7 @@ class Interruption:
         self._pending = Interrupted(f"the time-out of {self._timeout:g} s")
 
     def shielded(self, call: Callable[[Event], Any]) -> Callable[[Event], None]:
-        """Make a subscriber that holds signals back while it works, and delivers them afterwards."""
+        """Wrap a subscriber so that signals are deferred while it runs."""
 
         def work(event: Event) -> None:
             before, self._shielded = self._shielded, True
@@ -194,21 +193,21 @@ class Interruption:
 
     @property
     def held(self) -> int | None:
-        """The signal that is held back, if there is one."""
+        """The deferred signal, if there is one."""
         return self._pending.number if self._pending else None
 
     def shield(self) -> None:
-        """Hold signals back."""
+        """Defer signals."""
         self._shielded = True
 
     def unshield(self, watched: bool = True) -> None:
-        """Let signals through again, first the one that was held back.
+        """Stop deferring signals, and deliver a deferred one.
 
         Args:
-            watched: Whether the limit of a turn holds until the next `shield`.
+            watched: Whether the time limit of a turn applies until the next `shield`.
 
         Raises:
-            Interrupted: A signal came in the meantime.
+            Interrupted: A signal was deferred.
         """
         self._shielded = False
         self._watched = watched
@@ -218,16 +217,16 @@ class Interruption:
             self._raise(pending)
 
 
-def _hear_once(number: int) -> None:
-    """Let the system's own handler take the next signal after one that the interpreter has not heard of yet.
+def _reset_after_next(number: int) -> None:
+    """Reset a signal to its default action after the next delivery, until the interpreter has handled that signal.
 
-    Handlers of Python run between two of its instructions, so a process is deaf while native code does not return. With
-    SA_RESETHAND the kernel restores the default, which is the end of the process, when it delivers a signal; the
-    interpreter sets its handler again once it comes to that.
+    Python runs its handlers between two instructions of the interpreter, hence not before native code returns. With
+    SA_RESETHAND the operating system restores the default action, the end of the process, when it delivers a signal;
+    the interpreter installs the handler again when it handles the signal.
     """
     if not sys.platform.startswith("linux"):
         return
-    # struct sigaction of Linux's C libraries: the handler, a mask of 128 bytes, the flags.
+    # struct sigaction in the C libraries of Linux: the handler, a mask of 128 bytes, the flags.
     action = (ctypes.c_char * 512)()
     flags = ctypes.c_int.from_buffer(action, ctypes.sizeof(ctypes.c_void_p) + 128)
     sigaction = ctypes.CDLL(None).sigaction

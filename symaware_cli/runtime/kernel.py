@@ -1,6 +1,6 @@
-"""The kernel: from instant to instant of simulated time, in either mode.
+"""The kernel: the loop over the instants of simulated time, in either mode.
 
-It knows of times, places and what was registered for them, and of nothing that a run consists of.
+It knows times, places and the handlers registered for them, but no components, agents or recorders.
 """
 
 from __future__ import annotations
@@ -12,50 +12,50 @@ from symaware_cli.runtime.queue import Queue
 
 
 class Hooks(Protocol):
-    """What whoever runs a kernel does beside the turns; in the order in which an instant calls for it."""
+    """The functions that a kernel calls at each instant besides turns, in this order."""
 
     def begin(self, now: int, is_step: bool) -> None:
-        """An instant begins: deliver what is due, before all turns.
+        """Begin an instant: deliver the messages that are due, before all turns.
 
         Args:
             now: The instant, in nanoseconds.
-            is_step: Whether the world has moved with it.
+            is_step: Whether the instant is a step of the world.
         """
 
     def settle(self) -> bool:
-        """All turns are taken: hand over what they left behind; tell whether that may have entered further ones."""
+        """After all turns, send their messages; return whether that may have queued further turns."""
 
     def end(self, now: int, is_step: bool) -> str | None:
-        """An instant ends, before the world moves; return why the run is over, if it is."""
+        """End an instant, before the world moves; return why the run ends, if it does."""
 
     def await_next(self, upcoming: int) -> int:
-        """Wait until it is time for an instant [ns]; return it, or an earlier one at which there is something to do."""
+        """Wait until it is time for an instant [ns]; return it, or an earlier one with something to process."""
 
     def pause(self) -> None:
-        """There are instants before the next step: the world goes on to move as it would have, whatever comes."""
+        """Prepare for instants before the next step: they must not change the present step of the world."""
 
     def step(self, upcoming: int) -> str | None:
-        """Move the world, before the clock; return why the run is over, if it is."""
+        """Step the world, before the clock advances; return why the run ends, if it does."""
 
     def stepped(self) -> None:
-        """The world has moved, and so has the clock."""
+        """Process a step, after the world and the clock have advanced."""
 
 
 class Kernel:
-    """Goes from instant to instant.
+    """Advances simulated time from instant to instant.
 
-    An instant begins, whoever takes turns at every step takes them in the order of places, with what is in the queue
-    for these places in between, and then all else that is in the queue. The world moves last.
+    At each instant, first the turns that are taken at every step run in the order of places, interleaved with the queue
+    entries of these places, then all other queue entries are processed. The world moves last.
 
     Attributes:
-        queue: What is to happen between the steps, or at some of them; it moves the clock.
-        time_step: Of the world, in nanoseconds.
-        next_step: The next instant at which the world will have moved, in nanoseconds.
-        began: The first instant, in nanoseconds: later than 0 where this process joined a run of others.
-        done: How many steps were made.
-        steps: How many are to be made, at most.
-        is_at_step: Whether the present instant is one at which the world has moved.
-        has_begun: Whether the first instant has come.
+        queue: The queue of all entries that are not taken at every step; it sets the clock.
+        time_step: The world's time step, in nanoseconds.
+        next_step: The next instant that is a step of the world, in nanoseconds.
+        began: The first instant, in nanoseconds: later than 0 if this process joined a run of several processes.
+        done: The number of steps made.
+        steps: The greatest number of steps.
+        is_at_step: Whether the present instant is a step of the world.
+        has_begun: Whether the run has begun.
     """
 
     def __init__(self, queue: Queue, time_step: int, steps: int) -> None:
@@ -66,7 +66,7 @@ class Kernel:
         self.done = 0
         self.steps = steps
         self.is_at_step = self.has_begun = False
-        #: What is called at each step, with its place, in the order of places.
+        #: The functions called at each step, with their places, in the order of places.
         self.steady: list[tuple[int, Callable[[], object]]] = []
 
     @property
@@ -75,22 +75,22 @@ class Kernel:
         return self.done == self.steps
 
     def join(self, step: int, time: int) -> None:
-        """Begin where the world of others is by now.
+        """Join a run of several processes at its present step.
 
         Args:
-            step: How many steps were made.
-            time: Simulated time, in nanoseconds.
+            step: The number of steps made.
+            time: Simulated time in nanoseconds.
         """
         self.done = step
         self.queue.begin(time)
 
     def run(self, hooks: Hooks) -> Generator[None, None, str | None]:
-        """Go from instant to instant with a pause before each step but the first; return why the last was the last.
+        """Process instants, yielding before each step but the first.
 
-        Between two steps nothing is in progress, and the clock stands at an instant that has not begun.
+        Between two steps nothing is in progress, and the clock is at an instant that has not begun.
 
         Returns:
-            What a hook said; None if all steps were made.
+            The reason given by a hook that ended the run; None if all steps were made.
         """
         queue, steady, time_step = self.queue, self.steady, self.time_step
         entries, clock = queue.entries, queue.clock
@@ -110,9 +110,9 @@ class Kernel:
                 queue.run()
             while hooks.settle() and entries:
                 queue.run()
-            over = hooks.end(now, is_step)
-            if over is not None:
-                return over
+            ending = hooks.end(now, is_step)
+            if ending is not None:
+                return ending
             upcoming = self.next_step
             if entries and entries[0][0] < upcoming:
                 upcoming = entries[0][0]
@@ -122,9 +122,9 @@ class Kernel:
                     hooks.pause()
                 queue.begin(upcoming)
                 continue
-            over = hooks.step(upcoming)
-            if over is not None:
-                return over
+            ending = hooks.step(upcoming)
+            if ending is not None:
+                return ending
             queue.begin(upcoming)
             self.done += 1
             hooks.stepped()

@@ -1,4 +1,4 @@
-"""Membership: which agents take part in a run: they enter, leave, fail, are stopped and begin anew."""
+"""Membership: which agents take part in a run, as they enter, leave, fail, stop and restart."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
 
 class Membership:
-    """Takes agents out of a run and lets them come back; lets them enter the world and leave it.
+    """Retires and revives agents, and lets them enter and leave the world.
 
-    An agent that failed or was stopped stays in the world as a body that coasts. One that is not in the world takes no
-    part either, and is nowhere.
+    A retired agent (failed or stopped) stays in the world as a body that coasts. An absent agent takes no part and has
+    no position.
 
     Attributes:
-        is_open: Whether agents enter or leave at all.
-        waiting: The agents that are still to enter, by group and row.
-        leaving: Those in the world that may leave.
+        is_open: Whether the scenario lets agents enter or leave.
+        waiting: The agents that have not entered yet, by group and row.
+        leaving: The agents in the world that may leave.
     """
 
-    #: When the agents are in the world, as the scenario says.
-    uncaptured: ClassVar[Collection[str]] = ("_spans",)
+    #: The intervals are part of the scenario.
+    uncaptured: ClassVar[Collection[str]] = ("_intervals",)
 
     def __init__(
         self,
@@ -53,32 +53,34 @@ class Membership:
         """Prepare.
 
         Args:
-            simulation: What runs.
-            schedulers: The turns of each entry.
-            presence: When the agents of groups are in the world, in the order of their rows; of all others: always.
-            observer: Knows of contacts, goals and risks, for conditions on which agents enter.
-            router: Connects events with what they bring about.
+            simulation: The simulation.
+            schedulers: The turn scheduler of each entry.
+            presence: The presence of the agents of some groups, by row; agents of other groups are always present.
+            observer: Supplies contacts, goals and risks to conditions on which agents enter.
+            router: Connects agents with the events on which they enter or leave.
         """
         self._simulation = simulation
         self._schedulers = schedulers
         self._groups = {group.name: group for group in simulation.groups}
         self._look_up = WorldScope(simulation, observer).look_up
         self._scopes = {name: ConditionScope(self._groups[name]) for name in presence}
-        #: How many reasons there are against each agent that takes no part: absence, faults, and failures, which stay.
+        #: The number of reasons for which each agent takes no part: absence, faults, and failures, which are permanent.
         self._reasons: Counter[tuple[str, int]] = Counter()
-        #: Whose event has come since the last step, of those that wait for one.
-        self._called: set[tuple[str, int]] = set()
+        #: The agents whose event to enter or leave has fired since the last step.
+        self._triggered: set[tuple[str, int]] = set()
         self.is_open = bool(presence)
-        self._spans = {(name, row): span for name in sorted(presence) for row, span in enumerate(presence[name])}
-        self.waiting = {agent for agent, span in self._spans.items() if span.is_late}
-        self.leaving = self._spans.keys() - self.waiting
+        self._intervals = {
+            (name, row): interval for name in sorted(presence) for row, interval in enumerate(presence[name])
+        }
+        self.waiting = {agent for agent, interval in self._intervals.items() if interval.is_late}
+        self.leaving = self._intervals.keys() - self.waiting
         for name in sorted(presence):
             self._listen(self._groups[name], presence[name], router)
 
-    def _listen(self, group: AgentGroup, spans: Sequence[PresenceInterval], router: EventRouter) -> None:
-        """Take note of the events with which agents of a group enter or leave."""
+    def _listen(self, group: AgentGroup, intervals: Sequence[PresenceInterval], router: EventRouter) -> None:
+        """Subscribe to the events on which agents of a group enter or leave."""
         rows = {id: row for row, id in enumerate(group.ids)}
-        for way, moments in (("begin", [each.begin for each in spans]), ("end", [each.end for each in spans])):
+        for way, moments in (("begin", [each.begin for each in intervals]), ("end", [each.end for each in intervals])):
             for trigger in dict.fromkeys(each for each in moments if isinstance(each, Trigger)):
                 whose = frozenset(row for row, each in enumerate(moments) if each == trigger)
                 call = partial(self._on_event, trigger, group.name, rows, way, whose)
@@ -90,29 +92,31 @@ class Membership:
         concerns = self.waiting if way == "begin" else self.leaving
         for row in concerned(event, trigger, group, rows):
             if row in whose and (group, row) in concerns:
-                self._called.add((group, row))
+                self._triggered.add((group, row))
 
     def begin(self) -> None:
-        """Keep those out of the run who are still to enter."""
+        """Suspend the agents that have not entered yet."""
         for name, row in sorted(self.waiting):
             self._hold(self._groups[name], row)
 
-    def look(self, now: int) -> None:
+    def update(self, now: int) -> None:
         """Let agents leave and enter at a step of the world.
 
         Raises:
-            RunError: A condition has no value, or the world does not let them.
+            RunError: A condition has no value, or the environment raised an exception.
         """
-        spans = self._spans
+        intervals = self._intervals
         gone = [
             each
             for each in sorted(self.leaving)
-            if self._has_come(each, spans[each].end, "until", partial(self._scopes[each[0]].look_up, each[1]), now)
+            if self._is_time(each, intervals[each].end, "until", partial(self._scopes[each[0]].look_up, each[1]), now)
         ]
         come = [
-            each for each in sorted(self.waiting) if self._has_come(each, spans[each].begin, "from", self._look_up, now)
+            each
+            for each in sorted(self.waiting)
+            if self._is_time(each, intervals[each].begin, "from", self._look_up, now)
         ]
-        self._called.clear()
+        self._triggered.clear()
         for name, group in self._groups.items():
             leaving, entering = ([row for own, row in each if own == name] for each in (gone, come))
             if leaving:
@@ -120,12 +124,12 @@ class Membership:
             if entering:
                 self._enter(group, entering)
 
-    def _has_come(self, agent: tuple[str, int], moment: Moment | None, key: str, look_up: Lookup, now: int) -> bool:
-        """Whether it is time for an agent to enter or leave."""
+    def _is_time(self, agent: tuple[str, int], moment: Moment | None, key: str, look_up: Lookup, now: int) -> bool:
+        """Whether the time, event or condition at which an agent enters or leaves has come."""
         if moment is None:
             return False
         if isinstance(moment, Trigger):
-            return agent in self._called
+            return agent in self._triggered
         if not isinstance(moment, Expression):
             return now >= moment
         try:
@@ -140,16 +144,16 @@ class Membership:
             self._simulation.announce("adding", f"agents.{group.ids[row]}")
             self.waiting.remove((group.name, row))
             self.leaving.add((group.name, row))
-        self._move(group, rows, present=True)
-        # What they believe, want and know is news.
+        self._set_present(group, rows, present=True)
+        # Their awareness, control inputs and knowledge are recorded as new.
         for column in (*group.awareness.columns.values(), group.control_column):
             if isinstance(column, Column):
                 column.mark(rows)
         group.knowledge_changes.rows.update(rows)
         for row in rows:
-            if self._is_free(group, row):
+            if self._release(group, row):
                 self._simulation.exchange.inboxes.reopen(group.ids[row])
-                for scheduler in self._of(group):
+                for scheduler in self._schedulers_of(group):
                     scheduler.release(row)
                     scheduler.enter(row)
         for row in rows:
@@ -159,7 +163,7 @@ class Membership:
             self._simulation.announce("added", f"agents.{group.ids[row]}", f"enters{said}", level=level)
 
     def _leave(self, group: AgentGroup, rows: Sequence[int]) -> None:
-        """Let agents leave the world, for good."""
+        """Let agents leave the world permanently."""
         for row in rows:
             self._simulation.announce("removing", f"agents.{group.ids[row]}")
             self.leaving.remove((group.name, row))
@@ -169,12 +173,12 @@ class Membership:
                     column.set_row(row, TimeSeries())
                 elif isinstance(column, TableColumn):
                     column.set_row(row, ())
-        self._move(group, rows, present=False)
+        self._set_present(group, rows, present=False)
         for row in rows:
             self._simulation.announce("removed", f"agents.{group.ids[row]}", "leaves")
 
-    def _move(self, group: AgentGroup, rows: Sequence[int], *, present: bool) -> None:
-        """Say who is in the world, to all who need to know."""
+    def _set_present(self, group: AgentGroup, rows: Sequence[int], *, present: bool) -> None:
+        """Update the presence of agents in the group, the environment and the exchange."""
         simulation, environment = self._simulation, self._simulation.environment
         flags = np.ones(len(group), bool) if group.present is None else group.present.copy()
         flags[list(rows)] = present
@@ -190,33 +194,32 @@ class Membership:
         use, now = self._simulation.environment_use, self._simulation.clock.now
         raise RunError("environment", use, now, describe(error), error) from error
 
-    def _of(self, group: AgentGroup) -> list[TurnScheduler]:
+    def _schedulers_of(self, group: AgentGroup) -> list[TurnScheduler]:
         return [scheduler for scheduler in self._schedulers if scheduler.entry.group is group]
 
     def _hold(self, group: AgentGroup, row: int) -> bool:
-        """Take an agent out of the run, for one reason; return whether it is the first.
+        """Add a reason for which an agent takes no part; return whether it is the first.
 
-        Its components take no further turns. What has arrived for it and was not read is thrown away, and what still
-        arrives is not kept.
+        Its components take no further turns. Unread messages to it are discarded, and so are those that still arrive.
         """
         self._reasons[group.name, row] += 1
         if self._reasons[group.name, row] > 1:
             return False
-        for scheduler in self._of(group):
+        for scheduler in self._schedulers_of(group):
             scheduler.hold(row)
         self._simulation.exchange.inboxes.close(group.ids[row])
         return True
 
     def retire(self, group: AgentGroup, rows: Iterable[int], coast: Coast, reason: str) -> None:
-        """Take agents out of the run: their components take no further turns, and the world moves them on.
+        """Take agents out of the run: their components take no further turns, and the world still moves their bodies.
 
-        What has arrived for them and was not read is thrown away, and what still arrives is not kept. They come back
-        when `revive` was called as often as this.
+        Unread messages to them are discarded, and so are those that still arrive. They take part again when `revive`
+        was called as often as this method.
 
         Args:
-            group: Their group.
-            rows: Which agents of it.
-            coast: Their control input from now on: the last one, or one that makes them stop as far as they can.
+            group: The agents' group.
+            rows: The agents' rows.
+            coast: Their control input from now on: the last one, or one that stops them as far as the model can.
             reason: Why, in one sentence.
         """
         for row in rows:
@@ -228,27 +231,27 @@ class Membership:
                 self._simulation.announce("terminated", f"agents.{group.ids[row]}", reason, level=Level.WARNING)
 
     def revive(self, group: AgentGroup, rows: Iterable[int]) -> None:
-        """There is a reason less against some agents; those without any begin anew, as do their components."""
-        rows = [row for row in rows if self._is_free(group, row)]
+        """Remove a reason for which agents take no part; agents without reasons restart, with their components."""
+        rows = [row for row in rows if self._release(group, row)]
         for row in rows:
             self._simulation.exchange.inboxes.reopen(group.ids[row])
-        for scheduler in self._of(group):
+        for scheduler in self._schedulers_of(group):
             for row in rows:
                 scheduler.release(row)
-            scheduler.begin_anew(rows)
+            scheduler.restart_agents(rows)
 
-    def _is_free(self, group: AgentGroup, row: int) -> bool:
-        """Take a reason away, and tell whether it was the last."""
+    def _release(self, group: AgentGroup, row: int) -> bool:
+        """Remove a reason for which an agent takes no part; return whether it was the last."""
         self._reasons[group.name, row] -= 1
         return not self._reasons[group.name, row]
 
 
 def safe_input(model: Model, before: Array, state: Array) -> Array:
-    """The control input that makes an agent stop, as far as its model can.
+    """Compute the control input that stops an agent, as far as its model can.
 
     Args:
-        model: Its dynamics.
-        before: Its control input until now; shape (1, nu).
+        model: The agent's dynamics.
+        before: Its present control input; shape (1, nu).
         state: Its state; shape (1, nx).
 
     Returns:

@@ -1,4 +1,4 @@
-"""In which way a simulation is to run: what a scenario says under ``run`` and ``faults``."""
+"""The options of a run: mode, pace, limits, faults, presence, specifications and workers."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """In which way a simulation is to run.
+    """The options of a run, as declared in a scenario or given on the command line.
 
     Attributes:
         mode: ``synchronous`` or ``asynchronous``.
-        until: The run ends with the first step after whose turns this holds.
-        pace: Simulated seconds for each second of wall time; None for as fast as possible.
-        turn_limit: Wall time that a turn may take before its component counts as failed [s]; None for any.
-        timeout: Wall time after which the run is ended [s]; None for never.
-        faults: What is to go wrong.
-        presence: When the agents of some groups are in the world, in the order of their rows; all others are always.
-        specifications: What is monitored while it runs.
-        instances: The events with which instances of specifications begin, by the names of these.
-        workers: How many processes compute what is to compute in a process of its own; None for one for each core.
-        may_exit: Whether the process may be ended where the run heeds neither a second signal nor its time-out.
+        until: The run ends with the first step after whose turns this condition holds.
+        pace: Simulated seconds per second of wall time; None for as fast as possible.
+        turn_limit: Wall time after which a turn counts as a failure of its component [s]; None for no limit.
+        timeout: Wall time after which the run is interrupted [s]; None for no limit.
+        faults: The faults.
+        presence: The presence of the agents of some groups, by row; agents of other groups are always present.
+        specifications: The specifications to monitor.
+        instances: The events that begin instances of specifications, by the names of the specifications.
+        workers: The number of worker processes for components with `run_in: process`; None for one per core.
+        may_exit: Whether the process may be ended if the run does not react to a second signal or its time-out.
     """
 
     mode: Literal["synchronous", "asynchronous"] = "synchronous"

@@ -1,4 +1,4 @@
-"""The pacer: ties simulated time to wall time. The only one in a run who looks at the clock on the wall."""
+"""The pacer: ties simulated time to wall time; the only part of a run whose behaviour depends on the wall clock."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar
 
-#: So late a wake-up counts as late [s]: what an idle machine takes to wake a process up, and some more.
+#: The delay above which an instant counts as late [s]: somewhat more than an idle machine takes to wake a process.
 TOLERANCE = 0.002
 
 
@@ -16,10 +16,10 @@ class Pace:
     """How well a run kept its pace.
 
     Attributes:
-        factor: Simulated seconds for each second of wall time that were asked for.
-        instants: How many instants there were to be kept.
-        late: How many of them began later than `TOLERANCE`.
-        worst: By how much the latest was late, in wall time [s].
+        factor: The requested number of simulated seconds per second of wall time.
+        instants: The number of paced instants.
+        late: The number of instants that began later than `TOLERANCE`.
+        worst: The greatest delay, in wall time [s].
     """
 
     factor: float
@@ -33,15 +33,15 @@ class Pace:
 
 
 class Pacer:
-    """Sleeps until it is time.
+    """Sleeps until the wall time of each instant.
 
     Attributes:
         kept: How well the pace was kept so far.
-        started: When simulated time began, by the monotonic clock [s]; None before it does.
-        factor: Simulated seconds for each second of wall time.
+        started: The start of simulated time on the monotonic clock [s]; None before the start.
+        factor: Simulated seconds per second of wall time.
     """
 
-    #: It belongs to the clock on the wall.
+    #: Its times are those of the wall clock.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self, factor: float) -> None:
@@ -50,11 +50,11 @@ class Pacer:
         self.started: float | None = None
 
     def start_at(self, started: float) -> None:
-        """Let simulated time begin, or have begun, at an instant of the monotonic clock [s]."""
+        """Set the start of simulated time on the monotonic clock [s]."""
         self.started = started
 
     def lead(self, now: int) -> float:
-        """Wall time that is left until an instant [s]; negative if it is past. The first call is the start.
+        """Return the wall time until an instant [s]; negative if it is past. The first call sets the start.
 
         Args:
             now: The instant, in nanoseconds of simulated time.
@@ -65,7 +65,7 @@ class Pacer:
         return self.started + now / 1e9 / self.factor - monotonic
 
     def wait(self, now: int) -> None:
-        """Sleep until an instant, and take note of how late it is."""
+        """Sleep until an instant, and record its delay."""
         lead = self.lead(now)
         while lead > 0.0:
             time.sleep(lead)
@@ -73,7 +73,7 @@ class Pacer:
         self.note(-lead)
 
     def note(self, late: float) -> None:
-        """Take note of how late an instant begins [s]."""
+        """Record the delay of an instant [s]."""
         kept = self.kept
         kept.instants += 1
         if late > TOLERANCE:
@@ -81,7 +81,7 @@ class Pacer:
         kept.worst = max(kept.worst, late)
 
     def simulated(self) -> int:
-        """The instant that it is time for, in nanoseconds of simulated time."""
+        """The simulated time that corresponds to the present wall time, in nanoseconds."""
         if self.started is None:
             return 0
         return int((time.monotonic() - self.started) * self.factor * 1e9)

@@ -1,4 +1,4 @@
-"""Presence: when an agent is in the world, as a scenario says it."""
+"""Presence: when an agent enters and leaves the world, as declared in a scenario."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Moment = int | Expression | Trigger
 
 @dataclass(frozen=True, slots=True)
 class PresenceInterval:
-    """When an agent is in the world.
+    """The interval in which an agent is in the world.
 
     Attributes:
-        begin: When it enters: a condition is one of the world. None for the beginning of the run.
-        end: When it leaves: a condition is one of the agent. None for never.
+        begin: When it enters; a condition is evaluated in the scope of the world. None for the start of the run.
+        end: When it leaves; a condition is evaluated in the scope of the agent. None for never.
     """
 
     begin: Moment | None = None
@@ -25,5 +25,5 @@ class PresenceInterval:
 
     @property
     def is_late(self) -> bool:
-        """Whether the agent is not there when the run begins."""
+        """Whether the agent is absent when the run begins."""
         return self.begin is not None and self.begin != 0

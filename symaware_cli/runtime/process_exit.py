@@ -1,4 +1,4 @@
-"""The ends of the process itself: what a component must not bring about, and what a run resorts to."""
+"""Ends of the process: components are kept from `os._exit`, and a run that hangs is ended with its log saved."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ if TYPE_CHECKING:
 
 _exit = os._exit
 
-#: Wall time that a run is given to finish its log by whoever interrupts it again [s].
+#: Wall time that a run has to finish its log after a second signal [s].
 PATIENCE = 1.0
 
-#: Wall time that a component is given after a time-out [s].
+#: Wall time that a component has to return after a time-out [s].
 _GRACE = 5.0
 
 
 class ExitError(BaseException):
-    """Something called `os._exit`; not an `Exception`, so that the component does not swallow it."""
+    """A component called `os._exit`; not an `Exception`, so that the component does not swallow it."""
 
     def __init__(self, status: int) -> None:
         super().__init__(f"os._exit({status}) would end the process, and its log without an outcome")
 
 
-#: How many runs are under way, in which process, and the lock that goes with the number.
+#: The number of active runs, their process, and the lock of both.
 _runs, _owner, _lock = 0, 0, threading.Lock()
 
 
 @contextmanager
 def exits_refused() -> Iterator[None]:
-    """Make of `os._exit` an exception, so that a run fails and says whose fault that is.
+    """Replace `os._exit` by a function that raises, so that the run fails and names the component at fault.
 
-    What native code does, or a function that was imported before (``from os import _exit``), is not kept from anything.
-    Child processes end as ever: those of `multiprocessing` do so by this very function. Runs may overlap, in one thread
-    or in several.
+    Exits by native code, or by a function imported before (``from os import _exit``), are not prevented. Child
+    processes end as usual: those of `multiprocessing` call this very function. Runs may overlap, in one thread or in
+    several.
     """
     _count(1)
     try:
@@ -64,16 +64,16 @@ def _refuse(status: int) -> NoReturn:
     raise ExitError(status)
 
 
-def leave(status: int, words: str, recorder: Recorder | None = None) -> NoReturn:
-    """End the process at once, from whatever thread; what was recorded is kept.
+def end_process(status: int, words: str, recorder: Recorder | None = None) -> NoReturn:
+    """End the process at once, from any thread; the records written so far are kept.
 
     Args:
-        status: Its exit status.
-        words: Why, for people.
-        recorder: Whose log is to be kept.
+        status: The exit status.
+        words: The reason, for standard error.
+        recorder: The recorder of the log, if there is one.
     """
     if recorder:
-        # Whoever is in the middle of writing may never come back.
+        # The thread that is writing may never return, so closing has a time limit.
         closing = threading.Thread(target=recorder.writer.abort, daemon=True)
         closing.start()
         closing.join(PATIENCE)
@@ -84,19 +84,19 @@ def leave(status: int, words: str, recorder: Recorder | None = None) -> NoReturn
 
 @contextmanager
 def deadline(timeout: float | None, recorder: Recorder | None) -> Iterator[None]:
-    """End the process some time after a time-out, with what was recorded kept, unless the run has ended by then.
+    """End the process some time after a time-out if the run has not ended by then; the log is kept.
 
-    An exception ends Python code only, and only when that is in the interpreter: a solver may hang.
+    An exception cannot end native code: a solver may hang.
 
     Args:
-        timeout: Wall time from now on after which the run was to end [s]; None for never.
-        recorder: Whose log is to be kept.
+        timeout: Wall time from now after which the run should end [s]; None for no limit.
+        recorder: The recorder of the log, if there is one.
     """
     if timeout is None:
         yield
         return
     words = "the time is over, and a component does not answer; the log ends without an outcome"
-    timer = threading.Timer(timeout + _GRACE, leave, (1, words, recorder))
+    timer = threading.Timer(timeout + _GRACE, end_process, (1, words, recorder))
     timer.daemon = True
     timer.start()
     try:

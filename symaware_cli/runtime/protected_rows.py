@@ -1,4 +1,4 @@
-"""Rows that a component of a whole group must not write: agents that stopped, or whose component is frozen."""
+"""Protects rows of a group from its group components: those of agents that are stopped or whose component is frozen."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from symaware_cli.world.time import SECOND
 
 @contextmanager
 def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
-    """Put back, afterwards, what was written of some agents: all parts of their awareness, and the control input.
+    """Restore, on exit, all parts of awareness and the control inputs of some agents.
 
-    A component of a whole group works on arrays with a row for each agent, and knows nothing of those that do not take
-    part any more. Arrays are never written in place, so what was there before needs no copy.
+    A group component works on arrays with a row for each agent, whether or not the agent still takes part. Arrays are
+    never written in place, so the earlier values need no copy.
 
     Args:
         group: The group.
-        rows: Whose rows stay as they are, ascending.
+        rows: The rows to restore, ascending.
     """
     if not rows:
         yield
@@ -55,7 +55,7 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
 
 
 def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> Tracks:
-    """The tracks of some agents as they were before, those of all others as they are now."""
+    """The earlier tracks of some observers, and the present tracks of all others."""
     then = tracks.select(np.zeros(len(tracks), bool)) if before is None else before.select(held[before.observers])
     now = tracks.select(~held[tracks.observers])
     since = (tracks.time - then.time) / SECOND
@@ -63,7 +63,7 @@ def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> T
     order = np.argsort(observers, kind="stable")
     covariances = None
     if any(len(each) and each.covariances is not None for each in (now, then)):
-        # Those of whom nothing is said must not take from the others what is said of them.
+        # If only one of the two has covariances, the other is filled with zeros.
         size = 2 * tracks.positions.shape[1]
         parts = [
             np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in (now, then)

@@ -1,4 +1,4 @@
-"""The queue: what is to happen at which instant of simulated time, in which order, as plain data."""
+"""The event queue of simulated time: entries of plain data, ordered by instant, round, place, phase and row."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any, NamedTuple
 
 from symaware_cli.core import Clock
 
-#: Does what an entry says, given its row and its payload.
+#: Processes an entry, given its row and its payload.
 Handler = Callable[[int, Any], object]
 
-#: The place of faults, before the first component; and where an instant begins, before that.
+#: The place of faults, before the first component; and the place at which an instant begins, before that.
 OF_FAULTS, BEFORE_ALL = -1, -2
 
-#: So many rounds at one instant are a circle: nothing that is right wakes itself a thousand times in no time.
+#: The greatest number of rounds at one instant; more are taken for an endless cycle of triggers.
 _MOST_ROUNDS = 1000
 
 
 class Phase(IntEnum):
-    """What comes first within the place of a component, at one instant."""
+    """The order of entries at one instant and place."""
 
     LANDING = 0
     RESUMING = 1
@@ -29,17 +29,17 @@ class Phase(IntEnum):
 
 
 class Entry(NamedTuple):
-    """What is to happen.
+    """An entry of the queue.
 
     Attributes:
-        time: When, in nanoseconds.
-        round: In which round over all places, at its instant.
-        place: Whose place it is; whoever has it registered what to do.
-        phase: What comes first within the place.
-        row: Which component of those at its place it is about.
-        number: Counts the entries, so that those that are alike in all else come in the order in which they were made.
-        kind: What is to be done, as the handlers of the place have it.
-        payload: What it is done with.
+        time: Its instant in nanoseconds.
+        round: The round over all places at that instant.
+        place: The index of the component entry whose handlers process it, or `OF_FAULTS`.
+        phase: Its order within the place.
+        row: The row of the component concerned.
+        number: A serial number, so that otherwise equal entries keep the order in which they were made.
+        kind: Selects the handler of the place.
+        payload: An argument of the handler.
     """
 
     time: int
@@ -53,10 +53,10 @@ class Entry(NamedTuple):
 
 
 class LivelockError(Exception):
-    """No time passes any more, because some components wake each other, or themselves, without end.
+    """Simulated time no longer advances, because some components trigger each other or themselves endlessly.
 
     Attributes:
-        places: Who they are, ascending.
+        places: The places of these components, ascending.
     """
 
     def __init__(self, places: list[int]) -> None:
@@ -65,21 +65,21 @@ class LivelockError(Exception):
 
 
 class Queue:
-    """Entries in the order of their instants; at one instant by round, place, phase, row and number.
+    """A priority queue of entries, ordered by instant, round, place, phase, row and number.
 
-    A place is the position of a component in the order of the scenario. What is entered for the present instant comes
-    in its place if that is still to come, else in another round after all others of this instant; with a grid, at the
-    next instant of the grid.
+    A place is the index of a component entry in execution order. An entry for the present instant is processed in the
+    present round if its place is still to come, otherwise in a further round after all others of this instant; with a
+    grid, at the next instant of the grid.
 
-    An entry is plain data. What it means is said by the handlers that were registered for its place, so that entries
-    can be listed (`pending`), put away, and taken up (`replace`) by another queue whose places have the same handlers.
+    An entry is plain data, processed by the handler that was registered for its place and kind. So entries can be
+    listed (`pending`), stored, and loaded (`replace`) into another queue with the same handlers.
 
     Attributes:
-        clock: Simulated time, which this moves.
+        clock: Simulated time, which the queue sets.
         grid: Every instant is rounded up to a multiple of this, in nanoseconds; 0 for none.
-        entries: What is entered, as a heap of tuples in the order of `Entry`. The first element of the first one is the
-            next instant. Public, as is `place`, because the loop looks at both before each turn.
-        place: Whose place it is at present; before the first, `BEFORE_ALL`.
+        entries: A heap of tuples in the order of `Entry`; the first element of the first one is the next instant.
+            Public, as is `place`, because the kernel's loop reads both before each turn.
+        place: The present place; `BEFORE_ALL` before the first.
     """
 
     __slots__ = ("_cancelled", "_handlers", "_number", "_recent", "_round", "clock", "entries", "grid", "place")
@@ -92,7 +92,7 @@ class Queue:
         self._round = 0
         self.place = BEFORE_ALL
         self._handlers: dict[tuple[int, str], Handler] = {}
-        #: The numbers of entries that count no more; never of the first in the heap, so that it is the next to come.
+        #: The numbers of cancelled entries that are still in the heap; never that of its first entry.
         self._cancelled: set[int] = set()
         self._recent: deque[int] = deque(maxlen=256)
 
@@ -100,16 +100,16 @@ class Queue:
         return len(self.entries) - len(self._cancelled)
 
     def register(self, place: int, handlers: Mapping[str, Handler]) -> None:
-        """Say what the entries of a place mean, by their kind."""
+        """Register the handlers of a place, by kind of entry."""
         for kind, handler in handlers.items():
             self._handlers[place, kind] = handler
 
     def put(self, time: int, place: int, phase: Phase, row: int, kind: str, payload: Any = None) -> int:
-        """Enter what is to happen; see `Entry` for what the arguments are.
+        """Add an entry; see `Entry` for the arguments.
 
         Args:
             time: Not before now.
-            place: One for which the kind is registered.
+            place: A place for which the kind is registered.
             phase: See `Entry`.
             row: See `Entry`.
             kind: See `Entry`.
@@ -133,10 +133,10 @@ class Queue:
         return self._number
 
     def cancel(self, number: int) -> None:
-        """Take out an entry that is still to come.
+        """Cancel an entry that was not processed yet.
 
         Args:
-            number: What `put` returned.
+            number: The result of `put`.
         """
         entries, cancelled = self.entries, self._cancelled
         cancelled.add(number)
@@ -148,36 +148,36 @@ class Queue:
             self._drop_cancelled()
 
     def _drop_cancelled(self) -> None:
-        """Take out what is cancelled and would come next."""
+        """Remove cancelled entries from the top of the heap."""
         entries, cancelled = self.entries, self._cancelled
         while entries and entries[0][5] in cancelled:
             cancelled.remove(heapq.heappop(entries)[5])
 
     def pending(self) -> list[Entry]:
-        """All that is to come, in its order."""
+        """List all entries that are not cancelled, in order."""
         return [Entry(*each) for each in sorted(self.entries) if each[5] not in self._cancelled]
 
     def replace(self, entries: Sequence[Entry]) -> None:
-        """Forget what is entered, and take up entries that were listed by `pending`, with their numbers.
+        """Replace all entries by entries that were listed by `pending`, with their numbers.
 
         Args:
-            entries: All of them later than now, or at an instant that has not begun.
+            entries: The entries, each later than now or at an instant that has not begun.
         """
         self.entries[:] = sorted(tuple(each) for each in entries)
         self._cancelled.clear()
         self._number = max((each.number for each in entries), default=0)
 
     def begin(self, now: int) -> None:
-        """Come to an instant; all places are still to come."""
+        """Set the clock to an instant; no place has been processed yet."""
         self.clock.now = now
         self._round = 0
         self.place = BEFORE_ALL
 
     def run(self, place: int | None = None) -> None:
-        """Do all that is entered for this instant, or what comes before the turn of a place in the first round.
+        """Process all entries of this instant, or those before the turn of a place in the first round.
 
         Raises:
-            LivelockError: There is no end to it.
+            LivelockError: There are too many rounds at this instant.
         """
         entries, handlers, now, pop = self.entries, self._handlers, self.clock.now, heapq.heappop
         while entries and entries[0][0] == now:

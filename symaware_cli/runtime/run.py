@@ -1,7 +1,7 @@
-"""A run: from the first instant to the last, in either mode, whatever ends it.
+"""Runs a simulation from its first instant to its last, in either mode, and finishes its log.
 
 Both modes are one loop over the instants of simulated time. In the synchronous mode all instants are steps of the
-world; in the asynchronous mode components have instants of their own in between, and may wait within their turns.
+world; in the asynchronous mode components may have instants in between, and their turns may wait.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from symaware_cli.runtime.kernel import Kernel
 from symaware_cli.runtime.membership import Membership
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.pacer import Pacer
-from symaware_cli.runtime.process_exit import deadline, exits_refused, leave
+from symaware_cli.runtime.process_exit import deadline, end_process, exits_refused
 from symaware_cli.runtime.queue import LivelockError, Queue
 from symaware_cli.runtime.run_summary import Observer, RunSummary, summarise
 from symaware_cli.runtime.scheduler import TurnScheduler
@@ -54,17 +54,17 @@ def run(
     options: RunOptions | None = None,
     participant: Sharing | None = None,
 ) -> RunSummary:
-    """Run a simulation to its end, its failure or its interruption.
+    """Run a simulation until it ends, fails or is interrupted.
 
-    Whatever ends it, the log is finished first.
+    The log is finished in each of these cases.
 
     Args:
-        simulation: What to run; it cannot be run twice.
-        steps: How many steps to make, at most.
-        recorder: Where to write it down.
-        on_progress: Called now and then with simulated time in nanoseconds.
-        options: In which way to run; by default in the synchronous mode, as fast as possible.
-        participant: What this process is among those that share the run; None where it is alone.
+        simulation: The simulation; it cannot be run twice.
+        steps: The greatest number of steps to make.
+        recorder: Writes the log; None for no log.
+        on_progress: Called at intervals of wall time with simulated time in nanoseconds.
+        options: The options of the run; by default synchronous and as fast as possible.
+        participant: The role of this process in a run of several processes; None in a run of one process.
 
     Raises:
         LogError: The log cannot be written.
@@ -73,25 +73,25 @@ def run(
 
 
 class Run:
-    """One run: puts together what it takes, makes the steps, and finishes the log.
+    """One run: creates its parts, makes the steps, and finishes the log.
 
-    Nobody but who started it is handed the run: each of its parts is given what it needs.
+    Only the caller holds the run itself; each part is given just the objects that it needs.
 
     Attributes:
-        simulation: What runs.
-        kernel: Goes from instant to instant.
-        schedulers: The turns of each entry.
-        membership: Which agents take part.
-        recorder: Writes it down; None where nobody does.
-        status: How it ended, as `RunSummary` says it; None while it goes on.
+        simulation: The simulation.
+        kernel: Advances simulated time.
+        schedulers: The turn scheduler of each entry.
+        membership: Takes agents out of the run and back in.
+        recorder: Writes the log; None without a log.
+        status: How the run ended, as in `RunSummary`; None while it is running.
         failure: Why it failed, if it did.
-        signal: The signal that ended it, or came as it ended by itself; None where there was none.
+        signal: The signal that interrupted it, or that arrived as it ended; None without a signal.
     """
 
-    #: What is the same in every run of the scenario, or belongs to the process.
+    #: These are the same in every run of the scenario, or belong to the process.
     uncaptured: ClassVar[Collection[str]] = (
-        *("recorder", "_options", "_participant", "_course"),
-        *("_on_progress", "_progress_due", "_waited", "_spent"),
+        *("recorder", "_options", "_participant", "_generator"),
+        *("_on_progress", "_progress_due", "_waiting_time", "_elapsed"),
     )
 
     def __init__(
@@ -116,12 +116,12 @@ class Run:
         router = EventRouter(simulation.events)
         self.kernel = Kernel(queue, time_step, steps)
         self._interruption = Interruption(
-            options.timeout, options.turn_limit, self._give_up if options.may_exit else None
+            options.timeout, options.turn_limit, self._exit_process if options.may_exit else None
         )
-        self._motion = EnvironmentStepper(simulation, self._interruption)
-        self._waited = 0.0  # for others, before the run [s]
-        self._spent = 0.0  # wall time in this run's own hands [s]
-        self._course = self._begin_to_end()
+        self._stepper = EnvironmentStepper(simulation, self._interruption)
+        self._waiting_time = 0.0  # wall time spent waiting for other processes before the run [s]
+        self._elapsed = 0.0  # wall time spent within this run [s]
+        self._generator = self._run_all()
         self._observer = Observer(simulation)
         self._pacer = Pacer(options.pace) if options.pace else None
         self._workers = Workers(
@@ -134,7 +134,7 @@ class Run:
         components = [each for entry in simulation.entries for each in entry.components]
         self._bridge: AsyncioBridge | None = None
         if is_asynchronous and self._pacer and any(is_coroutine(each) for each in components):
-            # asyncio takes as long to import as a short run does.
+            # Importing asyncio takes as long as a short run.
             from symaware_cli.runtime.asyncio_bridge import AsyncioBridge
 
             self._bridge = AsyncioBridge()
@@ -157,7 +157,7 @@ class Run:
         ]
         self.kernel.steady = [(each.place, each.take) for each in self.schedulers if each.is_steady]
         self._faults = FaultScheduler(
-            options.faults, simulation, self.schedulers, self.membership, self._motion, queue, router
+            options.faults, simulation, self.schedulers, self.membership, self._stepper, queue, router
         )
         self._specifications = Specifications(
             simulation,
@@ -168,10 +168,10 @@ class Run:
             recorder,
             decides=participant is None or participant.decides,
         )
-        self._instants = SimulationHooks(
+        self._hooks = SimulationHooks(
             simulation,
             self.kernel,
-            self._motion,
+            self._stepper,
             self._observer,
             self.membership,
             self._interruption,
@@ -187,16 +187,16 @@ class Run:
 
     @property
     def imposed(self) -> dict[AgentGroup, tuple[NDArray[np.bool_], Array]]:
-        """Control inputs that stand in for what components request; see `SimulationHooks`."""
-        return self._instants.imposed
+        """Control inputs that override those requested by components; see `SimulationHooks`."""
+        return self._hooks.imposed
 
     @property
     def done(self) -> int:
-        """How many steps were made."""
+        """The number of steps made."""
         return self.kernel.done
 
     def execute(self) -> RunSummary:
-        """Make the run, whatever becomes of it, and finish its log.
+        """Run until the end, and finish the log.
 
         Raises:
             LogError: The log cannot be written.
@@ -205,43 +205,43 @@ class Run:
         return self.summary
 
     def advance(self, steps: int | None = None) -> None:
-        """Make some steps, or fewer where the run ends before; its log is finished with its end.
+        """Make some steps, or fewer if the run ends before; the log is finished when the run ends.
 
-        The first call lets the components take up their work, even if no steps are asked for. Between two calls no turn
-        is in progress, and nothing of the process is as the run needs it: signals are handled as before.
+        The first call initialises the components, even if no steps are requested. Between two calls no turn is in
+        progress, and the process is as it was before the run: signals are handled as before.
 
         Args:
-            steps: How many; None for all that are left.
+            steps: The number of steps; None for all remaining ones.
 
         Raises:
             LogError: The log cannot be written.
         """
         with self._in_progress():
             try:
-                ending = self._proceed(steps)
+                ending = self._make_steps(steps)
                 if ending is None:
                     self._interruption.unshield()
                     self._interruption.shield()
                 else:
                     self._end("finished", ending)
-                    # It came too late for the run, and not for whoever made it.
+                    # Too late to interrupt the run; the caller may still act on it.
                     self.signal = self._interruption.held
             except Interrupted as signal:
                 self.signal = signal.number
-                self._cut_off(f"ended by {signal}")
+                self._end_interrupted(f"ended by {signal}")
             except RunError as error:
                 self._interruption.shield()
                 self._announce_end("failed", error.source, str(error), level=Level.ERROR, **error.data)
                 self._end("failed", error.problem, error)
             except LogError as error:
-                self._abandon("failed", str(error))
+                self._shut_down("failed", str(error))
                 raise
 
     def leave(self, reason: str) -> None:
-        """End a run between two steps, unless it is over; its log ends with the present state.
+        """End the run between two steps, unless it has ended; its log ends with the present state.
 
         Args:
-            reason: Why, in one sentence.
+            reason: Why the run ends, in one sentence.
 
         Raises:
             LogError: The log cannot be written.
@@ -250,10 +250,10 @@ class Run:
             return
         with self._in_progress():
             if self.kernel.has_begun:
-                self._observer.look(self.simulation.clock.now)
+                self._observer.sample(self.simulation.clock.now)
                 if self.recorder:
                     self.recorder.record(self.simulation.clock.now, self.done)
-            self._cut_off(reason)
+            self._end_interrupted(reason)
 
     @property
     def summary(self) -> RunSummary:
@@ -269,7 +269,7 @@ class Run:
             failures=sum(each.failures for each in self.schedulers),
             steps=self.done,
             began=self.kernel.began,
-            wall_time=self._spent - self._waited,
+            wall_time=self._elapsed - self._waiting_time,
             pace=self._pacer.kept if self._pacer else None,
             failure=self.failure,
             specifications=self._specifications.outcomes(),
@@ -277,51 +277,50 @@ class Run:
 
     @contextmanager
     def _in_progress(self) -> Iterator[None]:
-        """Have the process as a run needs it."""
+        """Set up the process for a run: NumPy's warnings, signals, the time-out, and `os._exit`."""
         started = time.monotonic()
-        # Numbers that are not finite fail where they are written, with who wrote them; a warning of NumPy would only
-        # add noise.
+        # Numbers that are not finite are failures of the components that write them; NumPy's warnings add nothing.
         limit = self._options.timeout if self._options.may_exit else None
         with np.errstate(all="ignore"), self._interruption, deadline(limit, self.recorder), exits_refused():
             self._interruption.shield()
             try:
                 yield
             except Interrupted as interrupted:
-                # Somebody insisted while the run was about to end.
+                # A second signal, delivered while the run was ending.
                 raise KeyboardInterrupt(str(interrupted)) from None
             finally:
-                self._spent += time.monotonic() - started
+                self._elapsed += time.monotonic() - started
 
-    def _proceed(self, steps: int | None) -> str | None:
-        """Make some steps, and say why the run is over if it is."""
-        course = self._course
+    def _make_steps(self, steps: int | None) -> str | None:
+        """Make some steps, and return why the run ended, if it did."""
+        generator = self._generator
         try:
             if not self.kernel.has_begun:
-                next(course)
+                next(generator)
             for _ in repeat(None) if steps is None else repeat(None, steps):
-                next(course)
+                next(generator)
         except StopIteration as end:
             return str(end.value)
         return None
 
-    def _cut_off(self, reason: str) -> None:
+    def _end_interrupted(self, reason: str) -> None:
         self._interruption.shield()
         self._announce_end("interrupted", "run", reason, level=Level.WARNING)
         self._end("interrupted", reason)
 
     def _end(self, status: str, ending: str, failure: RunError | None = None) -> None:
-        """Give up all that is under way, and finish the log."""
-        self._abandon(status, ending, failure)
+        """Cancel unfinished turns, and finish the log."""
+        self._shut_down(status, ending, failure)
         if self.recorder:
             now = self.simulation.clock.now
             self.recorder.finish(now, self.done, {"status": status, "steps": self.done, "time": now})
 
-    def _abandon(self, status: str, ending: str, failure: RunError | None = None) -> None:
-        """Give up all that is under way."""
+    def _shut_down(self, status: str, ending: str, failure: RunError | None = None) -> None:
+        """Cancel unfinished turns, and close the connections to other processes."""
         self.status, self.failure = status, failure
-        self._course.close()
+        self._generator.close()
         for scheduler in self.schedulers:
-            # A subscriber that raises now has nothing to end any more.
+            # The run has ended already, so errors of subscribers are ignored.
             with suppress(SubscriberError, LogError):
                 scheduler.end()
         if self._participant:
@@ -331,17 +330,17 @@ class Run:
             self._bridge.close()
         self._workers.close()
 
-    def _give_up(self) -> None:
-        """End the process: somebody insists, and the run does not come to its end."""
-        said = "; the log ends without an outcome" if self.recorder else ""
-        leave(130, f"interrupted again{said}", self.recorder)
+    def _exit_process(self) -> None:
+        """End the process, as the run did not end after a second signal."""
+        note = "; the log ends without an outcome" if self.recorder else ""
+        end_process(130, f"interrupted again{note}", self.recorder)
 
-    def _begin_to_end(self) -> Generator[None, None, str]:
-        """Make the whole run with a pause before each step, and say why it ended where it did.
+    def _run_all(self) -> Generator[None, None, str]:
+        """Make the whole run, yielding before each step; return why it ended.
 
         Raises:
-            RunError: Something went wrong, whatever it was.
-            Interrupted: Somebody ended it.
+            RunError: The run failed.
+            Interrupted: A signal or a time-out ended the run.
             LogError: The log cannot be written.
         """
         simulation = self.simulation
@@ -349,13 +348,13 @@ class Run:
             self._begin()
             yield
             if self._pacer:
-                self._pacer.lead(0)  # the clock on the wall starts
-            over = yield from self.kernel.run(self._instants)
+                self._pacer.lead(0)  # wall time starts here
+            over = yield from self.kernel.run(self._hooks)
             reason = f"{self.done} steps made"
             if over is not None:
                 reason += f"; {over}"
             else:
-                over = self._instants.look_last()
+                over = self._hooks.observe_end()
                 if over is not None:
                     reason += f"; {over}"
                 elif self._options.until is not None:
@@ -377,7 +376,7 @@ class Run:
             raise RunError("run", "symaware", simulation.clock.now, describe(error), error) from error
 
     def _begin(self) -> None:
-        """Let the components take up their work, and enter what is to happen."""
+        """Initialise the components, and queue the first turns and the faults."""
         simulation = self.simulation
         simulation.announce("started", "run", f"{simulation.agent_count} agents, seed {simulation.seed}")
         self._interruption.unshield(watched=False)
@@ -391,20 +390,20 @@ class Run:
                     simulation=simulation,
                     kernel=self.kernel,
                     schedulers=self.schedulers,
-                    motion=self._motion,
+                    motion=self._stepper,
                     observer=self._observer,
                     interruption=self._interruption,
                     pacer=self._pacer,
                     asynchronous=self._options.mode == "asynchronous",
                 )
             )
-            self._waited = time.monotonic() - began
+            self._waiting_time = time.monotonic() - began
         self.kernel.has_begun = True
         self.membership.begin()
         for scheduler in self.schedulers:
             scheduler.begin()
         self._faults.begin()
-        self._motion.announce_contacts()
+        self._stepper.announce_contacts()
 
     def _announce_end(self, name: str, source: str, text: str, level: Level, **data: Any) -> None:
         with suppress(SubscriberError):
@@ -412,6 +411,5 @@ class Run:
         try:
             self.simulation.announce(name, source, text, level=level, **data)
         except SubscriberError:
-            # The run is over, and one subscriber that raises does not keep the others, the recorder among them,
-            # from being told.
+            # The bus calls all other subscribers first, the recorder among them; the run has ended anyway.
             return

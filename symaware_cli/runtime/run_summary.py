@@ -1,4 +1,4 @@
-"""What there is to say about a run when it is over."""
+"""The summary of a run: status, durations, contacts, separation, risk, goals, warnings, specifications."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Extreme:
-    """A greatest or least value: how much, when and whose.
+    """The greatest or least value of a quantity in a run.
 
     Attributes:
         value: The value.
-        time: Simulated time [s].
-        who: The agents concerned.
+        time: The simulated time at which it occurred [s].
+        who: The ids of the agents concerned.
     """
 
     value: float
@@ -44,27 +44,27 @@ class RunSummary:
         name: The scenario's name.
         seed: The seed in force.
         status: ``finished``, ``failed`` or ``interrupted``.
-        agents: How many agents took part.
-        steps: How many steps were made.
+        agents: The number of agents that took part.
+        steps: The number of steps made.
         simulated_time: Simulated time that passed [s].
         wall_time: Wall time that passed [s].
         updates: Rows of awareness, control and knowledge that were recorded.
-        contacts: How many contacts began.
-        minimum_separation: The least distance between the outlines of two agents at any step, negative where they
+        contacts: The number of contacts that began.
+        minimum_separation: The least distance between the outlines of two agents at any step, negative if they
             overlapped [m].
-        highest_risk: The greatest risk that an agent saw.
-        goals_reached: The agents that reached the goal that they have at the end, sorted.
+        highest_risk: The greatest risk that an agent estimated.
+        goals_reached: The ids of the agents that reached their final goals, sorted.
         log: The log's path, if there is one.
-        log_size: Its size in bytes.
+        log_size: The log's size in bytes.
         failure: Why the run failed, if it did.
-        traceback: Where, if an exception was the cause.
-        turns: How many turns the components took, all in all.
-        overruns: How many turns were due while the one before still computed.
-        failures: How many times a component failed without ending the run.
-        warnings: How many events of the level `Level.WARNING` agents and their components fired, by name; sorted.
-        pace: How well the pace was kept, if one was asked for.
-        began: The simulated time at which this process began to take part [s].
-        specifications: What has become of the specifications, in the scenario's order.
+        traceback: The traceback, if an exception was the cause.
+        turns: The total number of turns of all components.
+        overruns: The number of turns that were due while the previous one still computed.
+        failures: The number of failures of components that did not end the run.
+        warnings: The number of events of the level `Level.WARNING` from agents and their components, by name; sorted.
+        pace: How well the pace was kept, if one was requested.
+        began: The simulated time at which this process joined the run [s].
+        specifications: The outcomes of the specifications, in the scenario's order.
     """
 
     name: str
@@ -98,7 +98,7 @@ class RunSummary:
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated time for each second of wall time."""
+        """Simulated seconds per second of wall time."""
         return (self.simulated_time - self.began) / self.wall_time if self.wall_time > 0 else math.inf
 
     def to_json(self) -> dict[str, Any]:
@@ -107,13 +107,13 @@ class RunSummary:
 
 
 class Observer:
-    """Watches a run for what the summary tells.
+    """Collects the figures of the summary during a run.
 
     Attributes:
-        contacts: How many contacts began.
-        goals: The agents that reached the goal that they have.
-        warnings: How many warnings of each name came from agents and their components.
-        reported: The greatest risk that each other process reported last, and who sees it.
+        contacts: The number of contacts that began.
+        goals: The ids of the agents that have reached their present goals.
+        warnings: The number of warnings from agents and their components, by name.
+        reported: The greatest risk that each other process reported last, with the id of the agent that estimates it.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -135,7 +135,7 @@ class Observer:
         self._risk: Extreme | None = None
         simulation.events.subscribe("contact", self._on_contact)
         simulation.events.subscribe("goal-reached", self._on_goal)
-        simulation.events.subscribe("goal-changed", self._on_other_goal)
+        simulation.events.subscribe("goal-changed", self._on_goal_changed)
         simulation.events.subscribe("*", self._on_event)
 
     def _on_contact(self, event: Event) -> None:
@@ -145,23 +145,23 @@ class Observer:
     def _on_goal(self, event: Event) -> None:
         self.goals.add(_agent(event))
 
-    def _on_other_goal(self, event: Event) -> None:
+    def _on_goal_changed(self, event: Event) -> None:
         self.goals.discard(_agent(event))
 
     def _on_event(self, event: Event) -> None:
         if event.level is Level.WARNING and event.source.startswith("agents."):
             self.warnings[event.name] += 1
 
-    def look(self, now: int) -> None:
-        """Take note of what the world and the agents are like now."""
+    def sample(self, now: int) -> None:
+        """Sample the distances and risks of the present instant."""
         if self._simulation.agent_count > 1:
-            self._look_at_distances(now)
+            self._sample_distances(now)
         peak = self.peak()
         if peak is not None and (self._risk is None or peak[0] > self._risk.value):
             self._risk = Extreme(peak[0], seconds(now), (peak[1],))
 
     def peak(self) -> tuple[float, str] | None:
-        """The greatest risk that an agent sees now, and the first in the roster that does; None if nobody sees any."""
+        """The greatest risk that an agent estimates now, and the first such agent in the roster; None without risks."""
         peaks = [
             (peak[0], group.ids[peak[1]])
             for group in self._simulation.groups
@@ -172,9 +172,9 @@ class Observer:
         index = self._environment.roster.index
         return max((*peaks, *self.reported.values()), key=lambda each: (each[0], -index(each[1])), default=None)
 
-    def _look_at_distances(self, now: int) -> None:
+    def _sample_distances(self, now: int) -> None:
         snapshot = self._environment.snapshot()
-        # Headings are looked up only where they count.
+        # Headings are looked up only if a body has corners.
         headings = snapshot.headings if self._bodies.any_cornered else self._no_headings
         found = self._bodies.nearest(snapshot.positions, headings, self._environment.proximity, self._separation)
         if found is not None:
@@ -218,23 +218,23 @@ def summarise(
     failure: RunError | None = None,
     specifications: tuple[Outcome, ...] = (),
 ) -> RunSummary:
-    """The figures of a run.
+    """Create the summary of a run.
 
     Args:
-        simulation: What ran.
-        observer: Who watched it.
-        recorder: Who wrote it down, if somebody did.
+        simulation: The simulation.
+        observer: The figures collected during the run.
+        recorder: The recorder of the log, if there is one.
         status: See `RunSummary`.
-        agents: How many were ever in the world.
-        turns: See there, as for the next two.
-        overruns: See there.
-        failures: See there.
-        steps: How many were made.
+        agents: The number of agents that were ever in the world.
+        turns: See `RunSummary`.
+        overruns: See `RunSummary`.
+        failures: See `RunSummary`.
+        steps: See `RunSummary`.
         began: The first instant, in nanoseconds.
-        wall_time: How long it took [s].
+        wall_time: The duration of the run [s].
         pace: See `RunSummary`.
-        failure: Why it failed, if it did.
-        specifications: See `Summary`.
+        failure: Why the run failed, if it did.
+        specifications: See `RunSummary`.
     """
     return RunSummary(
         name=simulation.name,

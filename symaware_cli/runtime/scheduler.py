@@ -1,4 +1,4 @@
-"""The turn scheduler: when the components of one entry of one group take their turns, and in which way."""
+"""The turn scheduler: runs the turns of one component entry at steps, periods, events or conditions."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from symaware_cli.world.chance import key_of
 
 
 class TurnScheduler:
-    """Lets the components of one entry take their turns.
+    """Runs the turns of the components of one entry.
 
-    A row here is that of a component: of an agent, or 0 where one component serves the whole group. In the queue there
-    are, at its place, entries of these kinds:
+    A row is that of a component: the row of its agent, or 0 for a group component. Its queue entries, at its place, are
+    of these kinds:
 
-    ``period``: the next turn of a period; the payload has its rows, None for all, and its number in the timetable.
-    ``trigger``: turns that events ask for; the payload is the set of the agents concerned, which grows until then.
-    ``again``: the next turn of a component that takes one after the other; no payload.
+    ``period``: the next periodic turn; the payload is its rows, None for all, and its number in the timetable.
+    ``trigger``: turns triggered by events; the payload is the set of agents concerned, which grows until the turn.
+    ``again``: the next turn of a component with the period 0; no payload.
     ``update`` and ``resume``: see `DelayedTurns` and `CoroutineTurns`.
 
     Attributes:
-        entry: Whose turns they are.
-        place: Its position among all entries.
-        turns: How many turns were taken, each component's counted.
-        overruns: How many were due while the one before still computed.
-        supervision: Who takes no part at present, and what faults make of the others.
+        entry: The component entry.
+        place: Its index among all entries.
+        turns: The number of turns taken by all components of the entry.
+        overruns: The number of turns that were due while the previous one still computed.
+        supervision: Suspended agents, and the effects of faults.
     """
 
     def __init__(
@@ -60,18 +60,18 @@ class TurnScheduler:
         isolate: Isolate,
         awaiter: Awaiter | None,
     ) -> None:
-        """Prepare; `begin` enters the first turns.
+        """Prepare; `begin` queues the first turns.
 
         Args:
-            simulation: What runs.
-            entry: Whose turns they are.
-            place: Its position among all entries.
-            queue: Where turns are entered.
-            router: Where triggers are heard.
-            interruption: Holds signals back.
-            workers: Where components compute that have a process of their own.
+            simulation: The simulation.
+            entry: The component entry.
+            place: Its index among all entries.
+            queue: The queue for turns.
+            router: Connects triggers with events.
+            interruption: Defers signals.
+            workers: Run the computations of components with `run_in: process`.
             isolate: Takes agents out of the run.
-            awaiter: What components may wait for within their turns; None where they may not.
+            awaiter: Converts awaited objects into conditions; None if turns may not wait.
         """
         self.entry = entry
         self.place = place
@@ -81,7 +81,7 @@ class TurnScheduler:
         self._timing = entry.timing
         self._group = entry.group
         self._is_group = isinstance(entry.components[0], GroupComponent)
-        self._written = entry.group.control_column, entry.group.awareness.state_column
+        self._columns = entry.group.control_column, entry.group.awareness.state_column
         self._row_of = {id: row for row, id in enumerate(entry.group.ids)}
         self._queue = queue
         self._router = router
@@ -89,22 +89,22 @@ class TurnScheduler:
         self._workers = workers
         self._scope = ConditionScope(entry.group) if self._timing.condition else None
         self._progress = TurnsInProgress()
-        #: How many turns of each row were put off, and who is to take one that an event asked for.
+        #: The number of postponed turns of each row, and the agents of the queued triggered turn.
         self._backlog: Counter[int] = Counter()
-        self._called: set[int] | None = None
-        self.supervision = Supervision(simulation, entry, self._review)
+        self._triggered: set[int] | None = None
+        self.supervision = Supervision(simulation, entry, self._update_flags)
         self._guard = Guard(simulation, entry, self.supervision, interruption, isolate, self.restart)
         common = simulation, entry, place, queue, self._guard, self._progress
-        self._delayed = DelayedTurns(*common, workers, self._over)
+        self._delayed = DelayedTurns(*common, workers, self._on_turn_done)
         self._coroutines: CoroutineTurns | None = None
         if awaiter is not None and any(is_coroutine(each) for each in entry.components):
-            self._coroutines = CoroutineTurns(*common, awaiter, self._over)
-        queue.register(place, {"period": self._on_period, "trigger": self._on_called, "again": self._on_again})
+            self._coroutines = CoroutineTurns(*common, awaiter, self._on_turn_done)
+        queue.register(place, {"period": self._on_period, "trigger": self._on_triggered_turn, "again": self._on_again})
         self._timetables: dict[int, Timetable] = {}
-        self._review()
+        self._update_flags()
 
-    def _review(self) -> None:
-        """Find out whether there is nothing to think of but computing and updating."""
+    def _update_flags(self) -> None:
+        """Determine whether turns are plain, that is, nothing but computing and updating."""
         timing, supervision = self._timing, self.supervision
         self._takes_time = supervision.slows_down or not timing.latency.is_zero or timing.in_process
         self._plain = (
@@ -119,16 +119,16 @@ class TurnScheduler:
 
     @property
     def failures(self) -> int:
-        """How many components failed without ending the run."""
+        """The number of failures that did not end the run."""
         return self._guard.failures
 
     @property
     def is_steady(self) -> bool:
-        """Whether it takes its turns at each step of the world, for the kernel to see to."""
+        """Whether there is a turn at each step of the world, which the kernel calls directly."""
         return self._timing.is_steady(self._simulation.environment.time_step)
 
     def begin(self) -> None:
-        """Enter the first turns in the queue, and listen for what triggers further ones."""
+        """Queue the first turns, and subscribe to the trigger's event."""
         timing, queue = self._timing, self._queue
         if timing.trigger is not None:
             self._router.connect(timing.trigger.event, timing.trigger.source, self._on_trigger)
@@ -145,7 +145,7 @@ class TurnScheduler:
             self._enter_turn([row], 0, queue.clock.now)
 
     def _enter_turn(self, rows: Sequence[int] | None, number: int, earliest: int) -> None:
-        """Enter the next turn of a period; those that a run has missed that joined late are left out."""
+        """Queue the next periodic turn; turns that were due before this process joined the run are skipped."""
         row = rows[0] if rows else 0
         turn = self._timetables[row].turn(number, earliest)
         if turn is not None:
@@ -153,25 +153,25 @@ class TurnScheduler:
             self._queue.put(time, self.place, Phase.TURN, row, "period", (rows, number))
 
     def _on_period(self, row: int, payload: tuple[Sequence[int] | None, int]) -> None:
-        """Take a turn, and enter the next one before: what the turn causes comes behind."""
+        """Queue the next turn, then take this one: entries made by the turn follow the next one."""
         rows, number = payload
         self._enter_turn(rows, number + 1, self._queue.clock.now + 1)
         self.take(rows)
 
     def _on_trigger(self, event: Event) -> None:
-        """Enter a turn for those whom an event concerns; one turn, however many events fire before it."""
+        """Queue a turn for the agents that an event concerns; one turn, even if several events fire before it."""
         trigger = self._timing.trigger
         assert trigger is not None
         agents = concerned(event, trigger, self._group.name, self._row_of)
         if not agents:
             return
-        if self._called is None:
-            self._called = set()
-            self._queue.put(self._queue.clock.now, self.place, Phase.TURN, 0, "trigger", self._called)
-        self._called.update(agents)
+        if self._triggered is None:
+            self._triggered = set()
+            self._queue.put(self._queue.clock.now, self.place, Phase.TURN, 0, "trigger", self._triggered)
+        self._triggered.update(agents)
 
-    def _on_called(self, row: int, called: set[int]) -> None:
-        self._called = None
+    def _on_triggered_turn(self, row: int, called: set[int]) -> None:
+        self._triggered = None
         agents = sorted(called)
         if not self._is_group:
             self.take(agents)
@@ -187,22 +187,22 @@ class TurnScheduler:
         self.take([row])
 
     def take(self, rows: Sequence[int] | None = None) -> None:
-        """Let the components of some rows, or of all, take a turn.
+        """Take a turn with the components of some rows, or of all.
 
         Raises:
-            RunError: One failed, and that ends the run.
+            RunError: A component failed, and that ends the run.
         """
         if not self._plain:
             self._take_each(range(len(self.entry.components)) if rows is None else rows)
             return
-        # One after the other, with nothing to think of: the hot loop.
+        # The hot loop: plain turns, one after the other.
         entry, interruption = self.entry, self._interruption
         component = entry.components[0]
         update, value = None, None
         interruption.unshield()
         try:
             if entry.turns and not self._simulation.events.turns_wanted:
-                # What compute_and_update does where nobody listens, for half its price.
+                # The same as `compute_and_update` without subscribers, in half the time.
                 turns = entry.turns if rows is None else [entry.turns[row] for row in rows]
                 self.turns += len(turns)
                 for component, compute, update in turns:  # noqa: B007 (tells which one raised)
@@ -221,24 +221,24 @@ class TurnScheduler:
             raise self._guard.failure(component, describe(error), error) from error
         finally:
             interruption.shield()
-        control, state = self._written
+        control, state = self._columns
         if control.fresh or state.fresh:
             self._guard.check(None)
 
     def _take_each(self, rows: Iterable[int]) -> None:
-        """Some components, each looked at by itself."""
-        rows = [row for row in rows if self._may(row)]
+        """Take a turn with some components, each treated separately."""
+        rows = [row for row in rows if self._is_ready(row)]
         if not rows:
             return
         self.turns += len(rows)
         guard = self._guard
-        before = guard.present()
+        before = guard.snapshot()
         if self._coroutines is not None:
             self._coroutines.take(rows)
         elif self._takes_time:
             self._delayed.take(rows)
         else:
-            with self.supervision.watched():
+            with self.supervision.supervised():
                 for row in rows:
                     component = self.entry.components[row]
                     with in_turn(component, self._progress.begin(row, self._queue.clock.now)):
@@ -247,13 +247,13 @@ class TurnScheduler:
         if self._timing.period == 0:
             for row in rows:
                 if row not in self._progress:
-                    self._again(row, self._queue.clock.now)
+                    self._enter_next(row, self._queue.clock.now)
 
-    def _may(self, row: int) -> bool:
-        """Whether a component takes a turn that is due."""
-        if self.supervision.keeps_off(row):
+    def _is_ready(self, row: int) -> bool:
+        """Whether a component can take a turn that is due; otherwise handle the overrun or the waiting."""
+        if self.supervision.suspends(row):
             return False
-        if not self._holds(row):
+        if not self._condition_holds(row):
             if self._timing.period == 0:
                 self._wait_for_step(row)
             return False
@@ -262,17 +262,17 @@ class TurnScheduler:
         self._overrun(row)
         return False
 
-    def _holds(self, row: int) -> bool:
-        """Whether the condition holds; for a component of the whole group, for any of its agents."""
+    def _condition_holds(self, row: int) -> bool:
+        """Whether the condition holds; for a group component, whether it holds for any of its agents."""
         scope, condition = self._scope, self._timing.condition
         if scope is None or condition is None:
             return True
-        off = self.supervision.off
-        rows = [each for each in range(len(self._group)) if each not in off] if self._is_group else [row]
+        suspended = self.supervision.suspended
+        rows = [each for each in range(len(self._group)) if each not in suspended] if self._is_group else [row]
         try:
             return any(condition.holds(partial(scope.look_up, each)) for each in rows)
         except EvaluationError as error:
-            self._guard.fail(row, self._guard.failure(self.entry.components[row], str(error), error))
+            self._guard.handle_failure(row, self._guard.failure(self.entry.components[row], str(error), error))
             return False
 
     def _overrun(self, row: int) -> None:
@@ -282,96 +282,98 @@ class TurnScheduler:
         text = f"a turn is due while the one before still computes; it {done}"
         self._simulation.announce("overrun", component.path, text, level=Level.WARNING, overrun=overrun)
         if overrun == "fail":
-            self._guard.fail(row, self._guard.failure(component, "a turn was due while the one before still computed"))
+            self._guard.handle_failure(
+                row, self._guard.failure(component, "a turn was due while the one before still computed")
+            )
         elif overrun == "queue":
             self._backlog[row] += 1
 
-    def _over(self, row: int) -> None:
-        """A turn that took time is over: take the ones that were put off, or the next one."""
+    def _on_turn_done(self, row: int) -> None:
+        """After a turn that took time, take a postponed turn or queue the next one."""
         if self._backlog[row]:
             self._backlog[row] -= 1
             self._take_each([row])
         elif self._timing.period == 0:
-            self._again(row, self._queue.clock.now)
+            self._enter_next(row, self._queue.clock.now)
 
-    def _again(self, row: int, time: int) -> None:
+    def _enter_next(self, row: int, time: int) -> None:
         self._queue.put(time, self.place, Phase.TURN, row, "again")
 
     def _wait_for_step(self, row: int) -> None:
-        """What takes turn after turn looks at a condition that does not hold once a step."""
+        """Queue a component with the period 0 at the next step, as its condition does not hold or it was restarted."""
         step = self._simulation.environment.time_step
-        self._again(row, (self._queue.clock.now // step + 1) * step)
+        self._enter_next(row, (self._queue.clock.now // step + 1) * step)
 
     def restart(self, row: int) -> None:
-        """Give up what a component is doing and let it begin anew.
+        """Cancel the turn of a component and initialise it again.
 
         Raises:
-            RunError: It cannot.
+            RunError: Its initialisation failed.
         """
         component, tried = self.entry.components[row], self._guard.tries[row]
-        self._renew(row)
+        self._reinitialise(row)
         tries = f", for the {_ordinal(tried)} of {self._timing.tries} times" if tried else ""
         self._simulation.announce("restarted", component.path, f"begins anew{tries}", level=Level.WARNING)
         if self._timing.period == 0:
             self._wait_for_step(row)
 
     def enter(self, agent: int) -> None:
-        """Let the component of an agent that enters take up its work; one of the whole group goes on.
+        """Initialise the component of an agent that enters; a group component continues.
 
         Raises:
-            RunError: It cannot.
+            RunError: Its initialisation failed.
         """
         if self._is_group:
             return
-        self._renew(agent)
+        self._reinitialise(agent)
         if self._timing.period == 0:
             self._wait_for_step(agent)
 
-    def _renew(self, row: int) -> None:
-        self._give_up(row)
+    def _reinitialise(self, row: int) -> None:
+        self._cancel_turn(row)
         if self._timing.in_process:
             self._workers.restart(self.entry, row)
         self.entry.initialise_one(row, self._simulation.clock.now)
 
     def hold(self, agent: int) -> None:
-        """Let an agent take no part until it is released as often as it was held."""
+        """Suspend an agent until it is released as often as it was held."""
         self.supervision.hold(agent)
         if not self._is_group:
-            self._give_up(agent)
+            self._cancel_turn(agent)
 
     def leave(self, agent: int) -> None:
-        """Let an agent take no part here, as it runs in another process."""
-        self.supervision.away.add(agent)
+        """Suspend an agent, as it runs in another process."""
+        self.supervision.remote.add(agent)
         self.hold(agent)
 
     def release(self, agent: int) -> None:
-        """Let an agent take part again, unless there are other reasons against it."""
+        """Resume an agent, unless there are other reasons to suspend it."""
         self.supervision.release(agent)
 
-    def begin_anew(self, agents: Sequence[int]) -> None:
-        """Restart the components of some agents; one that serves the whole group only if it is for all of them."""
+    def restart_agents(self, agents: Sequence[int]) -> None:
+        """Restart the components of some agents; a group component only if these are all its agents."""
         if not self._is_group:
             for row in agents:
                 self.restart(row)
         elif len(agents) == len(self._group):
             self.restart(0)
 
-    def _give_up(self, row: int) -> None:
+    def _cancel_turn(self, row: int) -> None:
         self._backlog.pop(row, None)
-        turn = self._progress.give_up(row)
+        turn = self._progress.pop(row)
         if self._coroutines is not None:
-            self._coroutines.give_up(turn)
+            self._coroutines.cancel(turn)
 
     def end(self) -> list[str]:
-        """Give up all that is under way, and name what was waited for without an end in sight."""
+        """Cancel all unfinished turns, and describe those that awaited something that may never happen."""
         waiting = self._coroutines.waiting if self._coroutines is not None else []
         for row in self._progress.rows:
-            self._give_up(row)
+            self._cancel_turn(row)
         return waiting
 
 
 def _is_raised_in(method: Any, error: Exception) -> bool:
-    """Whether an exception came out of a method that was called where it is caught."""
+    """Whether an exception was raised within a method called directly by the function that catches it."""
     trace = error.__traceback__ and error.__traceback__.tb_next
     return trace is not None and trace.tb_frame.f_code is method.__code__
 

@@ -1,4 +1,4 @@
-"""A run that is ready to begin: agents, components and world, brought together."""
+"""The simulation: agent groups, components, environment and message exchange, connected and ready to run."""
 
 from __future__ import annotations
 
@@ -30,20 +30,21 @@ from symaware_cli.runtime.timing import STEADY, Timing
 from symaware_cli.runtime.turn import in_turn
 from symaware_cli.world.chance import Turn
 
-#: The links that began or ended are named in the event if they are no more than this.
+#: The greatest number of changed links for which the event names each link.
 _MOST_LINKS_NAMED = 40
 
 
 class ComponentEntry:
-    """One component entry of one group: an instance for each agent, or one for all of them.
+    """One component entry of one group: an instance for each agent, or a single group component.
 
     Attributes:
         group: The group.
         name: The entry's key in the scenario.
         use: The plugin's entry-point name.
-        components: The instances, by row; a single one where it is a group component.
+        components: The instances, by row; one for a group component.
         timing: When they take their turns.
-        turns: Each instance with its two methods, for the hot loop; empty where a turn is not just the two.
+        turns: Each instance with its compute and update methods, for the hot loop; empty if `compute_and_update` is
+            overridden.
     """
 
     __slots__ = ("components", "group", "name", "path", "timing", "turns", "use")
@@ -76,41 +77,41 @@ class ComponentEntry:
 
     @property
     def kinds(self) -> frozenset[str] | None:
-        """The kinds of messages that they read; None for whatever nobody asks for."""
+        """The kinds of messages that they read; None for all kinds that no component requests."""
         first = self.components[0]
         if isinstance(first, CommunicationReceiver | GroupCommunicationReceiver) and first.kinds is not None:
             return frozenset(first.kinds)
         return None
 
     def initialise(self) -> None:
-        """Let every instance take up its work.
+        """Initialise every instance.
 
         Raises:
-            RunError: One raised.
+            RunError: An instance raised an exception.
         """
         for row in range(len(self.components)):
             self.initialise_one(row, 0)
 
     def initialise_one(self, row: int, now: int) -> None:
-        """Let one instance take up its work, at the start or anew.
+        """Initialise one instance, at the start or again.
 
         Args:
-            row: Which one.
-            now: When, in nanoseconds.
+            row: The instance's row.
+            now: The present time in nanoseconds.
 
         Raises:
-            RunError: It raised.
+            RunError: The instance raised an exception.
         """
         component = self.components[row]
         try:
             with in_turn(component, Turn(now, -1)):
-                self._take_up(component, row)
+                self._initialise_instance(component, row)
         except (SubscriberError, Interrupted):
             raise
         except BaseException as error:
             raise RunError(component.path, self.use, now, describe(error), error) from error
 
-    def _take_up(self, component: Component | GroupComponent, row: int) -> None:
+    def _initialise_instance(self, component: Component | GroupComponent, row: int) -> None:
         if isinstance(component, GroupComponent):
             component.initialise_component(self.group)
         else:
@@ -119,17 +120,17 @@ class ComponentEntry:
 
 
 class Simulation:
-    """Everything that a run consists of.
+    """The objects of one run.
 
     Attributes:
         name: The scenario's name.
         seed: The seed in force.
-        environment: The world.
-        groups: The groups of agents, by name, so that their order in a file changes nothing.
-        entries: The components in execution order: groups by name, components in declared order.
+        environment: The environment.
+        groups: The groups of agents, sorted by name, so that their order in a file has no effect.
+        entries: The component entries in execution order: groups by name, components in declared order.
         clock: Simulated time.
-        events: Who is told of what happens.
-        exchange: What carries messages.
+        events: The event bus.
+        exchange: The message exchange.
     """
 
     def __init__(
@@ -162,8 +163,8 @@ class Simulation:
         self.exchange = MessageExchange(
             environment.roster.ids,
             listening,
-            on_traffic=self._passed,
-            on_change=self._relinked,
+            on_traffic=self._announce_traffic,
+            on_change=self._announce_link_change,
             seed=seed,
             time_step=environment.time_step,
         )
@@ -180,14 +181,14 @@ class Simulation:
 
     @property
     def agent_count(self) -> int:
-        """How many agents there are, whether they are in the world at present or not."""
+        """The number of agents, present or absent."""
         return len(self.environment.roster)
 
     def initialise(self) -> None:
-        """Let all components take up their work.
+        """Initialise all components.
 
         Raises:
-            RunError: One raised.
+            RunError: A component raised an exception.
         """
         self.exchange.renew_links()
         for entry in self.entries:
@@ -196,29 +197,29 @@ class Simulation:
             self.announce("initialised", entry.path)
 
     def announce(self, name: str, source: str, text: str = "", *, level: Level = Level.INFO, **data: object) -> None:
-        """Fire an event on behalf of the run; one that recurs only if somebody listens."""
+        """Fire an event on behalf of the run; a recurring event only if it has subscribers."""
         if name in self.events.wanted or name not in RECURRING:
             self.events.fire(Event(name, source, self.clock.now, level, text, data, self, self.agent_of(source)))
 
     def agent_of(self, source: str) -> str | None:
-        """The id of the agent that a path is of, or of one of its components; None where it is another's."""
+        """The id of the agent that a path denotes, or whose component it denotes; None for other paths."""
         path = source.removeprefix("agents.")
         ids = self._ids
         return path if path in ids else owner if (owner := path.rpartition(".")[0]) in ids else None
 
     def connect(self, network: Network) -> None:
-        """Let messages go over a network, instead of from everybody to everybody at once."""
-        network.on_failure = self._blame_topology
+        """Send messages over a network, instead of directly and without delay between all agents."""
+        network.on_failure = self._raise_topology_failure
         self.exchange.network = network
 
-    def _blame_topology(self, phase: TopologyPhase, error: BaseException) -> NoReturn:
-        """Take the failure of a topology for that of the run."""
+    def _raise_topology_failure(self, phase: TopologyPhase, error: BaseException) -> NoReturn:
+        """Raise the failure of a topology as a failure of the run."""
         if isinstance(error, Interrupted):
             raise error
         raise RunError(phase.source, phase.use, self.clock.now, describe(error), error) from error
 
-    def _passed(self, traffic: Traffic) -> None:
-        """Tell of messages all at once, and of each of them only where somebody listens."""
+    def _announce_traffic(self, traffic: Traffic) -> None:
+        """Fire one event for a batch of messages, and one for each message if that event has subscribers."""
         now, wanted = self.clock.now, self.events.wanted
         if "traffic" in wanted:
             self.events.fire(Event("traffic", "exchange", now, subject=traffic))
@@ -230,15 +231,15 @@ class Simulation:
             text, data = (f"lost by `{reason}`", {"reason": reason}) if reason else ("", {})
             self.events.fire(Event(name, f"agents.{agent}", now, text=text, data=data, subject=message, agent=agent))
 
-    def _relinked(self, change: Change) -> None:
-        """Tell that links have changed."""
+    def _announce_link_change(self, change: Change) -> None:
+        """Fire an event for changed links."""
         text = f"{change.links} links"
         if change.begun or change.ended:
             text += f": {len(change.begun)} new, {len(change.ended)} no more"
         data: dict[str, object] = {"links": change.links, "begun": len(change.begun), "ended": len(change.ended)}
         if len(change.begun) + len(change.ended) <= _MOST_LINKS_NAMED:
             data |= {"begun": [list(each) for each in change.begun], "ended": [list(each) for each in change.ended]}
-        # Of what moves there is always something new, and few want to read of all of it.
+        # Links between moving agents change all the time, which few readers want to see.
         level = Level.WARNING if change.breaks else Level.DEBUG if change.moves else Level.INFO
         if change.parts is not None:
             data["parts"] = change.parts

@@ -1,4 +1,4 @@
-"""What each instant of a run calls for beside the turns: messages, the log, the pace, and the world."""
+"""The actions of a run at each instant besides turns: messages, recording, pacing, monitoring, environment steps."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ class SimulationHooks:
     """The hooks of a kernel that runs a simulation.
 
     Attributes:
-        imposed: Control inputs that stand in for what the components of a group request, whatever that is: which rows,
-            and what for each row of the group.
+        imposed: Control inputs that override what the components of a group request: a mask of the rows, and the values
+            for all rows of the group.
     """
 
     def __init__(
         self,
         simulation: Simulation,
         kernel: Kernel,
-        motion: EnvironmentStepper,
+        stepper: EnvironmentStepper,
         observer: Observer,
         membership: Membership,
         interruption: Interruption,
@@ -62,25 +62,25 @@ class SimulationHooks:
         """Prepare.
 
         Args:
-            simulation: What runs.
-            kernel: Whose hooks these are.
-            motion: What the world does.
-            observer: Watches the run for what the summary tells.
+            simulation: The simulation to run.
+            kernel: The kernel that calls these hooks.
+            stepper: Steps the environment.
+            observer: Collects the figures of the summary.
             membership: Lets agents enter and leave.
-            interruption: Holds signals back.
+            interruption: Defers signals.
             is_asynchronous: Whether there may be instants between the steps.
-            until: The run ends with the first step after whose turns this holds.
-            recorder: Writes the run down; None where nobody does.
-            pacer: What ties simulated time to wall time; None where nothing does.
-            bridge: Turns asyncio's loop while there is nothing else to do; None where there is none.
-            specifications: Monitors what is to hold.
-            sharing: The other processes of the run; None where it is alone.
-            on_progress: Called now and then with simulated time in nanoseconds.
+            until: The run ends with the first step after whose turns this condition holds.
+            recorder: Writes the log; None without a log.
+            pacer: Ties simulated time to wall time; None to run as fast as possible.
+            bridge: Runs asyncio's loop while the run waits for wall time; None without asyncio.
+            specifications: Monitors the specifications.
+            sharing: The role of this process in a run of several processes; None in a run of one process.
+            on_progress: Called at intervals of wall time with simulated time in nanoseconds.
         """
         self.imposed: dict[AgentGroup, tuple[NDArray[np.bool_], Array]] = {}
         self._simulation = simulation
         self._kernel = kernel
-        self._motion = motion
+        self._stepper = stepper
         self._observer = observer
         self._membership = membership
         self._world = WorldScope(simulation, observer)
@@ -94,9 +94,9 @@ class SimulationHooks:
         self._specifications = specifications
         self._on_progress = on_progress
         self._progress_due = 0.0
-        #: What was sent and delivered when it was last asked when the next message arrives, and the answer.
+        #: The exchange's counter when the arrival of the next message was last looked up, and that arrival.
         self._sent, self._arrival = -1, math.inf
-        #: What control inputs were as the step began that the world is making; None where nothing comes in between.
+        #: The control inputs at the start of the present step; None if it has no further instants.
         self._latched: list[tuple[Column, Array]] | None = None
 
     def begin(self, now: int, is_step: bool) -> None:
@@ -105,7 +105,7 @@ class SimulationHooks:
         if "iterating" in simulation.events.wanted:
             simulation.announce("iterating", "run")
         if is_step and self._membership.is_open:
-            self._membership.look(now)
+            self._membership.update(now)
         if is_step or self._arrival <= now:
             simulation.exchange.deliver(now)
             self._sent = -1
@@ -115,11 +115,11 @@ class SimulationHooks:
             self._sharing.arrived()
 
     def settle(self) -> bool:
-        """Let messages go on their way."""
+        """Send the messages of this round."""
         return self._simulation.exchange.flush()
 
     def end(self, now: int, is_step: bool) -> str | None:
-        """Record what changed, and look whether the run is over."""
+        """Record what changed; return why the run ends, if it does."""
         simulation, until = self._simulation, self._until
         if self.imposed:
             self._impose()
@@ -130,7 +130,7 @@ class SimulationHooks:
         if self._sharing:
             self._sharing.acted()
         if is_step:
-            self._observer.look(now)
+            self._observer.sample(now)
             ending = self._specifications.look(now)
             if ending is not None:
                 return ending
@@ -143,11 +143,11 @@ class SimulationHooks:
         return None
 
     def await_next(self, upcoming: int) -> int:
-        """Messages arrive at instants of their own in the asynchronous mode; sleep where there is a pace to be kept."""
+        """Wait for the next instant; in the asynchronous mode, the arrival of a message is an instant as well."""
         if self._is_asynchronous:
             exchange = self._simulation.exchange
             if exchange.sent != self._sent:
-                # Only what was sent or delivered changes which is next.
+                # The next arrival changes only when messages are sent or delivered.
                 arrival = exchange.next_time
                 self._sent, self._arrival = exchange.sent, math.inf if arrival is None else arrival
             if self._arrival < upcoming:
@@ -155,33 +155,33 @@ class SimulationHooks:
         return self._sleep(self._pacer, upcoming) if self._pacer else upcoming
 
     def pause(self) -> None:
-        """Keep the control inputs: the world moves under what was requested when its step began."""
+        """Keep the control inputs: the environment applies those requested at the start of the step."""
         self._latched = [(group.control_column, group.control_input) for group in self._simulation.groups]
 
     def step(self, upcoming: int) -> str | None:
-        """Move the world, under what was requested when its step began."""
+        """Step the environment with the control inputs requested at the start of the step."""
         present = [(column, column.exchange(values)) for column, values in self._latched or ()]
         try:
             if self._sharing:
                 return self._sharing.step()
-            self._motion.step()
+            self._stepper.step()
             return None
         finally:
             for column, values in present:
                 column.exchange(values)
 
     def stepped(self) -> None:
-        """Look at what came of it."""
+        """Check the new state of the environment, and announce contacts and progress."""
         simulation = self._simulation
-        self._motion.check()
-        self._motion.announce_contacts()
+        self._stepper.check()
+        self._stepper.announce_contacts()
         if "stepped" in simulation.events.wanted:
             simulation.announce("stepped", "environment")
         if self._on_progress:
             self._progress(simulation.clock.now)
 
     def _impose(self) -> None:
-        """Put control inputs in the place of those that components have requested."""
+        """Replace the control inputs that components have requested by the imposed ones."""
         for group, (rows, values) in self.imposed.items():
             requested = group.control_input
             if not np.array_equal(requested[rows], values[rows]):
@@ -194,7 +194,7 @@ class SimulationHooks:
             raise RunError("run.until", "symaware", self._simulation.clock.now, str(error), error) from error
 
     def _sleep(self, pacer: Pacer, upcoming: int) -> int:
-        """Wait until it is time for an instant, or for an earlier one at which something outside is done."""
+        """Wait until it is time for an instant, or until an asyncio future is done; return the resulting instant."""
         bridge, clock = self._bridge, self._simulation.clock
         self._interruption.unshield(watched=False)
         try:
@@ -204,7 +204,7 @@ class SimulationHooks:
             while True:
                 lead = pacer.lead(upcoming)
                 ready = bridge.wait(lead)
-                self._interruption.unshield(watched=False)  # asyncio keeps what a signal raises in its callbacks
+                self._interruption.unshield(watched=False)  # asyncio swallows exceptions raised in its callbacks
                 if ready:
                     now = min(max(pacer.simulated(), clock.now + 1), upcoming)
                     for call in ready:
@@ -216,10 +216,10 @@ class SimulationHooks:
         finally:
             self._interruption.shield()
 
-    def look_last(self) -> str | None:
-        """Take note of how the world and the agents are at the end, and say what that violates that ends the run."""
+    def observe_end(self) -> str | None:
+        """Observe and record the final state; return the violated specification that ends the run, if any."""
         now = self._simulation.clock.now
-        self._observer.look(now)
+        self._observer.sample(now)
         if self._recorder:
             self._recorder.record(now, self._kernel.done)
         ending = self._specifications.look(now)

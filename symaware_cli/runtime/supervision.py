@@ -1,4 +1,4 @@
-"""The supervision of a component: which agents it must leave alone, what disturbs it, and how long it takes."""
+"""Supervision of a component entry: suspended agents, disturbances by faults, and latencies."""
 
 from __future__ import annotations
 
@@ -14,86 +14,86 @@ from symaware_cli.world.chance import Turn, fraction
 
 _NONE = nullcontext()
 
-#: Changes what was written, given the group and the rows of the believed states that were written in the turn.
+#: Changes written values, given the group and the rows whose believed states were written in the turn.
 Disturb = Callable[[AgentGroup, Sequence[int]], None]
 
 
 class Supervision:
-    """What stands between the components of one entry and what they do.
+    """The effects of faults, absence and other processes on the turns of one entry.
 
     Attributes:
-        off: Agents that take no part here at present, with how many reasons there are for it.
-        away: Those of them that run in another process, which is one of the reasons.
-        disturbances: What is called after each turn.
+        suspended: The number of reasons for which each suspended agent is suspended, by row.
+        remote: The rows of the agents that run in another process, which is one such reason.
+        disturbances: Functions called after each turn.
     """
 
     def __init__(self, simulation: Simulation, entry: ComponentEntry, changed: Callable[[], object]) -> None:
         """Prepare.
 
         Args:
-            simulation: What runs.
-            entry: Whose supervision it is.
-            changed: Called when what `interferes` or `slows_down` says may be different.
+            simulation: The simulation.
+            entry: The supervised entry.
+            changed: Called when `interferes` or `slows_down` may have changed.
         """
-        self.off: Counter[int] = Counter()
-        self.away: set[int] = set()
+        self.suspended: Counter[int] = Counter()
+        self.remote: set[int] = set()
         self.disturbances: list[Disturb] = []
         self._simulation = simulation
         self._entry = entry
         self._is_group = isinstance(entry.components[0], GroupComponent)
-        #: What faults say that computations of a row take, each as often as it was said.
+        #: The latencies that faults impose on each row, with their counts.
         self._slowness: dict[int, Counter[Duration]] = {}
         self._changed = changed
 
     @property
     def interferes(self) -> bool:
-        """Whether a turn is anything but what the component makes of it."""
-        return bool(self.off or self.disturbances)
+        """Whether agents are suspended or disturbed."""
+        return bool(self.suspended or self.disturbances)
 
     @property
     def slows_down(self) -> bool:
-        """Whether some computations take another time than the scenario says for the component."""
+        """Whether faults change the latency of some computations."""
         return bool(self._slowness)
 
-    def keeps_off(self, row: int) -> bool:
-        """Whether the component of a row takes no turn, as nobody whom it serves takes part."""
+    def suspends(self, row: int) -> bool:
+        """Whether the component of a row takes no turns, as all its agents are suspended."""
         if not self._is_group:
-            return row in self.off
-        if len(self.off) < len(self._entry.group) or len(self.away) == len(self.off):
-            return len(self.off) == len(self._entry.group)
-        # Others of the group take part elsewhere. What it remembers and draws here must not fall behind.
-        return all(reasons > (agent in self.away) for agent, reasons in self.off.items())
+            return row in self.suspended
+        if len(self.suspended) < len(self._entry.group) or len(self.remote) == len(self.suspended):
+            return len(self.suspended) == len(self._entry.group)
+        # Other agents of the group run in another process; the component must keep the same state and draws here.
+        return all(reasons > (agent in self.remote) for agent, reasons in self.suspended.items())
 
     def hold(self, agent: int) -> None:
-        """There is a reason more against an agent."""
-        self.off[agent] += 1
+        """Add a reason to suspend an agent."""
+        self.suspended[agent] += 1
         self._changed()
 
     def release(self, agent: int) -> None:
-        """There is a reason less against an agent."""
-        self.off[agent] -= 1
-        if self.off[agent] <= 0:
-            del self.off[agent]
+        """Remove a reason to suspend an agent."""
+        self.suspended[agent] -= 1
+        if self.suspended[agent] <= 0:
+            del self.suspended[agent]
         self._changed()
 
     def disturb(self, disturbance: Disturb) -> None:
-        """Call something after each turn, with the group and the rows of the believed states that it wrote."""
+        """Add a function to call after each turn; see `Disturb`."""
         self.disturbances.append(disturbance)
         self._changed()
 
     def undisturb(self, disturbance: Disturb) -> None:
-        """Call it no more."""
+        """Remove a function added by `disturb`."""
         self.disturbances.remove(disturbance)
         self._changed()
 
     def slow_down(self, agents: Sequence[int], duration: Duration) -> None:
-        """Let computations for some agents take at least a time, instead of the one that the scenario says."""
+        """Impose a latency on the computations for some agents, instead of that of the scenario."""
         for row in self._rows(agents):
             self._slowness.setdefault(row, Counter())[duration] += 1
         self._changed()
 
     def speed_up(self, agents: Sequence[int], duration: Duration) -> None:
-        """Take back, once, that computations for some agents take a time."""
+        """Undo one call of `slow_down`."""
         for row in self._rows(agents):
             self._slowness[row] -= Counter([duration])
             if not self._slowness[row]:
@@ -105,24 +105,24 @@ class Supervision:
         return [0] if self._is_group else agents
 
     def latency(self, row: int, turn: Turn) -> int:
-        """How long the computation of a component takes in a turn, in nanoseconds."""
+        """The latency of a component's computation in a turn, in nanoseconds."""
         durations, drawn = self._slowness.get(row) or (self._entry.timing.latency,), 0.5
         if any(duration.is_drawn for duration in durations):
-            # One draw for all that make it slow, so that faults do not change what is drawn for others.
+            # One draw for all imposed latencies, so that faults do not change other draws.
             drawn = fraction(self._simulation.seed, self._entry.components[row].path, "latency", *turn)
         return max(duration.at(drawn) for duration in durations)
 
-    def watched(self) -> AbstractContextManager[None]:
-        """Put back what must not change of what is written, and let faults have their way with the rest."""
-        return self._watch() if self.interferes else _NONE
+    def supervised(self) -> AbstractContextManager[None]:
+        """A context for a turn: on exit, the rows of suspended agents are restored and disturbances are applied."""
+        return self._supervise() if self.interferes else _NONE
 
     @contextmanager
-    def _watch(self) -> Iterator[None]:
+    def _supervise(self) -> Iterator[None]:
         group = self._entry.group
         column = group.awareness.state_column
         earlier = column.take_changes() if self.disturbances else ()
-        # A component of the whole group speaks and writes for all its agents.
-        held = sorted(self.off) if self._is_group else ()
+        # A group component sends messages and writes values for all its agents.
+        held = sorted(self.suspended) if self._is_group else ()
         simulation, muted = self._simulation, [group.ids[row] for row in held]
         sources = frozenset(f"agents.{id}.{self._entry.name}" for id in muted)
         with protected(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):

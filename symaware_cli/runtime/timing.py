@@ -1,4 +1,4 @@
-"""When a component takes its turns, how long they take, and what becomes of one that fails: what a scenario says."""
+"""The timing of a component: period, offset, jitter, trigger, condition, latency, overruns and handling of failures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OnFailure = Literal["stop", "isolate", "restart"]
 Coast = Literal["last", "safe"]
 
 
-#: How many numbers are drawn ahead.
+#: The number of delays that are drawn at once.
 _BLOCK = 64
 
 _NORMAL = NormalDist()
@@ -25,13 +25,13 @@ _NORMAL = NormalDist()
 
 @dataclass(frozen=True, slots=True)
 class Trigger:
-    """An event on which a component takes a turn.
+    """An event that triggers a turn of a component.
 
     Attributes:
         event: The event's name.
-        component: Only where it comes from this component of the same agent; None for any of its components.
-        source: Only where it comes from this path, in which ``*`` matches anything, and from whomever; None for the
-            same agent.
+        component: Only events of this component of the same agent trigger; None for any of its components.
+        source: Only events from this path trigger, in which ``*`` matches anything, whichever agent it belongs to; None
+            for events of the same agent.
     """
 
     event: str
@@ -41,12 +41,12 @@ class Trigger:
 
 @dataclass(frozen=True, slots=True)
 class Duration:
-    """How long something takes: a constant, or drawn anew each time.
+    """A duration: constant, or drawn from a distribution each time.
 
     Attributes:
         kind: ``constant``, ``uniform`` or ``normal``.
-        first: The constant, the least, or the mean [s].
-        second: The greatest, or the standard deviation [s].
+        first: The constant, the least value, or the mean [s].
+        second: The greatest value, or the standard deviation [s].
     """
 
     kind: Literal["constant", "uniform", "normal"] = "constant"
@@ -55,19 +55,16 @@ class Duration:
 
     @property
     def is_zero(self) -> bool:
-        """Whether it never takes any time."""
+        """Whether the duration is always zero."""
         return self.kind == "constant" and nanoseconds(self.first) == 0
 
     @property
     def is_drawn(self) -> bool:
-        """Whether it differs from time to time."""
+        """Whether the duration is random."""
         return self.kind != "constant"
 
     def at(self, fraction: float) -> int:
-        """How long it takes, in nanoseconds, where it takes no longer in a fraction (0, 1) of all cases.
-
-        It is never less than nothing.
-        """
+        """The quantile of the duration at a fraction in (0, 1), in nanoseconds; never negative."""
         if self.kind == "constant":
             return nanoseconds(self.first)
         if self.kind == "uniform":
@@ -77,21 +74,21 @@ class Duration:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """When the turns of a component are, and what becomes of them.
+    """The timing of a component's turns, and the handling of overruns and failures.
 
     Attributes:
-        period: Time between two turns, in nanoseconds; 0 for as soon as the last one is over; None for each step of the
-            world, or where there is a trigger for nothing but that.
-        offset: When the first turn is, in nanoseconds.
-        jitter: How much later than that each turn may be, in nanoseconds.
-        trigger: An event on which it takes a turn, too.
-        condition: What must hold for the agent, or else the turn is left out.
-        latency: How long a computation takes: its update lands that much later.
-        overrun: What becomes of a turn that is due while the one before still computes.
-        on_failure: What becomes of the agent if the component fails.
-        tries: How often it is restarted, at most.
+        period: Time between two turns, in nanoseconds; 0 to begin each turn when the previous one is finished; None for
+            a turn at each step of the world, or with a trigger, for triggered turns only.
+        offset: The time of the first turn, in nanoseconds.
+        jitter: The greatest random delay of each turn, in nanoseconds.
+        trigger: An event that triggers turns.
+        condition: A condition on the agent; turns are skipped while it does not hold.
+        latency: The duration of a computation, after which its update is applied.
+        overrun: What happens to a turn that is due while the previous one still computes.
+        on_failure: What happens to the agent if the component fails.
+        tries: The greatest number of restarts.
         coast: The control input of an agent whose component failed: the last one, or a safe one.
-        in_process: Whether it computes in a process of its own.
+        in_process: Whether the component computes in a worker process.
     """
 
     period: int | None = None
@@ -113,12 +110,12 @@ class Timing:
         return self.period == time_step and not self.offset and not self.jitter
 
 
-#: One turn at each step, at once, and the end of the run if it fails.
+#: A turn at each step without latency; a failure ends the run.
 STEADY = Timing()
 
 
 class Timetable:
-    """The instants of the turns of a component with a period; they depend on nothing but their numbers."""
+    """The instants of the turns of a component with a period, as a function of their numbers alone."""
 
     __slots__ = ("_delays", "_first", "_grid", "_jitter", "_key", "_offset", "_period")
 
@@ -127,29 +124,29 @@ class Timetable:
 
         Args:
             timing: Period, offset and jitter.
-            time_step: That of the world, in nanoseconds.
+            time_step: The world's time step, in nanoseconds.
             grid: Instants are rounded up to a multiple of this, each at most once; 0 for none.
-            key: What the jitter is keyed by, beside the nominal instant of each turn.
+            key: Keys the random jitter, together with the nominal instant of each turn.
         """
         self._period = time_step if timing.period is None else timing.period
         self._offset, self._jitter = timing.offset, timing.jitter
         self._grid, self._key = grid, key
-        #: How late some turns are, in nanoseconds, and from which turn on.
+        #: The delays of some consecutive turns, in nanoseconds, and the number of the first of these turns.
         self._delays: list[int] = []
         self._first = 0
 
     def turn(self, number: int, earliest: int) -> tuple[int, int] | None:
-        """Find the first of some turns that is not before an instant.
+        """Find the first turn at or after an instant.
 
         Args:
-            number: Those with this number and greater ones.
-            earliest: In nanoseconds.
+            number: The least number of the turn.
+            earliest: The instant in nanoseconds.
 
         Returns:
-            When it is, in nanoseconds, and its number; None if there is none.
+            The turn's time in nanoseconds, and its number; None if there is no such turn.
         """
         period, grid = self._period, self._grid
-        # Those that are nominally after this are rounded up to `earliest` or a later instant.
+        # Turns nominally after this instant are rounded up to `earliest` or a later instant.
         before = (earliest - 1) // grid * grid if grid else earliest - 1
         if not period:
             return (self._offset, 0) if number == 0 and self._offset >= earliest else None
@@ -164,10 +161,10 @@ class Timetable:
             number += 1 if self._jitter else (before - nominal) // period + 1
 
     def _late(self, number: int) -> int:
-        """How late a turn is, in nanoseconds."""
+        """The delay of a turn, in nanoseconds."""
         place = number - self._first
         if not 0 <= place < len(self._delays):
-            # Drawn in blocks, which is a fraction of the price and gives the same numbers.
+            # Drawn in blocks, which is much faster and gives the same numbers.
             self._first, place = number, 0
             start = np.uint64(self._offset + number * self._period)
             instants = np.arange(_BLOCK, dtype=np.uint64) * np.uint64(self._period) + start

@@ -1,4 +1,4 @@
-"""Whom an event concerns that triggers turns."""
+"""Matches events with triggers: finds the agents whose turns an event triggers."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from symaware_cli.runtime.timing import Trigger
 
 
 def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:
-    """The agents of a group that an event concerns, as rows.
+    """The rows of the agents of a group that an event concerns.
 
     Args:
-        event: What happened.
-        trigger: What they wait for.
+        event: The event.
+        trigger: The trigger of the agents' components.
         group: The group's name.
         rows: The row of each of its agents, by id.
     """
@@ -28,7 +28,7 @@ def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int
     if path in rows and trigger.component is None:
         return [rows[path]]
     if event.name in ("fault", "fault-over"):
-        return _meant(path, trigger, group, rows)
+        return _fault_targets(path, trigger, group, rows)
     if trigger.component not in (None, component):
         return []
     if owner in rows:
@@ -36,16 +36,16 @@ def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int
     return rows.values() if owner == group else []
 
 
-def _meant(path: str, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:
-    """The agents of a group that a fault happens to: it names agents or components of theirs by patterns."""
+def _fault_targets(path: str, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The agents of a group that a fault affects: it names agents or their components by patterns."""
     owner, _, component = path.rpartition(".")
     if trigger.component is None:
-        return _named(path, group, rows) or _named(owner, group, rows)
-    return _named(owner, group, rows) if fnmatch.fnmatchcase(trigger.component, component) else []
+        return _matching(path, group, rows) or _matching(owner, group, rows)
+    return _matching(owner, group, rows) if fnmatch.fnmatchcase(trigger.component, component) else []
 
 
-def _named(pattern: str, group: str, rows: Mapping[str, int]) -> Collection[int]:
-    """The agents of a group that a pattern means: all of them by the group's name, else by their ids."""
+def _matching(pattern: str, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The agents of a group that match a pattern: all if the group's name matches, otherwise by their ids."""
     if fnmatch.fnmatchcase(group, pattern):
         return rows.values()
     return [row for id, row in rows.items() if fnmatch.fnmatchcase(id, pattern)]

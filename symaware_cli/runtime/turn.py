@@ -1,4 +1,4 @@
-"""Turns told apart: which one of its component's is under way, by its instant and how many there were before at it."""
+"""Identifies the turns of components, by their instant and their count at that instant."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from symaware_cli.world.chance import Turn
 
 
 class Turns:
-    """Names the turns of a number of components, such as those of one entry, in the order in which they begin."""
+    """Numbers the turns of several components, such as those of one entry, in the order in which they begin."""
 
     def __init__(self) -> None:
         self._last: dict[int, Turn] = {}
 
     def begin(self, row: int, now: int) -> Turn:
-        """The next turn of a component.
+        """Begin the next turn of a component.
 
         Args:
             row: The component's row.
-            now: In nanoseconds.
+            now: The present time in nanoseconds.
         """
         last = self._last.get(row)
         turn = Turn(now) if last is None or last.instant != now else Turn(now, last.repetition + 1)
@@ -28,7 +28,7 @@ class Turns:
 
 
 class _TemporaryAttribute:
-    """An attribute that a component has meanwhile; a class, because a generator takes three times as long."""
+    """Sets an attribute of a component within a context; a class, as a generator takes three times as long."""
 
     __slots__ = ("_attributes", "_name", "_value")
 
@@ -45,15 +45,15 @@ class _TemporaryAttribute:
 
 
 def in_turn(component: Component | GroupComponent, turn: Turn) -> AbstractContextManager[None]:
-    """Let a component draw, meanwhile, what belongs to a turn; without, it takes the only one of the instant."""
+    """Key the random draws of a component by a turn; outside this context they belong to the instant's only turn."""
     return _TemporaryAttribute(component, "_turn_begun", turn)
 
 
 def computed_at(component: Component | GroupComponent, instant: int) -> AbstractContextManager[None]:
-    """Let a component know when the value was computed that it is given meanwhile.
+    """Within the context, tell a component when the value that it receives was computed.
 
     Args:
-        component: Which one.
-        instant: In nanoseconds.
+        component: The component.
+        instant: The time of the computation in nanoseconds.
     """
     return _TemporaryAttribute(component, "_computed_at", instant)

@@ -1,4 +1,4 @@
-"""Turns under way: which of them take time, and whose they are."""
+"""Turns that have begun and are not finished, by component."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from symaware_cli.runtime.turn import Turns
 
 
 class TurnsInProgress(Turns):
-    """What the components of one entry are busy with, by row."""
+    """The unfinished turns of the components of one entry, by row."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -22,24 +22,24 @@ class TurnsInProgress(Turns):
 
     @property
     def rows(self) -> list[int]:
-        """Who is busy, in the order in which they began."""
+        """The rows with an unfinished turn, in the order in which the turns began."""
         return list(self._busy)
 
     def of(self, row: int) -> object | None:
-        """What a component is busy with."""
+        """The unfinished turn of a component, if it has one."""
         return self._busy.get(row)
 
-    def occupy(self, row: int, turn: object) -> None:
-        """A component is busy with a turn that may take time."""
+    def add(self, row: int, turn: object) -> None:
+        """Register a turn that may take simulated time."""
         self._busy[row] = turn
 
-    def vacate(self, row: int, turn: object) -> bool:
-        """A component is done with a turn; False if it was made to give it up before."""
+    def remove(self, row: int, turn: object) -> bool:
+        """Remove a finished turn; return False if it was cancelled before."""
         if self._busy.get(row) != turn:
             return False
         del self._busy[row]
         return True
 
-    def give_up(self, row: int) -> object | None:
-        """A component is to do nothing any more; return what it was busy with."""
+    def pop(self, row: int) -> object | None:
+        """Remove and return the unfinished turn of a component, if it has one."""
         return self._busy.pop(row, None)

@@ -1,7 +1,7 @@
-"""A worker process: computes for components that are to run in a process of their own.
+"""A worker process: runs `_compute` of components with `run_in: process`.
 
-It holds a replica of each entry, and is told before each computation what has changed. All that goes through its two
-pipes was pickled by the run that started it, or by itself.
+It holds a replica of each entry and receives the changes before each computation. All data in its two pipes was
+pickled by the run that started it, or by the worker.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from symaware_cli.runtime.replica import ComputationResult, Replica
 
-#: What tells the kernel to end a process with the one that started it (Linux).
+#: The option of `prctl` that sets the signal sent to a process when its parent ends (Linux).
 _PR_SET_PDEATHSIG = 1
 
 _LENGTH = struct.Struct("<Q")
@@ -36,7 +36,7 @@ def read(pipe: BinaryIO) -> bytes:
     """Receive a message.
 
     Raises:
-        EOFError: The other side is gone.
+        EOFError: The other side has closed the pipe.
     """
     length = _LENGTH.unpack(_exactly(pipe, _LENGTH.size))[0]
     return _exactly(pipe, length)
@@ -52,15 +52,15 @@ def _exactly(pipe: BinaryIO, count: int) -> bytes:
     return bytes(data)
 
 
-@np.errstate(all="ignore")  # as in the process that it works for
+@np.errstate(all="ignore")  # as in the process of the run
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer requests until there are no more: pickled tuples of a entry's number and the arguments of `compute`.
+    """Answer requests until the pipe is closed; a request is a pickled tuple of an entry's number and its arguments.
 
-    The first message is what `sys.path` shall be, the second for each entry its `EntryDescription`, pickled.
+    The first message is `sys.path`, the second a list with the pickled `EntryDescription` of each entry.
     """
     sys.path[:] = pickle.loads(read(requests))
     replicas = [_replica(each) for each in pickle.loads(read(requests))]
-    write(answers, pickle.dumps(None))  # ready: what has to be imported does not count as a turn
+    write(answers, pickle.dumps(None))  # ready: the time for imports does not count as part of a turn
     while True:
         try:
             number, *arguments, rows = pickle.loads(read(requests))
@@ -77,7 +77,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
 
 
 def _replica(description: bytes) -> Replica | BaseException:
-    """Make a replica; what is raised meanwhile is told to whoever asks for a computation."""
+    """Make a replica; if that fails, return the exception, with which each request is then answered."""
     try:
         return Replica(pickle.loads(description))
     except BaseException as error:
@@ -93,8 +93,8 @@ def end_with(parent: int) -> bool:
 
 
 def main(incoming: int, outgoing: int, parent: int) -> None:
-    """Be a worker of the process that started this one."""
-    # Ctrl-C reaches all processes of a terminal; the run decides what becomes of it.
+    """Serve the process that started this one."""
+    # Ctrl-C reaches all processes of a terminal; the process of the run handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if not end_with(parent):
         return

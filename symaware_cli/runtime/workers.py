@@ -1,4 +1,4 @@
-"""Worker processes: computations that are due together run together, each in one of a few processes."""
+"""A pool of worker processes for components with `run_in: process`: computations due together run in parallel."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from symaware_cli.world.chance import Turn
 
 @dataclass(frozen=True, slots=True)
 class Computed:
-    """What a computation in a worker came to.
+    """The result of a computation in a worker.
 
     Attributes:
-        value: What it returned.
-        events: What was fired meanwhile, in its order: name, source, level, text and data of each.
+        value: The value that it returned.
+        events: The events fired by it, in order: name, source, level, text and data of each.
     """
 
     value: Any
@@ -39,7 +39,7 @@ class WorkerError(Exception):
     """A computation in a worker failed.
 
     Attributes:
-        problem: What happened, in one line.
+        problem: The failure, in one line.
     """
 
     def __init__(self, problem: str, trace: str = "") -> None:
@@ -50,45 +50,45 @@ class WorkerError(Exception):
 
 
 class Workers:
-    """Computes for the components of some entries.
+    """Distributes the computations of some entries to worker processes.
 
-    A component always computes in the same worker, whatever the number of workers, so that what cannot be sent (such as
-    a solver) stays what it was. Results do not depend on who computes.
+    A component always computes in the same worker, so that objects that cannot be sent (such as a solver) keep their
+    state. Results do not depend on the number of workers.
     """
 
-    #: They hold nothing that is not sent anew when it differs.
+    #: Workers have no state of their own: whatever differs is sent again.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self, simulation: Simulation, entries: Sequence[ComponentEntry], count: int | None) -> None:
         """Prepare; `start` starts them.
 
         Args:
-            simulation: What runs.
-            entries: Whose components compute in workers.
-            count: How many workers; None for one for each core.
+            simulation: The simulation.
+            entries: The entries whose components compute in workers.
+            count: The number of workers; None for one per core.
         """
         self._simulation = simulation
         self._entries = {entry.path: _RemoteEntry(simulation, entry, number) for number, entry in enumerate(entries)}
         self._workers = [_Worker(list(self._entries.values())) for _ in range(count or _cores())]
 
     def start(self) -> None:
-        """Start all workers, if there is anything for them to do, and wait until they are ready."""
+        """Start all workers, if any entry needs them, and wait until they are ready."""
         if not self._entries:
             return
         for worker in self._workers:
             worker.start()
         for worker in self._workers:
-            worker.get_ready()
+            worker.wait_until_ready()
 
     def compute(self, entry: ComponentEntry, turns: Mapping[int, Turn]) -> dict[int, Computed | WorkerError]:
-        """Let some components compute, all at once.
+        """Run the computations of some components in parallel.
 
         Args:
-            entry: Whose they are.
-            turns: Which turn each begins, by row.
+            entry: The components' entry.
+            turns: The turn that each component begins, by row.
 
         Returns:
-            What came of it, by row.
+            The results, by row.
         """
         remote, now = self._entries[entry.path], self._simulation.clock.now
         data = remote.transfer.knowledge(), remote.transfer.surroundings(sees_world=remote.sees_world)
@@ -96,22 +96,22 @@ class Workers:
         for row in turns:
             shares.setdefault(self._workers[(remote.number + row) % len(self._workers)], []).append(row)
         results: dict[int, Computed | WorkerError] = {}
-        asked = []
+        requested = []
         try:
             for worker, share in shares.items():
-                asked.append(worker)
-                results |= worker.ask(remote, now, data, {row: turns[row] for row in share})
+                requested.append(worker)
+                results |= worker.send_request(remote, now, data, {row: turns[row] for row in share})
             for worker, share in shares.items():
-                results |= worker.answer(remote, [row for row in share if row not in results])
+                results |= worker.receive_response(remote, [row for row in share if row not in results])
         except BaseException:
-            # Interrupted: nobody is going to listen to what they still have to say.
-            for worker in asked:
+            # Interrupted: the responses will not be read.
+            for worker in requested:
                 worker.stop()
             raise
         return results
 
     def restart(self, entry: ComponentEntry, row: int) -> None:
-        """Let the worker of a component begin anew, too: it may hold what the component does not."""
+        """Stop the worker of a component that restarts, as it may hold state that the component has not."""
         remote = self._entries[entry.path]
         self._workers[(remote.number + row) % len(self._workers)].stop()
 
@@ -122,7 +122,7 @@ class Workers:
 
 
 class _RemoteEntry:
-    """What workers have to know of one entry, and how to talk about it."""
+    """One entry as workers have it: its description, and the state that was sent."""
 
     def __init__(self, simulation: Simulation, entry: ComponentEntry, number: int) -> None:
         self.entry = entry
@@ -133,7 +133,7 @@ class _RemoteEntry:
         self.transfer = EntryTransfer(entry.group, simulation.groups, known, of_group=is_group)
         for component in entry.components:
             self.transfer.name({component.path: component})
-        #: Each component as its worker has it, by row.
+        #: The state of each component as its worker has it, by row.
         self.sent: dict[int, bytes] = {}
         own = [None if type(each).Parameters is Plugin.Parameters else each.parameters for each in entry.components]
         self.transfer.name_parameters(own)
@@ -151,10 +151,10 @@ class _RemoteEntry:
         self.description = pickle.dumps(description)
 
     def changed(self, row: int) -> bytes | None:
-        """A component as it is now; None if its worker has it so.
+        """Return the state of a component, or None if its worker has that state.
 
         Raises:
-            StateError: It cannot be sent.
+            StateError: The state cannot be captured.
         """
         state = self.transfer.component(self.entry.components[row])
         if state == self.sent.get(row):
@@ -162,8 +162,8 @@ class _RemoteEntry:
         self.sent[row] = state
         return state
 
-    def take(self, outcome: ComputationResult) -> Computed | WorkerError:
-        """Take over what became of a computation."""
+    def apply(self, outcome: ComputationResult) -> Computed | WorkerError:
+        """Apply the new state of a component after a computation, and return its result."""
         row, component = outcome.row, self.entry.components[outcome.row]
         if outcome.value is None:
             return WorkerError(outcome.problem, outcome.trace)
@@ -177,7 +177,7 @@ class _RemoteEntry:
 
 
 def _arguments(group: AgentGroup) -> tuple[Any, ...]:
-    """What to make a group of again, as it is at the start."""
+    """The arguments that create a group as it is at the start."""
     knowledge = [dict(each) for each in group.knowledge]
     parts, signals = tuple(group.awareness.parts.values()), group.awareness.signals
     return group.name, group.ids, group.model, group.entity, group.initial_state, knowledge, parts, signals
@@ -192,7 +192,7 @@ def _attributes(component: Component | GroupComponent) -> dict[str, str]:
 
 
 class _Worker:
-    """One process, and both ends of its pipes that are ours."""
+    """One worker process and this process's ends of its two pipes."""
 
     def __init__(self, entries: Sequence[_RemoteEntry]) -> None:
         self._entries = entries
@@ -200,7 +200,7 @@ class _Worker:
         self._is_ready = False
         self._requests: BinaryIO
         self._answers: BinaryIO
-        #: The knowledge and the surroundings that it has, by entry.
+        #: The knowledge and the surroundings sent last, by entry.
         self._known: dict[int, tuple[bytes, bytes]] = {}
 
     def _start(self) -> None:
@@ -211,7 +211,7 @@ class _Worker:
             [sys.executable, "-P", "-c", code],
             pass_fds=(theirs_in, theirs_out),
             stdin=subprocess.DEVNULL,
-            env=processor.environment(),  # or results would depend on who computes them
+            env=processor.environment(),  # the same instruction set, so that results are the same
         )
         os.close(theirs_in)
         os.close(theirs_out)
@@ -221,29 +221,29 @@ class _Worker:
         write(self._requests, pickle.dumps([entry.description for entry in self._entries]))
 
     def start(self) -> None:
-        """Start the process, and do not wait for it."""
+        """Start the process without waiting for it."""
         if self._process is None:
             self._start()
             self._is_ready = False
             for entry in self._entries:
                 entry.sent.clear()
 
-    def get_ready(self) -> None:
-        """Wait until it can answer.
+    def wait_until_ready(self) -> None:
+        """Wait until the process can respond.
 
         Raises:
-            EOFError: It died before.
+            EOFError: The process ended before.
         """
         if not self._is_ready:
             read(self._answers)
             self._is_ready = True
 
-    def ask(
+    def send_request(
         self, entry: _RemoteEntry, now: int, data: tuple[bytes, bytes], turns: Mapping[int, Turn]
     ) -> dict[int, WorkerError]:
-        """Let it compute, and return what is wrong with those that cannot be sent."""
+        """Request computations, and return the errors of components that cannot be sent."""
         states, wrong = [], {}
-        with suppress(BrokenPipeError):  # what became of it is found when its answer is asked for
+        with suppress(BrokenPipeError):  # `receive_response` finds out how the process ended
             self.start()
             known = self._known.get(entry.number, (None, None))
             news = [None if each == last else each for each, last in zip(data, known, strict=True)]
@@ -256,18 +256,18 @@ class _Worker:
             write(self._requests, pickle.dumps((entry.number, now, *news, states)))
         return wrong
 
-    def answer(self, entry: _RemoteEntry, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
-        """What came of it, by row."""
+    def receive_response(self, entry: _RemoteEntry, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
+        """Return the results, by row."""
         try:
-            self.get_ready()
+            self.wait_until_ready()
             outcomes = pickle.loads(read(self._answers))
         except EOFError:
-            error = WorkerError(f"its worker process {self._end()}")
+            error = WorkerError(f"its worker process {self._wait_for_exit()}")
             return dict.fromkeys(rows, error)
-        return {outcome.row: entry.take(outcome) for outcome in outcomes}
+        return {outcome.row: entry.apply(outcome) for outcome in outcomes}
 
-    def _end(self) -> str:
-        """Wait for the end of a worker that is dead, and say how it ended."""
+    def _wait_for_exit(self) -> str:
+        """Wait for a worker that is ending, and describe how it ended."""
         process = self._process
         assert process is not None
         self._requests.close()
@@ -279,7 +279,7 @@ class _Worker:
         return f"ended with exit status {status}"
 
     def stop(self) -> None:
-        """End it, whatever it is doing."""
+        """Kill the process."""
         if self._process is None:
             return
         self._process.kill()
@@ -288,7 +288,7 @@ class _Worker:
         for pipe in (self._requests, self._answers):
             try:
                 pipe.close()
-            except BrokenPipeError:  # there was something left to say
+            except BrokenPipeError:  # data was left in the buffer
                 continue
 
 

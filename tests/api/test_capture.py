@@ -56,7 +56,7 @@ def test_a_simulation_goes_on_from_its_state_as_if_nothing_had_come_between(name
 def test_a_world_with_a_physics_engine_is_refused_by_name(name: str) -> None:
     with sa.load(SCENARIOS / f"{name}.yaml").start() as simulation:
         simulation.step(2)
-        with pytest.raises(sa.StateError, match="the state of the environment cannot be taken: its engine"):
+        with pytest.raises(sa.StateError, match="the state of the environment cannot be captured: its engine"):
             simulation.capture()
         simulation.step()
 

@@ -164,7 +164,7 @@ def test_an_attribute_that_cannot_be_taken_is_a_failure_that_names_it(ran):
     assert summary.status == "failed"
     (failed,) = [event for event in log.events() if event.name == "failed"]
     assert failed.source == "agents.robot.0.think"
-    assert "the state of agents.robot.0.think._lock cannot be taken: it is a _thread.lock" in failed.data["problem"]
+    assert "the state of agents.robot.0.think._lock cannot be captured: it is a _thread.lock" in failed.data["problem"]
     assert "`uncaptured`" in failed.data["problem"]
 
 

@@ -6,8 +6,8 @@ from formulas import random_formula, random_samples
 from recursion import interval
 
 from symaware_cli.runtime.state.counterparts import Counterparts
-from symaware_cli.runtime.state.putting import Putting
-from symaware_cli.runtime.state.taking import Taking
+from symaware_cli.runtime.state.deserialiser import Deserialiser
+from symaware_cli.runtime.state.serialiser import Serialiser
 from symaware_cli.specification.formula import (
     Always,
     Array,
@@ -178,7 +178,7 @@ def test_a_monitor_put_back_goes_on_as_if_nothing_had_happened(seed: int, interv
     state = None
     for t in range(12):
         if t == taken:
-            state = Taking({"monitor": monitor}, {"symaware_cli"}).entries
+            state = Serialiser({"monitor": monitor}, {"symaware_cli"}).entries
         monitor.update(list(samples[:, t]))
     monitor.finish()
     # Into one that has gone on elsewhere, and into a fresh one.
@@ -188,7 +188,7 @@ def test_a_monitor_put_back_goes_on_as_if_nothing_had_happened(seed: int, interv
     for other in (elsewhere, Monitor(formula, 2, interval=interval)):
         assert state is not None
         root = {"monitor": other}
-        restored = Putting(Counterparts(state, root, {"symaware_cli"}, {})).put()[0]
+        restored = Deserialiser(Counterparts(state, root, {"symaware_cli"}, {})).restore()[0]
         for t in range(taken, 12):
             restored.update(list(samples[:, t]))
         restored.finish()

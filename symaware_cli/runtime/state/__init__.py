@@ -1,1 +1,1 @@
-"""The state of a simulation: taken apart into plain values, and put back."""
+"""Capturing and restoring the state of a simulation, as a table of plain values."""

@@ -1,4 +1,4 @@
-"""Counterparts: which objects stand where others stood as a state was taken, and which would have to be made."""
+"""Matches the entries of a captured state with existing objects, by their paths; finds those to be created."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any, NoReturn
 import numpy as np
 
 from symaware_cli.core.stateful import StateError
-from symaware_cli.runtime.state.layout import attributes, layout, named_class, resolved, said_class
-from symaware_cli.runtime.state.taking import Entry, Path, said_path
+from symaware_cli.runtime.state.layout import attributes, format_class, layout, qualified_name, resolve
+from symaware_cli.runtime.state.serialiser import Entry, Path, format_path
 
 #: Stands for no object.
 NOTHING = object()
 
-#: Python's own collections, of which others may be subclasses.
+#: Python's built-in collections, which may have subclasses.
 COLLECTIONS = {each.__name__: each for each in (list, tuple, deque, dict, set, frozenset)}
 
 _KNOWN = (*COLLECTIONS.values(), Counter, OrderedDict, defaultdict)
@@ -28,17 +28,17 @@ _GENERATORS = frozenset({"MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64"})
 #: Entries without references.
 _SIMPLE = frozenset({"array", "int", "fixed", "enum", "same", "complex", "dtype", "range", "slice", "known"})
 
-#: Entries of objects that need not stand already.
+#: Kinds of entries whose objects can be created.
 _MADE = frozenset({*COLLECTIONS, "object", "array", "objects", "view"})
 
 
 class Counterparts:
-    """Which objects stand where others stood.
+    """The existing objects that correspond to serialised ones.
 
     Attributes:
-        entries: What stood there, as `Taking` lists it.
-        found: What stands there, by the number of the entry.
-        roots: The references of what is to be put somewhere.
+        entries: The entries made by `Serialiser`.
+        found: The existing objects, by the number of the entry.
+        roots: The references of the root objects.
     """
 
     def __init__(
@@ -51,15 +51,15 @@ class Counterparts:
         """Find the counterparts of all entries.
 
         Args:
-            entries: What `Taking` made of a root like this one.
-            root: The objects.
-            packages: The packages of whose classes objects may be made, besides data classes.
-            known: Those that `Taking` was told to know, by name. Then what is put is but a part of what there is: all
-                is made anew, but for these, the root and what cannot be made, so that nobody takes what has changed
-                for what it was because it is the same object.
+            entries: The entries that `Serialiser` made of a root with the same names.
+            root: The existing objects, by name.
+            packages: The packages whose classes may be instantiated, besides data classes.
+            known: The objects known to `Serialiser`, by name. If given, the entries are only a part of the state, and
+                all objects are created again except these, the root and those that cannot be created: an object that
+                is the same must not have changed for those who compare identities.
 
         Raises:
-            StateError: An object cannot be made that does not stand here; says where it stood.
+            StateError: An object does not exist here and cannot be created; the message gives its path.
         """
         self.entries = entries
         self.found: dict[int, Any] = {}
@@ -85,7 +85,7 @@ class Counterparts:
         there = dict(zip(contents[::2], contents[1::2], strict=True))
         missing = next((name for name in root if name not in there), None)
         if missing is not None:
-            raise StateError(f"the state was taken of a run without {missing}")
+            raise StateError(f"the state was captured in a run without {missing}")
         self.roots = [there[name] for name in root]
         waiting: list[tuple[Any, Any, Path]] = [
             (there[name], root[name], (None, name)) for name in reversed(list(root))
@@ -102,7 +102,7 @@ class Counterparts:
             if not isinstance(live, type(None) | bool | int | float | str | bytes):
                 self._claimed.add(id(live))
             waiting.extend(reversed([*self._children(number, live, path)]))
-        # Where those stand that have no counterpart, for messages.
+        # The paths of objects without a counterpart, for messages.
         for number in range(1, len(self.entries)):
             if number in self._places and number not in self.found:
                 for reference, _, path in self._children(number, NOTHING, self._places[number]):
@@ -110,7 +110,7 @@ class Counterparts:
                         self._places.setdefault(reference[0], path)
 
     def _fits(self, number: int, live: Any) -> bool:
-        """Whether an object can be the counterpart of an entry."""
+        """Whether an object matches an entry."""
         kind, name, contents = self.entries[number]
         match kind:
             case "object" | "list" | "tuple" | "deque" | "dict" | "set" | "frozenset" | "array" | "objects" | "view":
@@ -118,17 +118,17 @@ class Counterparts:
                     return False
                 return kind != "deque" or live.maxlen == contents[2 + contents[1]]
             case "enum":
-                return named_class(type(live)) == name
+                return qualified_name(type(live)) == name
             case "method":
                 return isinstance(live, types.MethodType) and live.__func__.__name__ == name
             case "builtin":
                 return isinstance(live, types.BuiltinFunctionType) and live.__name__ == name
             case "function":
-                return isinstance(live, types.FunctionType) and named_class(live) == name
+                return isinstance(live, types.FunctionType) and qualified_name(live) == name
             case "fixed":
                 if isinstance(live, types.ModuleType):
                     return live.__name__ + ":" == name
-                return isinstance(getattr(live, "__qualname__", None), str) and named_class(live) == name
+                return isinstance(getattr(live, "__qualname__", None), str) and qualified_name(live) == name
             case "cell":
                 return isinstance(live, types.CellType)
             case "partial":
@@ -136,11 +136,11 @@ class Counterparts:
             case "generator":
                 return isinstance(live, np.random.Generator) and type(live.bit_generator).__name__ == name
             case "same":
-                return named_class(type(live)) == name
+                return qualified_name(type(live)) == name
         return False
 
     def _children(self, number: int, live: Any, path: Path) -> Iterator[tuple[Any, Any, Path]]:
-        """What an entry refers to, each with what stands there now, if something does."""
+        """The contents of an entry, each with the existing object at that path (or `NOTHING`) and the path."""
         kind, _, contents = self.entries[number]
         stands = live is not NOTHING
         if kind in ("object", *COLLECTIONS):
@@ -162,7 +162,7 @@ class Counterparts:
                 for each in held:
                     yield each, NOTHING, (path, "{}")
             rest = contents[2 + count :]
-            if len(rest) % 2:  # the length of a deque, or what makes the values of a mapping
+            if len(rest) % 2:  # the length of a deque, or the default factory of a mapping
                 yield rest[0], getattr(live, "default_factory", NOTHING), path
                 return
             own = attributes(live, layout(type(live))) if stands else {}
@@ -195,11 +195,11 @@ class Counterparts:
                 yield each, NOTHING, path
 
     def _key(self, key: Any) -> Any:
-        """What finds a key of a mapping again: itself if it is plain, else which object it is."""
+        """What identifies a key of a mapping: itself if it is plain, otherwise its identity."""
         return key if _is_plain_key(key) else ("object", id(key))
 
     def _plain(self, key: Any) -> Any:
-        """A key of a mapping that is plain, or the mark of an object whose counterpart is known."""
+        """The value of a plain key, or the identity of the counterpart of another one; otherwise `NOTHING`."""
         if type(key) is not tuple:
             return key
         number = key[0]
@@ -207,7 +207,7 @@ class Counterparts:
         if kind == "int":
             return int(name)
         if kind == "enum":
-            return resolved(name)[contents[0]]
+            return resolve(name)[contents[0]]
         if kind == "tuple":
             parts = tuple(self._plain(each) for each in contents[2 : 2 + contents[1]])
             return NOTHING if any(each is NOTHING for each in parts) else parts
@@ -218,15 +218,15 @@ class Counterparts:
         return self.entries[number][0] in _MADE and self._can_be_made(number)
 
     def _can_be_made(self, number: int) -> bool:
-        """Whether what has no counterpart can be made."""
+        """Whether the object of an entry can be created."""
         kind, name, _ = self.entries[number]
         can = self._makeable.get((kind, name))
         if can is None:
-            can = self._makeable[kind, name] = self._look_at(kind, name)
+            can = self._makeable[kind, name] = self._check_makeable(kind, name)
         return can
 
-    def _look_at(self, kind: str, name: str) -> bool:
-        found = resolved(name)
+    def _check_makeable(self, kind: str, name: str) -> bool:
+        found = resolve(name)
         if kind in COLLECTIONS or kind in ("array", "objects", "view"):
             base = COLLECTIONS.get(kind, np.ndarray)
             return found is np.ndarray or (
@@ -235,7 +235,7 @@ class Counterparts:
         if kind == "object":
             return isinstance(found, type) and self._can_make(found)
         if kind in ("function", "fixed"):
-            return name.endswith(":") or (found is not None and "<" not in name and named_class(found) == name)
+            return name.endswith(":") or (found is not None and "<" not in name and qualified_name(found) == name)
         if kind == "generator":
             return name in _GENERATORS
         if kind == "enum":
@@ -245,10 +245,10 @@ class Counterparts:
     def _refuse(self, number: int) -> NoReturn:
         kind, name, _ = self.entries[number]
         what = {"function": "function"}.get(kind, "object of the class")
-        place = said_path(self._places.get(number))
+        place = format_path(self._places.get(number))
         raise StateError(
-            f"the state of {place} cannot be put here: the {what} {said_class(name)} that stood there does not stand "
-            "here, and is none that can be made"
+            f"the state of {place} cannot be restored here: the {what} {format_class(name)} does not exist here, and "
+            "cannot be created"
         )
 
     def _is_known(self, kind: type) -> bool:
@@ -260,7 +260,7 @@ class Counterparts:
             (self._is_known(kind) or of.is_data)
             and of.is_plain
             and not of.uncaptured
-            and not of.speaks
+            and not of.captures_itself
             and not hasattr(kind, "__del__")
         )
 

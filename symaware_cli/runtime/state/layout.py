@@ -1,4 +1,4 @@
-"""How objects are laid out: which attributes they have, which of these hold no state, and what their classes are."""
+"""The layout of classes: slots and attributes that hold state, and whether objects can be captured by attributes."""
 
 from __future__ import annotations
 
@@ -18,42 +18,42 @@ _NO_ATTRIBUTES: Mapping[str, Any] = types.MappingProxyType({})
 #: Stands for no object.
 _NOTHING = object()
 
-#: Objects of these never change; so they are made anew and not changed under the hands of who holds them.
+#: Classes of immutable objects: they are created again instead of being changed in place.
 _VALUES = (AwarenessVector, KnownVector, Scenery, Snapshot, TimeSeries, Tracks)
 
-#: What a class may be built upon and still be made of its attributes alone.
+#: Built-in base classes with which objects can still be captured by their attributes.
 _PLAIN = (object, tuple, list, dict, set, frozenset)
 
 
 class Layout(NamedTuple):
-    """What there is to know of a class.
+    """The properties of a class that matter for capturing its objects.
 
     Attributes:
-        name: Its module and its name.
-        slots: The attributes that have slots.
-        uncaptured: The attributes that hold no state.
-        speaks: Whether its objects tell a part of their state themselves.
-        is_plain: Whether its objects are made of their attributes, and of nothing that Python cannot see.
+        name: Its module and its qualified name.
+        slots: The attributes with slots.
+        uncaptured: The attributes without state.
+        captures_itself: Whether it has the method `captured`.
+        is_plain: Whether attributes visible to Python are all the state of its objects.
         is_data: Whether it is a data class.
-        is_value: Whether its objects never change.
+        is_value: Whether its objects are immutable.
     """
 
     name: str
     slots: tuple[str, ...]
     uncaptured: frozenset[str]
-    speaks: bool
+    captures_itself: bool
     is_plain: bool
     is_data: bool
     is_value: bool
 
     @property
     def package(self) -> str:
-        """The package that the class is in."""
+        """The top-level package of the class."""
         return self.name.partition(":")[0].partition(".")[0]
 
 
 def layout(kind: Any) -> Layout:
-    """What there is to know of a class; it is looked at once."""
+    """The layout of a class; computed once for each class."""
     return _layout(kind)
 
 
@@ -73,16 +73,16 @@ def _layout(kind: Any) -> Layout:
         ]
         is_heap = bool(base.__flags__ & (1 << 9))
         is_plain &= base in _PLAIN or (is_heap and ("__slots__" in own or "__dict__" in own or "__module__" in own))
-    # What is written in another language has classes, too, whose objects have no attributes at all.
+    # Classes of extension modules may have objects without any attributes.
     is_plain &= bool(slots) or kind.__dictoffset__ != 0 or "__slots__" in vars(kind) or issubclass(kind, _PLAIN[1:])
     parameters = getattr(kind, "__dataclass_params__", None)
     is_frozen = is_dataclass(kind) and parameters is not None and parameters.frozen
     return Layout(
-        name=named_class(kind),
+        name=qualified_name(kind),
         # A property of a subclass may stand in for the slot of its base.
         slots=tuple(name for name in dict.fromkeys(slots) if _is_slot(kind, name)),
         uncaptured=frozenset(uncaptured),
-        speaks=callable(getattr(kind, "captured", None)),
+        captures_itself=callable(getattr(kind, "captured", None)),
         is_plain=is_plain,
         is_data=is_dataclass(kind),
         is_value=bool(is_frozen) or kind in _VALUES or (issubclass(kind, tuple | frozenset)),
@@ -97,13 +97,13 @@ def _is_private(name: str) -> bool:
     return name.startswith("__") and not name.endswith("__")
 
 
-def named_class(kind: Any) -> str:
+def qualified_name(kind: Any) -> str:
     """The module and the name of a class or a function."""
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def said_class(name: str) -> str:
-    """A class as people write it."""
+def format_class(name: str) -> str:
+    """Format the name of a class for a message."""
     module, _, qualified = name.partition(":")
     return qualified if module in ("builtins", "") else f"{module}.{qualified}"
 
@@ -123,15 +123,15 @@ def attributes(value: Any, of: Layout) -> dict[str, Any]:
 
 
 def _own(value: Any, name: str, otherwise: Any) -> Any:
-    """An attribute of an object itself, even if its class says that it has those of another object, too."""
+    """An attribute of an object itself, bypassing `__getattribute__` and `__getattr__` of its class."""
     try:
         return object.__getattribute__(value, name)
     except AttributeError:
         return otherwise
 
 
-def give(value: Any, of: Layout, found: Mapping[str, Any]) -> None:
-    """Give an object the attributes that `attributes` returned of another, and take from it what that had not."""
+def set_attributes(value: Any, of: Layout, found: Mapping[str, Any]) -> None:
+    """Set the attributes returned by `attributes` for another object, and delete all others that hold state."""
     if "*" in of.uncaptured:
         return
     own = _own(value, "__dict__", None)
@@ -148,10 +148,10 @@ def give(value: Any, of: Layout, found: Mapping[str, Any]) -> None:
             object.__delattr__(value, name)
 
 
-def resolved(name: str) -> Any:
-    """The class or the function of a name, in a module that is loaded; None where there is none.
+def resolve(name: str) -> Any:
+    """Return the class or function with a qualified name in a loaded module; None if there is none.
 
-    No module is loaded for it, and nothing is called.
+    No module is imported, and no code is called.
     """
     module, _, qualified = name.partition(":")
     found: Any = sys.modules.get(module)

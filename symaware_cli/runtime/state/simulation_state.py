@@ -1,4 +1,4 @@
-"""The state of a simulation between two steps: taken, written to bytes and read again, put back."""
+"""The state of a simulation between two steps: captured, written to bytes and read, restored."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 from symaware_cli.core.stateful import StateError
 from symaware_cli.runtime.state.counterparts import Counterparts
-from symaware_cli.runtime.state.putting import Putting
-from symaware_cli.runtime.state.taking import Entry, Taking
+from symaware_cli.runtime.state.deserialiser import Deserialiser
+from symaware_cli.runtime.state.serialiser import Entry, Serialiser
 from symaware_cli.runtime.state.transfer import packages, settle
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.run import Run
 
-#: What begins the bytes of a state.
+#: The first bytes of a stored state.
 _MAGIC = b"SymAware state 1\n"
 
 
@@ -24,14 +24,14 @@ _MAGIC = b"SymAware state 1\n"
 class SimulationState:
     """The state of a simulation at an instant at which no turn is in progress; made by `SteppedSimulation.capture`.
 
-    It is plain data: `to_bytes` and `from_bytes` take it into another process, and nothing in it can run code.
+    It is plain data: `to_bytes` and `from_bytes` transfer it to another process, and nothing in it can run code.
 
     Attributes:
-        scenario: The digest of the resolved scenario with its seed, which it can be put into again.
-        version: That of the package that took it, which can read it.
+        scenario: The digest of the resolved scenario with its seed; the state can be restored in runs of it only.
+        version: The version of the package that captured it; only that version can restore it.
         time: Simulated time [ns].
-        steps: How many steps were made.
-        entries: All values, as `Taking` lists them.
+        steps: The number of steps made.
+        entries: All values, as entries of `Serialiser`.
     """
 
     scenario: str
@@ -41,12 +41,12 @@ class SimulationState:
     entries: list[Entry]
 
     def to_bytes(self) -> bytes:
-        """Write it, for `from_bytes` in any process.
+        """Write the state to bytes, for `from_bytes` in any process.
 
         Raises:
-            StateError: It holds a text that is no Unicode.
+            StateError: The state contains a text that is not valid Unicode.
         """
-        # Imported for those who need it: the code for frames is slow to load.
+        # Imported here, because the code for frames is slow to load.
         from symaware_cli.network.value import value_to_wire
 
         try:
@@ -57,10 +57,10 @@ class SimulationState:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:
-        """Read what `to_bytes` wrote.
+        """Read the bytes that `to_bytes` wrote.
 
         Raises:
-            StateError: These bytes are no state.
+            StateError: The bytes are not a state, or are damaged.
         """
         from symaware_cli.network import transport_pb2 as wire
         from symaware_cli.network.value import FrameError, parsed, value_from_wire
@@ -77,38 +77,38 @@ class SimulationState:
         return f"<SimulationState at {self.time / 1e9:g} s, step {self.steps:,}, {len(self.entries):,} entries>"
 
 
-def take(run: Run, scenario: str, version: str) -> SimulationState:
-    """Take the state of a run between two steps.
+def capture(run: Run, scenario: str, version: str) -> SimulationState:
+    """Capture the state of a run between two steps.
 
     Args:
-        run: Under way.
+        run: The run; it has begun.
         scenario: The digest of its scenario.
-        version: That of the package.
+        version: The version of the package.
 
     Raises:
-        StateError: It is over, or something of it cannot be taken; says what.
+        StateError: The run is over, or an object cannot be captured; the message gives its path.
     """
     _check(run)
-    entries = Taking(_roots(run), packages(run.simulation)).entries
+    entries = Serialiser(_roots(run), packages(run.simulation)).entries
     return SimulationState(scenario, version, run.simulation.clock.now, run.done, entries)
 
 
-def put(run: Run, state: SimulationState, scenario: str, version: str) -> None:
-    """Put a state back into the run that it was taken of, or into another one of the same scenario.
+def restore(run: Run, state: SimulationState, scenario: str, version: str) -> None:
+    """Restore a state in the run in which it was captured, or in another one of the same scenario.
 
     Raises:
-        StateError: It is of another scenario or version, or something of it cannot be put here. Nothing has changed.
+        StateError: The state is of another scenario or version, or cannot be restored here. Nothing was changed.
     """
     _check(run)
     if state.version != version:
-        raise StateError(f"the state was taken by version {state.version} of the package, and this is {version}")
+        raise StateError(f"the state was captured by version {state.version} of the package, and this is {version}")
     if state.scenario != scenario:
-        raise StateError("the state is one of another scenario, of other changes to it, or of another seed")
-    Putting(Counterparts(state.entries, _roots(run), packages(run.simulation))).put()
+        raise StateError("the state belongs to another scenario, to other overrides of it, or to another seed")
+    Deserialiser(Counterparts(state.entries, _roots(run), packages(run.simulation))).restore()
 
 
 def _check(run: Run) -> None:
-    """Look whether there is a state, and compute what was left for later."""
+    """Check that the run is not over, and compute pending values."""
     if run.status is not None:
         raise StateError(f"the run of {run.simulation.name} is over: {run.status}")
     for group in run.simulation.groups:
@@ -116,7 +116,7 @@ def _check(run: Run) -> None:
 
 
 def _roots(run: Run) -> Mapping[str, Any]:
-    """All that the state of a run consists of; what comes first gives its name to what several refer to."""
+    """The root objects of a run's state; the first one that refers to an object gives it its path in messages."""
     simulation = run.simulation
     return {
         **{f"the group {group.name}": group for group in simulation.groups},

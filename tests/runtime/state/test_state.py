@@ -1,4 +1,4 @@
-"""Objects taken apart and put together again."""
+"""Serialising objects into plain entries, and restoring them."""
 
 import enum
 import threading
@@ -17,8 +17,8 @@ from simulating import untyped
 from symaware_cli.core import TimeSeries
 from symaware_cli.core.stateful import StateError
 from symaware_cli.runtime.state.counterparts import Counterparts
-from symaware_cli.runtime.state.putting import Putting
-from symaware_cli.runtime.state.taking import Taking
+from symaware_cli.runtime.state.deserialiser import Deserialiser
+from symaware_cli.runtime.state.serialiser import Serialiser
 
 PACKAGES = {__name__.partition(".")[0], "symaware_cli"}
 
@@ -52,11 +52,11 @@ class Value:
 
 
 def take(thing: Slotted | Thing) -> list[tuple[str, str, list[Any]]]:
-    return Taking({"thing": thing}, PACKAGES).entries
+    return Serialiser({"thing": thing}, PACKAGES).entries
 
 
 def put(entries: Sequence[tuple[str, str, list[Any]]], thing: Slotted | Thing) -> None:
-    Putting(Counterparts(entries, {"thing": thing}, PACKAGES)).put()
+    Deserialiser(Counterparts(entries, {"thing": thing}, PACKAGES)).restore()
 
 
 def moved(**attributes: Any) -> Thing:
@@ -242,7 +242,10 @@ def test_a_generator_of_chance_draws_on_from_where_it_was() -> None:
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (threading.Lock(), r"the state of thing\.inner\.value cannot be taken: it is a _thread\.lock; .*`uncaptured`"),
+        (
+            threading.Lock(),
+            r"the state of thing\.inner\.value cannot be captured: it is a _thread\.lock; .*`uncaptured`",
+        ),
         ((each for each in "ab"), r"it is a suspended generator, `<genexpr>`"),
         (threading.Thread(), r"it is a threading\.Thread"),
     ],
@@ -305,12 +308,12 @@ def test_nothing_has_changed_where_a_state_is_refused() -> None:
 
 
 def test_a_local_function_that_does_not_stand_is_not_made() -> None:
-    with pytest.raises(StateError, match=r"the state of thing\.call cannot be put here: the function .*<lambda>"):
+    with pytest.raises(StateError, match=r"the state of thing\.call cannot be restored here: the function .*<lambda>"):
         moved(call=lambda: 1)
 
 
 def test_only_known_classes_and_data_classes_are_made() -> None:
     assert untyped(moved(value=Value(Thing(a=1)))).value.part.a == 1
     entries = take(Thing(value=Thing(a=1)))
-    with pytest.raises(StateError, match=r"thing\.value cannot be put here: the object of the class .*Thing"):
+    with pytest.raises(StateError, match=r"thing\.value cannot be restored here: the object of the class .*Thing"):
         Counterparts(entries, {"thing": Thing()}, {"other"})

@@ -88,13 +88,13 @@ def test_what_has_changed_is_never_the_object_that_it_was(ends: Any) -> None:
 def test_what_cannot_be_sent_is_refused_with_its_place(ends: Any) -> None:
     (here, thing, _), _ = ends
     thing.plan = {"lock": threading.Lock()}
-    with pytest.raises(StateError, match=r"the state of thing\.plan\['lock'\] cannot be taken: it is a .*lock"):
+    with pytest.raises(StateError, match=r"the state of thing\.plan\['lock'\] cannot be captured: it is a .*lock"):
         here.taken(["thing"])
 
 
 def test_nothing_has_changed_where_something_cannot_be_made_at_the_other_end(ends: Any) -> None:
     (here, thing, _), (there, other_thing, _) = ends
     thing.first, thing.plan = 1, Thing()  # has attributes that hold no state, so that it is not made of the others
-    with pytest.raises(StateError, match=r"thing\.plan cannot be put here"):
+    with pytest.raises(StateError, match=r"thing\.plan cannot be restored here"):
         there.put(here.taken(["thing"]))
     assert not hasattr(other_thing, "first")

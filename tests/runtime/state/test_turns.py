@@ -97,7 +97,7 @@ def test_who_enters_and_leaves_is_part_of_the_state(scenario, mode, step, where)
 def test_a_turn_that_waits_is_refused_and_one_that_is_over_is_not(scenario):
     with scenario({"use": "doubles.napper", "period": 0.4}).start() as simulation:
         simulation.step(2)
-        with pytest.raises(sa.StateError, match=r"cannot be taken: .* suspended coroutine"):
+        with pytest.raises(sa.StateError, match=r"cannot be captured: .* suspended coroutine"):
             simulation.capture()
         simulation.step(3)
         state = simulation.capture()

@@ -1,4 +1,4 @@
-"""Objects put together again: what stands already is given its earlier state, and what does not is made anew."""
+"""Restores objects from a table of entries: existing objects get their earlier state, missing ones are created."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.runtime.state.counterparts import NOTHING, Counterparts
-from symaware_cli.runtime.state.layout import Layout, attributes, give, layout, resolved
+from symaware_cli.runtime.state.layout import Layout, attributes, layout, resolve, set_attributes
 
 
-class Putting:
-    """Puts what was taken into its counterparts."""
+class Deserialiser:
+    """Restores serialised objects into their counterparts."""
 
     def __init__(self, counterparts: Counterparts) -> None:
-        """Ask those who tell a part of their state themselves whether they can take it; changes nothing.
+        """Check the states of all objects with `check_state`; nothing is changed.
 
         Raises:
-            StateError: One cannot; says why.
+            StateError: An object cannot be restored; the message gives the reason.
         """
         self._counterparts = counterparts
         self._made: dict[int, Any] = {}
-        self._told: list[tuple[Any, Any]] = []
+        self._to_restore: list[tuple[Any, Any]] = []
         for number, live in counterparts.found.items():
             kind, _, contents = counterparts.entries[number]
             if kind == "object" and callable(getattr(live, "check_state", None)):
                 live.check_state(self._value(contents[0])[0])
 
-    def put(self) -> list[Any]:
-        """Change the objects of the root, and return them as they are then."""
+    def restore(self) -> list[Any]:
+        """Restore the objects of the root, and return them."""
         found = self._all(self._counterparts.roots)
-        for live, state in self._told:
+        for live, state in self._to_restore:
             live.restored(state[0])
         return found
 
     def _value(self, content: Any) -> Any:
-        """What an atom or a reference stands for."""
+        """The value of an atom or a reference."""
         if type(content) is not tuple:
             return content
         number = content[0]
@@ -60,30 +60,30 @@ class Putting:
         return {name: self._value(each) for name, each in zip(contents[::2], contents[1::2], strict=True)}
 
     def _object(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        kind: Any = type(live) if live is not NOTHING else resolved(name)
+        kind: Any = type(live) if live is not NOTHING else resolve(name)
         of = layout(kind)
         rest = contents[2:]
-        if of.is_value and not of.speaks:
+        if of.is_value and not of.captures_itself:
             found = self._named(rest)
             if live is not NOTHING and _are_same(attributes(live, of), found):
                 return live
             made = object.__new__(kind)
-            give(made, of, found)
+            set_attributes(made, of, found)
             return made
         made = object.__new__(kind) if live is NOTHING else live
         self._made[number] = made
-        give(made, of, self._named(rest))
-        if of.speaks:
-            self._told.append((made, self._value(contents[0])))
+        set_attributes(made, of, self._named(rest))
+        if of.captures_itself:
+            self._to_restore.append((made, self._value(contents[0])))
         return made
 
     def _finish(self, made: Any, of: Layout, rest: list[Any]) -> Any:
         if rest or getattr(made, "__dict__", None):
-            give(made, of, self._named(rest))
+            set_attributes(made, of, self._named(rest))
         return made
 
     def _list(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        kind: Any = type(live) if live is not NOTHING else resolved(name)
+        kind: Any = type(live) if live is not NOTHING else resolve(name)
         made = kind.__new__(kind) if live is NOTHING else live
         self._made[number] = made
         count = contents[1]
@@ -100,7 +100,7 @@ class Putting:
         return made
 
     def _tuple(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        kind: Any = type(live) if live is not NOTHING else resolved(name)
+        kind: Any = type(live) if live is not NOTHING else resolve(name)
         count = contents[1]
         held, rest = self._all(contents[2 : 2 + count]), self._named(contents[2 + count :])
         if (
@@ -112,11 +112,11 @@ class Putting:
             return live
         made = tuple.__new__(kind, held)
         if rest:
-            give(made, layout(kind), rest)
+            set_attributes(made, layout(kind), rest)
         return made
 
     def _dict(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        kind: Any = type(live) if live is not NOTHING else resolved(name)
+        kind: Any = type(live) if live is not NOTHING else resolve(name)
         of = layout(kind)
         count = contents[1]
         held, rest = contents[2 : 2 + count], contents[2 + count :]
@@ -134,7 +134,7 @@ class Putting:
         return made if kind is defaultdict else self._finish(made, of, rest)
 
     def _set(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        kind: Any = type(live) if live is not NOTHING else resolved(name)
+        kind: Any = type(live) if live is not NOTHING else resolve(name)
         made = kind.__new__(kind) if live is NOTHING else live
         self._made[number] = made
         count = contents[1]
@@ -144,7 +144,7 @@ class Putting:
         return self._finish(made, layout(kind), contents[2 + count :])
 
     def _frozenset(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        kind: Any = type(live) if live is not NOTHING else resolved(name)
+        kind: Any = type(live) if live is not NOTHING else resolve(name)
         count = contents[1]
         held = self._all(contents[2 : 2 + count])
         if live is not NOTHING and frozenset.__eq__(live, frozenset(held)) is True:
@@ -170,7 +170,7 @@ class Putting:
             ):
                 return live
         made = found.copy(order="K")
-        kind = np.ndarray if name == "numpy:ndarray" else resolved(name)
+        kind = np.ndarray if name == "numpy:ndarray" else resolve(name)
         return self._dressed(made, kind, writeable, extra)
 
     @staticmethod
@@ -200,7 +200,7 @@ class Putting:
         )
         made: Any = np.ndarray(_numbers(shape), _dtype(dtype), flat, offset, _numbers(strides))
         base.flags.writeable = was
-        return self._dressed(made, resolved(name), writeable, extra)
+        return self._dressed(made, resolve(name), writeable, extra)
 
     def _objects(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
         shape, writeable, *held = contents
@@ -211,7 +211,7 @@ class Putting:
         made = np.empty(len(values), object)
         made[:] = values
         made = made.reshape(_numbers(shape)) if len(_numbers(shape)) != 1 else made
-        return self._dressed(made, resolved(name), writeable, ())
+        return self._dressed(made, resolve(name), writeable, ())
 
     def _method(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
         owner = self._value(contents[0])
@@ -224,7 +224,7 @@ class Putting:
         return live if live is not NOTHING and live.__self__ is owner else getattr(owner, name)
 
     def _function(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        found = resolved(name) if live is NOTHING else live
+        found = resolve(name) if live is NOTHING else live
         self._made[number] = found
         self._all(contents)
         return found
@@ -247,7 +247,7 @@ class Putting:
             return live
         if name.endswith(":"):
             return sys.modules[name[:-1]]
-        return resolved(name)
+        return resolve(name)
 
     def _same(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
         return live
@@ -256,7 +256,7 @@ class Putting:
         return live
 
     def _enum(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
-        return resolved(name)[contents[0]]
+        return resolve(name)[contents[0]]
 
     def _generator(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
         made = np.random.Generator(getattr(np.random, name)()) if live is NOTHING else live
@@ -296,7 +296,7 @@ def _bytes(array: Any) -> bytes:
 
 
 def _is_same(one: Any, other: Any) -> bool:
-    """Whether two values are one object, or atoms of the same type and value."""
+    """Whether two values are the same object, or atoms of the same type and value."""
     if one is other:
         return True
     kind = type(one)

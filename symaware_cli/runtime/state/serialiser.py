@@ -1,8 +1,8 @@
-"""Objects taken apart: what they refer to becomes a table of entries that hold nothing but plain values.
+"""Serialises a graph of objects into a table of entries that hold only plain values.
 
-An entry is a tuple: its kind, a name (mostly of a class), and a list of contents. What stands in such a list is an atom
-(nothing, a truth value, a number, a text, bytes) or a reference: a tuple of one number, that of another entry. So
-objects may refer to each other in circles, and what was one object is one object afterwards.
+An entry is a tuple of its kind, a name (mostly of a class), and a list of contents. A content is an atom (None, a truth
+value, a number, a text, bytes) or a reference: a tuple with the number of another entry. So cyclic references are
+possible, and the identity of objects is kept.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.core.stateful import StateError
-from symaware_cli.runtime.state.layout import Layout, attributes, layout, named_class, said_class
+from symaware_cli.runtime.state.layout import Layout, attributes, format_class, layout, qualified_name
 
 Entry = tuple[str, str, list[Any]]
 
-#: Where something stands: a chain of names, the last one first.
+#: The path of an object: a linked list of names, the last one first.
 Path = tuple[Any, str]
 
 _ATOMS = frozenset({type(None), bool, float, str, bytes})
@@ -30,13 +30,13 @@ _ATOMS = frozenset({type(None), bool, float, str, bytes})
 _NOBODY: Mapping[int, str] = types.MappingProxyType({})
 
 _HELP = (
-    "if it holds no state, name the attribute in `uncaptured` of its class; otherwise let the class tell its state by "
-    "`captured` and take it by `restored`"
+    "if it holds no state, name the attribute in `uncaptured` of its class; otherwise implement `captured` and "
+    "`restored` in its class"
 )
 
 
-def said_path(path: Path | None) -> str:
-    """Where something stands, as people write it."""
+def format_path(path: Path | None) -> str:
+    """Format the path of an object for a message."""
     names: list[str] = []
     while path is not None:
         names.append(path[1])
@@ -44,30 +44,30 @@ def said_path(path: Path | None) -> str:
     return "".join(reversed(names))
 
 
-class Taking:
-    """Takes one object apart, with all that it refers to.
+class Serialiser:
+    """Serialises objects and everything that they refer to.
 
     Attributes:
-        entries: The table; the first entry is that of the object.
+        entries: The table; the first entry is the root.
     """
 
     def __init__(self, root: Mapping[str, Any], packages: Collection[str], known: Mapping[int, str] = _NOBODY) -> None:
-        """Take objects apart.
+        """Serialise objects.
 
         Args:
-            root: Named as messages about what they refer to shall name them.
-            packages: The packages whose classes are taken by their attributes, besides data classes; of others, nobody
-                knows whether these are all.
-            known: The names, by identity, of objects that are not taken unless they are of the root, because they stand
-                where this goes to, too.
+            root: The objects, by the names used in messages.
+            packages: The packages whose classes are captured by their attributes, besides data classes; objects of
+                other classes may have state that is not in attributes.
+            known: The names, by identity, of objects that exist at the destination as well, and are serialised only if
+                they are in the root.
 
         Raises:
-            StateError: Something cannot be taken; says where it stands.
+            StateError: An object cannot be captured; the message gives its path.
         """
         self.entries: list[Entry] = []
         self._packages = packages
         self._numbers: dict[int, int] = {}
-        self._kept: list[Any] = []  # so that nobody gets the identity of what is gone
+        self._kept: list[Any] = []  # so that identities are not reused
         contents: list[Any] = []
         self.entries.append(("root", "", contents))
         self._waiting: deque[Callable[[], None]] = deque()
@@ -76,7 +76,7 @@ class Taking:
             contents += [name, self._put(value, (None, name))]
         self._known = known
         while self._waiting:
-            # What is near the root comes first, so that everything is named by the shortest way to it.
+            # Breadth first, so that each object is named by its shortest path.
             self._waiting.popleft()()
 
     def _put(self, value: Any, path: Path) -> Any:
@@ -91,10 +91,10 @@ class Taking:
         name = self._known.get(id(value))
         if name is not None:
             return self._new(value, "known", name, [])
-        return _taker(kind)(self, value, path)
+        return _serialise_function(kind)(self, value, path)
 
     def _refuse(self, path: Path, why: str) -> None:
-        raise StateError(f"the state of {said_path(path)} cannot be taken: it {why}; {_HELP}")
+        raise StateError(f"the state of {format_path(path)} cannot be captured: it {why}; {_HELP}")
 
     def _new(self, value: Any, kind: str, name: str, contents: list[Any]) -> tuple[int]:
         number = len(self.entries)
@@ -104,7 +104,7 @@ class Taking:
         return (number,)
 
     def _later(self, value: Any, kind: str, name: str, fill: Callable[[], Iterable[Any]], *contents: Any) -> tuple[int]:
-        """Enter an object, of whose contents the rest is found out later."""
+        """Add an entry whose remaining contents are filled in later."""
         everything = [*contents]
         reference = self._new(value, kind, name, everything)
         self._waiting.append(lambda: everything.extend(fill()))
@@ -118,21 +118,21 @@ class Taking:
 
     def _number(self, value: Any, path: Path) -> Any:
         if value.dtype.kind not in "biuf":
-            self._refuse(path, f"is a {said_class(named_class(type(value)))}")
+            self._refuse(path, f"is a {format_class(qualified_name(type(value)))}")
         return value
 
     def _object(self, value: Any, path: Path) -> tuple[int]:
         of = layout(type(value))
-        if not (of.speaks or (of.is_plain and (of.is_data or of.package in self._packages))):
-            self._refuse(path, f"is a {said_class(of.name)}")
+        if not (of.captures_itself or (of.is_plain and (of.is_data or of.package in self._packages))):
+            self._refuse(path, f"is a {format_class(of.name)}")
 
         def fill() -> list[Any]:
-            if not of.speaks:
+            if not of.captures_itself:
                 return [None, 0, *self._attributes(value, of, path)]
             try:
                 part = value.captured()
             except StateError as error:
-                raise StateError(f"the state of {said_path(path)} cannot be taken: {error}") from error
+                raise StateError(f"the state of {format_path(path)} cannot be captured: {error}") from error
             return [self._put([part], (path, ".captured()")), 0, *self._attributes(value, of, path)]
 
         return self._later(value, "object", of.name, fill)
@@ -190,7 +190,7 @@ class Taking:
             offset = value.__array_interface__["data"][0] - base.__array_interface__["data"][0]
             contents = [told, offset, _joined(value.shape), _joined(value.strides), writeable, *extra]
             return self._new(value, "view", own, [self._put(base, path), *contents])
-        # Laid out in memory as it is, because the last bits of what is computed from it may depend on that.
+        # The layout in memory is kept, because the last bits of results may depend on it.
         dense, axes = value, ""
         if not value.flags.c_contiguous:
             order = sorted(range(value.ndim), key=lambda axis: -abs(value.strides[axis]))
@@ -204,7 +204,7 @@ class Taking:
     def _builtin(self, value: Any, path: Path) -> tuple[int]:
         owner = value.__self__
         if owner is None or isinstance(owner, types.ModuleType):
-            return self._new(value, "fixed", named_class(value), [])
+            return self._new(value, "fixed", qualified_name(value), [])
         return self._new(value, "builtin", value.__name__, [self._put(owner, (path, ".__self__"))])
 
     def _function(self, value: Any, path: Path) -> tuple[int]:
@@ -212,7 +212,7 @@ class Taking:
             self._put(cell, (path, f".{name}"))
             for name, cell in zip(value.__code__.co_freevars, value.__closure__ or (), strict=True)
         ]
-        return self._new(value, "function", named_class(value), cells)
+        return self._new(value, "function", qualified_name(value), cells)
 
     def _cell(self, value: Any, path: Path) -> tuple[int]:
         def fill() -> list[Any]:
@@ -229,14 +229,14 @@ class Taking:
         return self._later(value, "partial", "", fill)
 
     def _fixed(self, value: Any, path: Path) -> tuple[int]:
-        name = value.__name__ + ":" if isinstance(value, types.ModuleType) else named_class(value)
+        name = value.__name__ + ":" if isinstance(value, types.ModuleType) else qualified_name(value)
         return self._new(value, "fixed", name, [])
 
     def _enumeration(self, value: Any, path: Path) -> tuple[int]:
-        return self._new(value, "enum", named_class(type(value)), [value.name])
+        return self._new(value, "enum", qualified_name(type(value)), [value.name])
 
     def _same(self, value: Any, path: Path) -> tuple[int]:
-        return self._new(value, "same", named_class(type(value)), [])
+        return self._new(value, "same", qualified_name(type(value)), [])
 
     def _generator(self, value: Any, path: Path) -> tuple[int]:
         kind = type(value.bit_generator).__name__
@@ -257,35 +257,35 @@ class Taking:
 
 
 def _joined(numbers: Iterable[int]) -> str:
-    """Several numbers as one atom."""
+    """Join numbers into one atom."""
     return ",".join(map(str, numbers))
 
 
-Taker = Callable[[Taking, Any, Path], Any]
+SerialiseFunction = Callable[[Serialiser, Any, Path], Any]
 
-#: How instances of each kind are taken, the special kinds before the general ones; of all others their attributes.
-_TAKERS: tuple[tuple[Any, Taker], ...] = (
-    (np.ndarray, Taking._array),
-    (enum.Enum, Taking._enumeration),
-    (np.dtype, Taking._dtype),
-    (list | tuple | deque, Taking._sequence),
-    (dict, Taking._mapping),
-    (set | frozenset, Taking._set),
-    (types.MethodType, Taking._method),
-    (types.BuiltinFunctionType, Taking._builtin),
-    (types.FunctionType, Taking._function),
-    (types.CellType, Taking._cell),
-    (partial, Taking._partial),
-    (type | types.ModuleType | np.ufunc, Taking._fixed),
-    (np.random.Generator, Taking._generator),
-    (range | slice, Taking._range),
-    (complex, Taking._complex),
-    (types.CoroutineType | types.GeneratorType, Taking._running),
-    (PurePath, Taking._same),
-    (np.generic, Taking._number),
+#: The functions that serialise instances of each type, special types first; all others are captured by attributes.
+_SERIALISERS: tuple[tuple[Any, SerialiseFunction], ...] = (
+    (np.ndarray, Serialiser._array),
+    (enum.Enum, Serialiser._enumeration),
+    (np.dtype, Serialiser._dtype),
+    (list | tuple | deque, Serialiser._sequence),
+    (dict, Serialiser._mapping),
+    (set | frozenset, Serialiser._set),
+    (types.MethodType, Serialiser._method),
+    (types.BuiltinFunctionType, Serialiser._builtin),
+    (types.FunctionType, Serialiser._function),
+    (types.CellType, Serialiser._cell),
+    (partial, Serialiser._partial),
+    (type | types.ModuleType | np.ufunc, Serialiser._fixed),
+    (np.random.Generator, Serialiser._generator),
+    (range | slice, Serialiser._range),
+    (complex, Serialiser._complex),
+    (types.CoroutineType | types.GeneratorType, Serialiser._running),
+    (PurePath, Serialiser._same),
+    (np.generic, Serialiser._number),
 )
 
 
 @cache
-def _taker(kind: Any) -> Taker:
-    return next((take for known, take in _TAKERS if issubclass(kind, known)), Taking._object)
+def _serialise_function(kind: Any) -> SerialiseFunction:
+    return next((take for known, take in _SERIALISERS if issubclass(kind, known)), Serialiser._object)
