@@ -1,1 +1,1 @@
-"""What a scenario file says, turned into objects."""
+"""Scenario files: reading, composing and validating them, and building simulations from them."""

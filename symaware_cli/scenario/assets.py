@@ -1,4 +1,4 @@
-"""The files that the shapes of a scenario are made of."""
+"""Asset files of a scenario: checks and collects the meshes and URDF files that shapes refer to."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from symaware_cli.scenario.source import Path
 def check_assets(
     document: ScenarioDocument, environment: Environment, folder: FilePath, report: Callable[..., None]
 ) -> None:
-    """Report every file that is missing or makes no sense, even where the world has no use for it.
+    """Report every missing or invalid file, even if the world does not use it.
 
     Args:
-        document: What the scenario says.
-        environment: The world, in which nobody is in place yet.
+        document: The validated document.
+        environment: The environment, not initialised yet.
         folder: The scenario's folder.
         report: Takes the code and the message of a problem, and the path.
     """
     for path, body in _named(document):
         if asset.is_packaged(body.file) and "vehicles" not in environment.provides:
-            # A world that makes discs of such bodies does not need the package that they come with.
+            # A world that represents such bodies by discs does not need the package that contains the file.
             continue
         try:
             file = asset.find(body.file, folder)
@@ -39,13 +39,13 @@ def check_assets(
 
 
 def assets(document: ScenarioDocument, folder: FilePath) -> dict[str, bytes]:
-    """Return the content of the files and of all that they need, by path relative to the folder."""
+    """Return the contents of the files and of those that they refer to, by path relative to the folder."""
     files = [body.file for _, body in _named(document)]
     return {name: content for file in files for name, content in asset.needed(file, folder).items()}
 
 
 def _named(document: ScenarioDocument) -> Iterator[tuple[Path, Mesh | Urdf]]:
-    """Yield every shape that a file describes, with the path of the file's name."""
+    """Yield every shape defined by a file, with the path of the file's name."""
     bodies: dict[Path, Entity | Obstacle] = {
         ("environment", "entities", name): entity for name, entity in document.environment.entities.items()
     }

@@ -1,4 +1,4 @@
-"""From a composed document to a simulation that is ready to run."""
+"""Builds a simulation from a composed document: validates it, loads plugins, creates groups and components."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ from symaware_cli.specification.specification import Specification
 
 Array = NDArray[np.float64]
 
-#: More steps than this are a slip of the pen: at a million steps a second they would take a quarter of an hour.
+#: The greatest number of steps; more are taken for a mistake: at a million steps per second they take 17 minutes.
 _MOST_STEPS = 10**9
 
 #: Sections in which an entry can be checked where another one is wrong.
@@ -68,17 +68,17 @@ _REFERENCES = {"bad-reference", "cyclic-parameter", "undefined-parameter"}
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """A scenario that was found to be sound.
+    """A valid scenario, built and ready to run.
 
     Attributes:
-        document: What the scenario says.
-        simulation: What it describes.
-        steps: How many steps to make.
-        options: In which way to run.
-        data: The one document, as plain data, that the files and overrides amount to.
-        files: Each file as written, by its path relative to the scenario's folder; meshes and the like, too.
+        document: The validated document.
+        simulation: The simulation.
+        steps: The number of steps to make.
+        options: The options of the run.
+        data: The resolved document as plain data.
+        files: Each file as written, including assets such as meshes, by its path relative to the scenario's folder.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
-        transport: What carries a run that is spread over several processes; None where the scenario does not say.
+        transport: The transport of a run in several processes; None if the scenario names none.
     """
 
     document: ScenarioDocument
@@ -92,12 +92,12 @@ class Built:
 
     @property
     def resolved(self) -> bytes:
-        """The one document as YAML; running it repeats the run. Written anew each time it is asked for."""
+        """The resolved document as YAML, written at each access; running it repeats the run."""
         return resolved(self.data, self.document)
 
     @property
     def digest(self) -> bytes:
-        """What tells this scenario from any other: the SHA-256 of the resolved document."""
+        """The SHA-256 of the resolved document, which identifies the scenario."""
         return hashlib.sha256(self.resolved).digest()
 
 
@@ -110,25 +110,25 @@ def build(
     world: Callable[[Environment], Environment] | None = None,
     statements: FilePath | None = None,
 ) -> Built:
-    """Read a scenario and make everything it names, without running any of it.
+    """Read a scenario and create all its objects, without running it.
 
     Args:
         path: The scenario file.
-        overrides: What ``--set`` was given, as ``path=value`` or taken apart.
-        seed: A seed that wins over the scenario's.
-        catalogue: What is installed.
-        name: What to call the file in messages; by default its path.
-        world: Makes another environment that takes the place of the scenario's; None for that itself.
-        statements: A file of specifications that take the place of the scenario's.
+        overrides: The arguments of ``--set``, as ``path=value`` or parsed.
+        seed: A seed in place of the scenario's.
+        catalogue: The installed plugins.
+        name: The name of the file in messages; by default its path.
+        world: Returns an environment to use in place of the scenario's; None to use that one.
+        statements: A file of specifications to use in place of the scenario's.
 
     Raises:
-        ScenarioError: With every problem found.
+        ScenarioError: Contains every problem found.
     """
     found: Sequence[Problem] = ()
     try:
         composition = compose(path, overrides, name, statements)
     except CompositionError as error:
-        # What is wrong so far lies in single values; the rest can be looked at in the same pass.
+        # The problems so far concern single values; the rest can be checked in the same pass.
         composition, found = error.partial, error.problems
     return build_composition(composition, path.parent, seed, catalogue, found, world)
 
@@ -142,18 +142,18 @@ def build_composition(
     found: Sequence[Problem] = (),
     world: Callable[[Environment], Environment] | None = None,
 ) -> Built:
-    """Make everything that a composed document names; see `build`.
+    """Create all objects of a composed document; see `build`.
 
     Args:
-        composition: The document; it can be built once, but copied before.
+        composition: The document; it can be built once, so copy it before to build it again.
         folder: The folder of its file.
-        seed: A seed that wins over the scenario's.
-        catalogue: What is installed.
-        found: Problems with single values that are known already.
+        seed: A seed in place of the scenario's.
+        catalogue: The installed plugins.
+        found: Problems with single values that are already known.
         world: See `build`.
 
     Raises:
-        ScenarioError: With every problem found.
+        ScenarioError: Contains every problem found.
     """
     if seed is not None:
         composition.data["seed"] = seed
@@ -185,11 +185,11 @@ class _SimulationBuilder:
         document = validate(ScenarioDocument, data, self._composition, (), self._factory.parameters)
         if isinstance(document, list):
             if any(problem.code == "wrong-version" for problem in document):
-                # Nobody knows what the rest means in another version of the format.
+                # Other problems are meaningless in another version of the format.
                 raise ScenarioError([problem for problem in document if problem.code == "wrong-version"])
             self._problems += document
             document = self._sound_part(data, document)
-        # The parts are made even where the document is broken elsewhere, so that one pass reports everything.
+        # Objects are created even if the document has problems elsewhere, so that one pass reports everything.
         seed = document.seed if isinstance(document, ScenarioDocument) else 0
         environment = self._environment(mapping(data.get("environment")))
         groups, component_entries = [], []
@@ -215,7 +215,7 @@ class _SimulationBuilder:
                 if network is not None:
                     check_metropolis(document.topology, network, builder.links, component_entries, self._report)
         if self._problems or self._found or isinstance(document, list) or environment is None:
-            raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
+            raise ScenarioError([*self._found, *filter(self._is_independent, self._problems)])
         simulation = self._simulation(document, environment, groups, component_entries)
         check_values(options.specifications, self._report)
         if self._problems:
@@ -242,7 +242,7 @@ class _SimulationBuilder:
         groups: Sequence[AgentGroup],
         component_entries: Sequence[ComponentEntry],
     ) -> RunOptions:
-        """Check what is said about time and faults, and let the components know."""
+        """Build the options of the run, and set the timing of the components."""
         check = TimingCheck(
             self._composition,
             environment,
@@ -290,19 +290,19 @@ class _SimulationBuilder:
             instances=instances,
         )
 
-    def _is_news(self, problem: Problem) -> bool:
-        """Whether a problem is more than a consequence of a value that was found wrong already and is a hole now."""
+    def _is_independent(self, problem: Problem) -> bool:
+        """Whether a problem is more than a consequence of a value that is invalid, which is already reported."""
         if any(problem.span == known.span for known in self._found):
             return False
-        return not any(f"{problem.path}.".startswith(f"{hole}.") for hole in self._holes)
+        return not any(f"{problem.path}.".startswith(f"{path}.") for path in self._invalid_paths)
 
     @cached_property
-    def _holes(self) -> set[str]:
-        """The paths of values that could not be read, and of text in which a reference could not be resolved."""
-        holes = {known.path for known in self._found}
+    def _invalid_paths(self) -> set[str]:
+        """The paths of invalid values, and of texts with references that could not be resolved."""
+        paths = {known.path for known in self._found}
         if any(known.code in _REFERENCES for known in self._found):
-            holes |= {dotted(path) for path in _unresolved(self._composition.data, ())}
-        return holes
+            paths |= {dotted(path) for path in _unresolved(self._composition.data, ())}
+        return paths
 
     def _report(self, code: str, message: str, path: Path, **hints: Any) -> None:
         self._problems.append(self._composition.problem(code, message, path, **hints))
@@ -320,7 +320,7 @@ class _SimulationBuilder:
         return environment if self._world is None else self._world(environment)
 
     def _topologies(self, entry: Any) -> dict[Path, Topology]:
-        """Make every topology that is named, by its path."""
+        """Create every topology of the section, by its path."""
         made = {path: self._factory.make(each, path) for path, each in topologies(entry)}
         return {path: instances[0] for path, instances in made.items() if instances}
 
@@ -336,7 +336,7 @@ class _SimulationBuilder:
         return model
 
     def _conforms(self, model: Model, use: str, state: Array, path: Path) -> bool:
-        """Whether a model returns what it declares; asked once, because a run has no time to."""
+        """Check that a model returns arrays of the declared shapes; done once, as checks in a run would cost time."""
         faults = list(faults_of(model, state))
         for fault in faults:
             self._report("broken-plugin", f"the model {quoted(use)} {fault}", path)
@@ -351,7 +351,7 @@ class _SimulationBuilder:
         sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
         indexed = count is not None
         ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
-        # Where the model has bad parameters its class still tells what a state is.
+        # Even if the model's parameters are invalid, its class declares the columns of the state.
         kind = self._factory.plugins.get((*path, "model"))
         described = model or (kind if kind is not None and _fault_of(kind) is None else None)
         sampler = Sampler(self._composition, seed, ids, indexed, described)
@@ -371,7 +371,7 @@ class _SimulationBuilder:
         capable = [
             component
             for component, made in instances.items()
-            if made and self._is_told(made[0], entry, (*path, "components", component), uses[component])
+            if made and self._has_knowledge(made[0], entry, (*path, "components", component), uses[component])
         ]
         declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
         parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
@@ -386,7 +386,7 @@ class _SimulationBuilder:
         component_entries = [
             ComponentEntry(group, component, uses[component], instances[component])
             for component in capable
-            if self._suits(group, instances[component][0], (*path, "components", component), uses[component])
+            if self._can_work(group, instances[component][0], (*path, "components", component), uses[component])
         ]
         return group, component_entries
 
@@ -397,8 +397,10 @@ class _SimulationBuilder:
                 own[name] = known
         return knowledge
 
-    def _is_told(self, component: Component | GroupComponent, entry: Mapping[str, Any], path: Path, use: str) -> bool:
-        """Whether the agents know all that a component needs."""
+    def _has_knowledge(
+        self, component: Component | GroupComponent, entry: Mapping[str, Any], path: Path, use: str
+    ) -> bool:
+        """Check that the agents have all the knowledge that a component needs."""
         known = entry.get("knowledge", {})
         if not isinstance(known, Mapping):
             return False
@@ -416,11 +418,11 @@ class _SimulationBuilder:
             )
         return set(component.knowledge) <= set(known)
 
-    def _suits(self, group: AgentGroup, component: Component | GroupComponent, path: Path, use: str) -> bool:
-        """Whether a component can do its work for a group, as far as that can be told before the run."""
+    def _can_work(self, group: AgentGroup, component: Component | GroupComponent, path: Path, use: str) -> bool:
+        """Check that a component can work for a group, as far as that is known before the run."""
         try:
             component.check(group)
-            # Of several components that set a series, the last has its say.
+            # If several components set a series, the columns of the last one apply.
             name_columns(group, component)
         except KeyboardInterrupt:
             raise
@@ -443,7 +445,7 @@ class _SimulationBuilder:
         return True
 
     def _steps(self, duration: Any, environment: Environment | None) -> int:
-        """Count the steps of the run; 0 where the duration is not sound, which is reported already."""
+        """Return the number of steps of the run; 0 if the duration is invalid, which is already reported."""
         if environment is None or not isinstance(duration, int | float) or not 0 < duration <= 1e9:
             return 0
         steps = math.ceil(nanoseconds(duration) / environment.time_step)
@@ -486,7 +488,7 @@ class _SimulationBuilder:
 
 
 def _unresolved(value: Any, path: Path) -> Iterator[Path]:
-    """Yield the path of each text that still has a reference in it."""
+    """Yield the path of each text that still contains a reference."""
     if isinstance(value, str):
         if "${" in value:
             yield path
@@ -497,7 +499,7 @@ def _unresolved(value: Any, path: Path) -> Iterator[Path]:
 
 
 def _fault_of(model: Model | type[Model]) -> str | None:
-    """Return what is wrong with what a model declares of itself, put as a predicate."""
+    """Return the fault in a model's declarations as a predicate; None if they are valid."""
     for name in ("state", "control_input"):
         declared = getattr(model, name, ())
         if not isinstance(declared, Sequence) or not declared or not all(isinstance(x, Quantity) for x in declared):

@@ -1,4 +1,4 @@
-"""The catalogue: every installed plugin, found through entry points and imported only when it is used."""
+"""The catalogue of installed plugins, found through entry points and imported only when they are used."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from symaware_cli.network.topology.topology import Topology
 from symaware_cli.runtime.failure import describe
 from symaware_cli.scenario.problem import nearest, quoted
 
-#: What a scenario can use, and the entry-point group where it is registered.
+#: The kinds of plugins, and the entry-point group of each.
 GROUPS = {
     "component": "symaware.components",
     "environment": "symaware.environments",
@@ -28,7 +28,7 @@ GROUPS = {
     "transport": "symaware.transports",
 }
 
-#: What several of a kind are called.
+#: The plurals of the kinds.
 PLURALS = {kind: group.rpartition(".")[2] for kind, group in GROUPS.items()}
 
 _BASES: Mapping[str, tuple[type, ...]] = {
@@ -39,7 +39,7 @@ _BASES: Mapping[str, tuple[type, ...]] = {
     "transport": (Transport,),
 }
 
-#: Modules that come with an extra of this package.
+#: Optional modules, and the extra of this package that installs each.
 _EXTRAS = {
     "rerun": "viewer",
     "pybullet": "pybullet",
@@ -56,8 +56,8 @@ class PluginError(Exception):
     """A plugin cannot be used.
 
     Attributes:
-        code: A slug for tools.
-        expected: What would be right.
+        code: A stable identifier for tools.
+        expected: What is valid there.
         suggestion: The nearest valid name.
     """
 
@@ -74,10 +74,10 @@ class Listing:
 
     Attributes:
         kind: A key of `GROUPS`.
-        name: What scenarios call it.
-        target: Where the class is, as ``module:Class``.
-        package: The distribution that brought it.
-        version: Its version.
+        name: Its entry-point name.
+        target: Its class, as ``module:Class``.
+        package: The distribution that contains it.
+        version: The version of that distribution.
     """
 
     kind: str
@@ -88,17 +88,17 @@ class Listing:
 
     @property
     def built_in(self) -> bool:
-        """Whether it came with this package."""
+        """Whether it is part of this package."""
         return self.package == _DISTRIBUTION
 
 
 class Catalogue:
-    """What is installed."""
+    """The installed plugins."""
 
     @cached_property
     def _found(self) -> Mapping[str, Mapping[str, list[tuple[Listing, metadata.EntryPoint]]]]:
         found: dict[str, dict[str, list[tuple[Listing, metadata.EntryPoint]]]] = {kind: {} for kind in GROUPS}
-        # Asked for once: each time, every package that is installed is looked at, and each name is read from a file.
+        # Called once, because each call reads the metadata of every installed package.
         points = metadata.entry_points()
         owners: dict[int, tuple[str, str]] = {}
         for kind, group in GROUPS.items():
@@ -114,21 +114,21 @@ class Catalogue:
         return found
 
     def listings(self, kind: str) -> list[Listing]:
-        """All plugins of a kind by name; imports none of them."""
+        """All plugins of a kind, sorted by name; none is imported."""
         return sorted(
             (listing for same in self._found[kind].values() for listing, _ in same),
             key=lambda listing: (listing.name, listing.package),
         )
 
     def find(self, name: str) -> list[Listing]:
-        """All plugins of a name, whatever their kind."""
+        """All plugins with a name, of any kind."""
         return [listing for kind in GROUPS for listing in self.listings(kind) if listing.name == name]
 
     def load(self, kind: str, name: str) -> Any:
         """Import the class of a plugin.
 
         Raises:
-            PluginError: There is none of the name, more than one, or it cannot be used.
+            PluginError: There is no such plugin, more than one, or it cannot be used.
         """
         same = self._found[kind].get(name)
         if not same:
@@ -154,14 +154,18 @@ class Catalogue:
                 return PluginError("unknown-plugin", f"`{name}` is {article} {other}, not a {kind}", everything)
         known = sorted(self._found[kind])
         suggestion = nearest(name, known)
-        # Of a hundred names only the near ones help: those of the same family, which is what stands before the dot.
+        # Only names of the same family, the part before the dot, are listed.
         family = [each for each in known if each.rpartition(".")[0] == name.rpartition(".")[0]]
         listed = f"one of {', '.join(family)}" if family and len(family) <= 12 and not suggestion else everything
         return PluginError("unknown-plugin", f"no {kind} called {quoted(name)} is installed", listed, suggestion)
 
 
 def _imported(point: metadata.EntryPoint, origin: str) -> Any:
-    """Import what an entry point names, or say why that fails."""
+    """Import the object of an entry point.
+
+    Raises:
+        PluginError: The import failed.
+    """
     try:
         return point.load()
     except ModuleNotFoundError as error:
@@ -172,16 +176,16 @@ def _imported(point: metadata.EntryPoint, origin: str) -> Any:
                 f"{origin} needs the module `{error.name}`, which is not installed",
                 expected=f"the extra `{extra}`: pip install '{_DISTRIBUTION}[{extra}]'",
             ) from error
-        raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}{place_of(error)}") from error
+        raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}{code_position(error)}") from error
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        text = describe(error) + place_of(error)
+        text = describe(error) + code_position(error)
         raise PluginError("broken-plugin", f"{origin} cannot be imported: {text}") from error
 
 
-def place_of(error: BaseException) -> str:
-    """Return where in a plugin's code an error arose, as `` (module.py, line 3)``; nothing where that is not known."""
+def code_position(error: BaseException) -> str:
+    """Return the position of an error in a plugin's code, as `` (module.py, line 3)``; empty if unknown."""
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)
@@ -193,7 +197,7 @@ def place_of(error: BaseException) -> str:
 
 
 def _fault(kind: str, loaded: Any) -> str | None:
-    """Return what keeps something that was imported from being a plugin, put as a predicate."""
+    """Return why an imported object is not a valid plugin, as a predicate; None if it is valid."""
     bases = " or ".join(base.__name__ for base in _BASES[kind])
     if not inspect.isclass(loaded) or not issubclass(loaded, _BASES[kind]):
         return f"is not a subclass of {bases}"

@@ -1,7 +1,6 @@
-"""From a scenario file to one resolved document: `extends`, `--set` and `parameters`, in this order.
+"""Composes a scenario file into one resolved document: `extends`, `--set` and `parameters`, in this order.
 
-Everything works on trees of nodes, which carry their positions along, so that a value can always say which file (or
-which `--set`) it came from.
+All steps work on trees of nodes with positions, so that the file (or the `--set`) of each value is known.
 """
 
 import os
@@ -18,10 +17,10 @@ from symaware_cli.scenario.source import MappingEntry, Path, Source, SourceNode
 from symaware_cli.scenario.source_parser import nearest_file, read
 
 MAX_EXTENDS_DEPTH = 16
-# A diamond of bases merges the same file again and again; this bounds the work.
+# Bounds the work if several files extend the same base.
 MAX_EXTENDS = 64
 
-# Problems that leave the rest of a document as it was meant.
+# Codes of problems that affect only a single value of a document.
 _SINGLE_VALUE = {
     "bad-character",
     "bad-reference",
@@ -40,7 +39,7 @@ _SINGLE_VALUE = {
 
 
 class Composition:
-    """A resolved document that knows where each of its values came from.
+    """A resolved document with the position of each value.
 
     Attributes:
         name: The top file's name as the user typed it.
@@ -56,19 +55,19 @@ class Composition:
         self._sources = sources
 
     def copy(self) -> Self:
-        """Returns the same document with data of its own, which may be changed."""
+        """Returns the same document with a copy of its data, which may be changed."""
         return type(self)(self.name, self._root, self.files, self._sources)
 
     def span(self, path: Path, key: bool = False) -> TextSpan | None:
-        """Returns where the value (or the key) at a path came from, or its nearest ancestor that exists."""
+        """Returns the position of the value (or the key) at a path, or of its nearest existing ancestor."""
         return self._root.nearest_span(path, key=key)
 
     def has(self, path: Path) -> bool:
-        """Returns whether a file or an override says something at a path."""
+        """Returns whether a file or an override has a value at a path."""
         return self._root.has(path)
 
     def line_text(self, span: TextSpan) -> str | None:
-        """Returns the whole line that a span lies on."""
+        """Returns the whole line of a span."""
         source = self._sources.get(span.file)
         return source.line_text(span.line) if source else None
 
@@ -82,17 +81,17 @@ class Composition:
         expected: str | None = None,
         suggestion: str | None = None,
     ) -> Problem:
-        """Returns a problem with the value (or the key) at a path, with its place filled in."""
+        """Returns a problem with the value (or the key) at a path, including its position."""
         span = self.span(path, key)
         line = self.line_text(span) if span else None
         return Problem(code, message, span, dotted(path), expected, suggestion, line)
 
 
 class CompositionError(ScenarioError):
-    """Every problem so far is with a single value, so that whoever checks further can report everything in one pass.
+    """All problems so far concern single values, so that the rest of the document can be checked in the same pass.
 
     Attributes:
-        partial: The document in spite of them; a bad value is null in it, or its text as written.
+        partial: The document without them; an invalid value is null in it, or its text as written.
     """
 
     def __init__(self, problems: Iterable[Problem], partial: Composition) -> None:
@@ -112,17 +111,17 @@ def compose(
 ) -> Composition:
     """Reads a scenario and resolves it.
 
-    Files are merged as JSON Merge Patch (RFC 7396) says: mappings merge, everything else replaces, and null removes
-    an inherited key. A null where nothing is inherited stays.
+    Files are merged according to JSON Merge Patch (RFC 7396): mappings merge, other values replace, and null removes
+    an inherited key. A null without an inherited key remains.
 
     Args:
         path: The scenario file.
-        overrides: What `--set` was given, as `path=value` or taken apart.
-        name: What to call the file in messages; by default its path.
-        statements: A file of specifications, with the regions they need, which takes the place of the scenario's.
+        overrides: The arguments of `--set`, as `path=value` or parsed.
+        name: The name of the file in messages; by default its path.
+        statements: A file of specifications, with the regions that they need, to use in place of the scenario's.
 
     Raises:
-        ScenarioError: With every problem found; a `CompositionError` if the document can be checked further.
+        ScenarioError: Contains every problem found; a `CompositionError` if the document can be checked further.
     """
     files = _Files(path, str(path) if name is None else name)
     root = files.compose_top()
@@ -132,18 +131,18 @@ def compose(
     if stated is not None:
         sources[stated.name] = stated
         _require_statements(stated)
-    # An override has no tree of its own, so only files can lack one.
+    # Overrides have no tree, so this concerns files only.
     if root is None or not _is_whole(sources) or any(each.root is None for each in files.sources.values()):
         raise ScenarioError(_problems(sources))
     if stated is not None:
         if stated.root is None:
             raise ScenarioError(_problems(sources))
-        root = _restated(root, stated.root)
+        root = _with_statements(root, stated.root)
     for override in parsed:
         root = override.apply(root)
     root = substitute(root, sources)
     if any(files.folders.values()):
-        root = _found_beside(root, files.folders)
+        root = _with_relative_files(root, files.folders)
     problems = _problems(sources)
     if not _is_whole(sources):
         raise ScenarioError(problems)
@@ -153,11 +152,13 @@ def compose(
     return composition
 
 
-def _found_beside(root: SourceNode, folders: Mapping[str, str], inside: str = "", around: str = "") -> SourceNode:
-    """Returns a document in which the files of shapes are named from the top file's folder, not from who names them."""
+def _with_relative_files(
+    root: SourceNode, folders: Mapping[str, str], inside: str = "", around: str = ""
+) -> SourceNode:
+    """Returns a document in which paths of asset files are relative to the top file's folder."""
     if isinstance(root.value, dict):
         entries = {
-            key: MappingEntry(entry.key, _found_beside(entry.node, folders, key, inside))
+            key: MappingEntry(entry.key, _with_relative_files(entry.node, folders, key, inside))
             for key, entry in root.value.items()
         }
         changed = any(entry.node is not root.value[key].node for key, entry in entries.items())
@@ -171,7 +172,7 @@ def _found_beside(root: SourceNode, folders: Mapping[str, str], inside: str = ""
 
 
 def _require_statements(source: Source) -> None:
-    """Report what in a file of specifications is neither a specification nor a region."""
+    """Reports keys of a file of specifications other than `specifications` and `regions`."""
     if source.root is None:
         return
     if not isinstance(source.root.value, dict):
@@ -183,8 +184,8 @@ def _require_statements(source: Source) -> None:
             source.report("unknown-key", message, entry.key, (key,), expected=expected)
 
 
-def _restated(root: SourceNode, statements: SourceNode) -> SourceNode:
-    """Returns a document whose specifications are others, and which has further regions."""
+def _with_statements(root: SourceNode, statements: SourceNode) -> SourceNode:
+    """Returns a document with the specifications replaced and further regions added."""
     if isinstance(root.value, dict) and isinstance(statements.value, dict) and "specifications" in statements.value:
         root = SourceNode({key: entry for key, entry in root.value.items() if key != "specifications"}, root.span)
     return merge(root, statements)
@@ -195,12 +196,12 @@ def _problems(sources: Mapping[str, Source]) -> list[Problem]:
 
 
 def _is_whole(sources: Mapping[str, Source]) -> bool:
-    """Returns whether nothing but single values is wrong."""
+    """Returns whether all problems concern single values."""
     return all(problem.code in _SINGLE_VALUE for problem in _problems(sources))
 
 
 def merge(base: SourceNode, overlay: SourceNode) -> SourceNode:
-    """Returns what an overlay makes of a base. Inherited keys keep their order, new ones follow."""
+    """Returns a base with an overlay merged into it. Inherited keys keep their order, new ones follow."""
     if not isinstance(base.value, dict) or not isinstance(overlay.value, dict):
         return overlay
     entries = dict(base.value)
@@ -216,19 +217,19 @@ def merge(base: SourceNode, overlay: SourceNode) -> SourceNode:
 
 
 class _Files:
-    """The files that one scenario is made of, each read once."""
+    """The files of one scenario, each read once."""
 
     def __init__(self, path: FilePath, name: str) -> None:
         self.name = name
         self.sources: dict[str, Source] = {}
         self.raw: dict[str, bytes] = {}
-        #: The folder of each file below that of the top file, by the name of its source.
+        #: The folder of each file relative to that of the top file, by the name of its source.
         self.folders: dict[str, str] = {}
         self._path = path
         self._folder = os.path.realpath(path.parent)
-        # What each file says with its bases merged in, by its path relative to the folder.
+        # Each file with its bases merged in, by its path relative to the folder.
         self._composed: dict[str, SourceNode | None] = {}
-        # The files that are being composed right now, the top first.
+        # The files that are being composed, the top file first.
         self._open: list[str] = []
         self._extends = 0
 
@@ -237,7 +238,7 @@ class _Files:
         return self._compose(self._path.name, source)
 
     def _compose(self, relative: str, source: Source) -> SourceNode | None:
-        """Returns what a file says with its bases merged in, or `None` if it cannot be told."""
+        """Returns a file with its bases merged in, or `None` if it could not be parsed."""
         self.sources[source.name] = source
         self.folders[source.name] = PurePath(relative).parent.as_posix().removeprefix(".")
         self.raw[PurePath(relative).as_posix()] = source.raw
@@ -255,7 +256,7 @@ class _Files:
         return composed
 
     def _base(self, source: Source, value: SourceNode, path: Path) -> SourceNode | None:
-        """Returns one file that is named under `extends`, composed; reports where it is named if that cannot be."""
+        """Returns a file named under `extends`, composed; reports a problem at its name if that fails."""
         written = str(value.value)
         relative = os.path.normpath(os.path.join(os.path.dirname(self._open[-1]), written))
         real = os.path.realpath(os.path.join(self._folder, relative))
@@ -280,7 +281,7 @@ class _Files:
         file = FilePath(self._folder, relative)
         base = read(file, os.path.join(os.path.dirname(self.name), relative))
         if base.problems and all(problem.span is None for problem in base.problems):
-            # The file itself could not be read: what is to be mended is the name of it.
+            # The file itself could not be read, so the problem is reported at its name.
             for problem in base.problems:
                 source.report(
                     problem.code,
@@ -295,7 +296,7 @@ class _Files:
 
 
 def _nearest_base(file: FilePath, written: str) -> str | None:
-    """Returns the base that was probably meant, written the way the missing one is."""
+    """Returns the path of the base that was probably meant, in the form of the missing one."""
     found = nearest_file(file)
     return (PurePosixPath(written).parent / found).as_posix() if found else None
 

@@ -1,4 +1,4 @@
-"""Whether groups that are to agree on something can do so with each other."""
+"""Checks of consensus components: equal shapes, turns and weights in all groups, and links suited to the weights."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _NEEDED = "a consensus needs turns at the same times"
 def check_consensus(
     document: ScenarioDocument, time_step: int, entries: Sequence[ComponentEntry], report: Callable[..., None]
 ) -> None:
-    """Report each consensus that is not on the same terms as that of other groups on the same name.
+    """Report each consensus that is incompatible with that of another group on the same name.
 
     Args:
-        document: What the scenario says.
-        time_step: That of the world, in nanoseconds.
-        entries: All components.
+        document: The validated document.
+        time_step: The world's time step, in nanoseconds.
+        entries: All component entries.
         report: Takes the code and the message of a problem, the path, and hints.
     """
     by_name: dict[str, list[ComponentEntry]] = {}
@@ -54,32 +54,32 @@ def check_metropolis(
     entries: Sequence[ComponentEntry],
     report: Callable[..., None],
 ) -> None:
-    """Report each consensus with Metropolis weights on links that change, or that go one way only.
+    """Report each consensus with Metropolis weights on links that change or are directed.
 
     Args:
-        use: What the scenario says of its topology.
-        network: What was made of it.
-        links_of: Tells the links of one whose topology stays as it is; None after a problem that it reported.
-        entries: All components.
+        use: The topology section of the scenario.
+        network: The network built from it.
+        links_of: Returns the links of a fixed topology; None after a problem that it reported.
+        entries: All component entries.
         report: Takes the code and the message of a problem, the path, and hints.
     """
     concerned = [entry for entry in entries if _has_metropolis(entry)]
     if not concerned:
         return
     if use.changes:
-        wrong = "stay as they are, and `topology.changes` replaces them"
+        wrong = "do not change, but `topology.changes` replaces them"
     elif network.phase(0).topology.changes:
-        wrong = f"stay as they are, and those of {quoted(use.use)} change"
-    elif (links := links_of(network)) is not None and not _go_both_ways(links):
-        wrong = f"go both ways, and some of {quoted(use.use)} go one way only"
+        wrong = f"do not change, but those of {quoted(use.use)} change"
+    elif (links := links_of(network)) is not None and not _are_symmetric(links):
+        wrong = f"are symmetric, but some of {quoted(use.use)} go one way only"
     else:
         return
     for entry in concerned:
-        message = f"Metropolis weights keep the mean only where links {wrong}"
+        message = f"Metropolis weights preserve the mean only if links {wrong}"
         report("unsuitable", message, (*_path(entry), "with", "weights"), expected="uniform, or another topology")
 
 
-def _go_both_ways(links: Links) -> bool:
+def _are_symmetric(links: Links) -> bool:
     back = links.receivers.astype(np.int64) * links.count + links.senders
     return np.array_equal(np.sort(back), links.keys)
 
@@ -90,7 +90,7 @@ def _has_metropolis(entry: ComponentEntry) -> bool:
 
 
 def _check_weights(entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]) -> None:
-    """Report weights that are not those of another group, and with Metropolis weights another gain."""
+    """Report weights, and with Metropolis weights gains, that differ from those of another group."""
     own, wanted = entry.components[0], first.components[0]
     assert isinstance(own, Consensus)
     assert isinstance(wanted, Consensus)
@@ -104,7 +104,7 @@ def _check_weights(entry: ComponentEntry, first: ComponentEntry, report: Callabl
 
 
 def _check_shape(name: str, entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]) -> None:
-    """Report a value that has not as many elements as that of another group."""
+    """Report a value whose shape differs from that in another group."""
     shape, wanted = (each.group.known(name).shape[1:] for each in (entry, first))
     if shape != wanted:
         message = f"{_named(first)} has a consensus on {quoted(name)} that is {_form(wanted)}, and here it is "
@@ -119,21 +119,21 @@ def _check_turns(
     first: ComponentEntry,
     report: Callable[..., None],
 ) -> None:
-    """Report turns that are at other times than those of another group."""
+    """Report turns at other times than those of another group."""
     own, wanted = entry.timing, first.timing
     period, other = (time_step if each.period is None else each.period for each in (own, wanted))
     for key, one, two in (("period", period, other), ("offset", own.offset, wanted.offset)):
         if one != two:
             said = f"{_NEEDED}: the {key} is {seconds(one):g} s here, and {seconds(two):g} s for {_named(first)}"
-            report("unsuitable", said, _place(document, entry, key), key=True, expected=f"{seconds(two):g} [s]")
+            report("unsuitable", said, _key_path(document, entry, key), key=True, expected=f"{seconds(two):g} [s]")
     for key in ("trigger", "latency"):
         if getattr(own, key) != getattr(wanted, key):
             said = f"{_NEEDED}: the {key} is not that of {_named(first)}"
-            report("unsuitable", said, _place(document, entry, key), key=True, expected=f"the same {key} for both")
+            report("unsuitable", said, _key_path(document, entry, key), key=True, expected=f"the same {key} for both")
 
 
 def _check_order(document: ScenarioDocument, entry: ComponentEntry, report: Callable[..., None]) -> None:
-    """Report turns of which nobody knows whether they will be at the times of those of other groups."""
+    """Report turns that may be at other times than those of other groups."""
     timing = entry.timing
     for key, is_uncertain in (
         ("jitter", timing.jitter > 0),
@@ -142,8 +142,8 @@ def _check_order(document: ScenarioDocument, entry: ComponentEntry, report: Call
         ("latency", timing.latency.is_drawn),
     ):
         if is_uncertain:
-            said = f"{_NEEDED} in all groups, and a {quoted(key)} is a matter of each"
-            report("unsuitable", said, _place(document, entry, key), key=True, expected="a period alone")
+            said = f"{_NEEDED} in all groups, but a {quoted(key)} acts on each separately"
+            report("unsuitable", said, _key_path(document, entry, key), key=True, expected="a period alone")
 
 
 def _named(entry: ComponentEntry) -> str:
@@ -154,8 +154,8 @@ def _path(entry: ComponentEntry) -> Path:
     return ("agents", entry.group.name, "components", entry.name)
 
 
-def _place(document: ScenarioDocument, entry: ComponentEntry, key: str) -> Path:
-    """Where a component has a key, or else the component."""
+def _key_path(document: ScenarioDocument, entry: ComponentEntry, key: str) -> Path:
+    """The path of a key of a component, or of the component if the key is not given."""
     use = document.agents[entry.group.name].components[entry.name]
     return (*_path(entry), key) if key in use.model_fields_set else _path(entry)
 

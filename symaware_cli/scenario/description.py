@@ -1,4 +1,4 @@
-"""What there is to say about a plugin: for ``symaware show``."""
+"""Descriptions of plugins for ``symaware show``: parameters, events, knowledge, parts, signals, states."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Parameter:
 
     Attributes:
         name: Its key under ``with:``.
-        type: What it may be, in words.
+        type: Its type in words.
         required: Whether it must be given.
-        default: What it is otherwise.
-        description: What it means, and its unit.
+        default: Its default value.
+        description: Its meaning and unit.
     """
 
     name: str
@@ -36,20 +36,20 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """A plugin, described.
+    """The description of a plugin.
 
     Attributes:
         kind: A key of `GROUPS`, such as ``component``.
-        name: What scenarios call it.
-        package: The distribution that brought it.
-        version: Its version.
+        name: Its entry-point name.
+        package: The distribution that contains it.
+        version: The version of that distribution.
         text: Its docstring.
-        parameters: What can be set.
-        events: What it fires, with what each means.
-        knowledge: What an agent must know for it to work.
-        requires: What the world must have for it to work, with where it is.
-        parts: The parts of awareness that it writes beside those of every agent, with what each says.
-        signals: What it hands out in its turns, with what each says.
+        parameters: Its parameters.
+        events: The events that it fires, with their meanings.
+        knowledge: The knowledge that it needs, with descriptions.
+        requires: The features of the world that it needs, with the worlds that have them.
+        parts: The parts of awareness that it writes besides those of every agent, with descriptions.
+        signals: The signals that it publishes, with descriptions.
         state: Names and units of the state, for a model.
         control_input: Names and units of the control input, for a model.
     """
@@ -74,10 +74,10 @@ class Description:
 
 
 def describe(name: str, catalogue: Catalogue | None = None) -> list[Description]:
-    """Describe every plugin of a name; seldom more than one.
+    """Describe every plugin with a name; usually one.
 
     Raises:
-        PluginError: There is none, or it cannot be imported.
+        PluginError: There is no such plugin, or it cannot be imported.
     """
     catalogue = catalogue or Catalogue()
     found = catalogue.find(name)
@@ -90,7 +90,7 @@ def describe(name: str, catalogue: Catalogue | None = None) -> list[Description]
 def _describe(listing: Listing, plugin: Any) -> Description:
     schema = plugin.Parameters.model_json_schema()
     required = schema.get("required", [])
-    # The schema leaves out defaults that are made anew each time, such as lists.
+    # The schema does not contain defaults made by factories, such as lists.
     defaults = {
         field.alias or name: to_jsonable_python(field.get_default(call_default_factory=True))
         for name, field in plugin.Parameters.model_fields.items()
@@ -117,14 +117,14 @@ def _describe(listing: Listing, plugin: Any) -> Description:
         dict(getattr(plugin, "events", {})),
         dict(getattr(plugin, "knowledge", {})),
         dict(getattr(plugin, "requires", {})),
-        {part.name: _said_of(part) for part in declared_by(plugin)},
-        {signal.name: _said_of(signal) for signal in signals_of(plugin)},
+        {part.name: _describe_signal(part) for part in declared_by(plugin)},
+        {signal.name: _describe_signal(signal) for signal in signals_of(plugin)},
         {quantity.name: quantity.unit for quantity in plugin.state} if is_model else {},
         {quantity.name: quantity.unit for quantity in plugin.control_input} if is_model else {},
     )
 
 
-def _said_of(signal: Signal) -> str:
+def _describe_signal(signal: Signal) -> str:
     columns = f" of {', '.join(signal.column_names)}" if signal.columns else ""
     return f"a {signal.kind}{columns}" + (f": {signal.description}" if signal.description else "")
 
@@ -142,7 +142,7 @@ _TYPES = {
 
 
 def in_words(entry: Mapping[str, Any], definitions: Mapping[str, Any]) -> str:
-    """Put a JSON schema of a parameter into a few words, such as ``number > 0``."""
+    """Describe the JSON schema of a parameter in a few words, such as ``number > 0``."""
     if "$ref" in entry:
         return in_words(definitions.get(entry["$ref"].rpartition("/")[2], {}), definitions)
     if "anyOf" in entry:

@@ -1,4 +1,4 @@
-"""From what a person says on the command line to one process of a run that is spread over several."""
+"""Creates the host or member of a run in several processes from the requested role, with checks."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from symaware_cli.scenario.place import DistributionError, Place
 from symaware_cli.scenario.problem import nearest
 from symaware_cli.version import __version__
 
-#: What carries frames where a scenario does not say.
+#: The transport used if the scenario names none.
 _DEFAULT = "tcp"
 
-#: A shorter key could be guessed.
+#: The least length of a key in bytes.
 _LEAST_KEY = 16
 
-#: A member waits so many times the transport's `timeout` for a host that is gone.
+#: How long a member waits for a host that is gone, in multiples of the transport's `timeout`.
 _ABSENCE = 5.0
 
 
 def participant(built: Built, place: Place) -> Participant:
-    """Take a place in a run that is spread over several processes; a host listens from now on.
+    """Create the participant of this process in a run of several processes; a host listens from now on.
 
     Raises:
-        DistributionError: The place cannot be taken.
-        TransportError: The transport cannot listen there.
+        DistributionError: This process cannot have that role.
+        TransportError: The transport cannot listen at that address.
     """
     try:
         host, port = parse_address(place.address)
@@ -41,26 +41,26 @@ def participant(built: Built, place: Place) -> Participant:
     environment = built.simulation.environment
     if not environment.is_shared:
         use = built.simulation.environment_use
-        raise DistributionError(f"the world `{use}` cannot be followed by other processes")
+        raise DistributionError(f"the world `{use}` cannot be copied to other processes")
     if built.options.until is not None:
         names = {*further_parts(built.simulation.groups)} & {*built.options.until.names}
         if names:
             raise DistributionError(
-                f"`run.until` looks at `{min(names)}`, which the process knows that runs the agent, and not the host"
+                f"`run.until` uses `{min(names)}`, which only the process that runs the agent has, not the host"
             )
     if built.options.presence:
         groups = ", ".join(f"`agents.{name}.present`" for name in sorted(built.options.presence))
-        raise DistributionError(f"agents enter and leave only where one process makes the whole run: {groups}")
+        raise DistributionError(f"agents can enter and leave only in runs of one process: {groups}")
     believed = [each.name for each in built.options.specifications if each.of == "belief"]
     if believed:
-        said = "is about beliefs, which the process has that runs the agents, and not the host"
+        said = "is about beliefs, which only the processes that run the agents have, not the host"
         raise DistributionError(f"the specification `{believed[0]}` {said}")
     agents = _chosen(built, place)
     key = None if place.key is None else _key(place.key)
     if key is None and not is_loopback(host):
         reached = "listen at" if place.role == "host" else "join"
         raise DistributionError(
-            f"to {reached} {host}, which is not this machine alone, all processes must share a key: --key-file FILE"
+            f"to {reached} {host}, which other machines can reach, all processes must share a key: --key-file FILE"
         )
     transport = _transport(built)
     usual = "host" if place.role == "host" else "+".join(each.removeprefix("agents.") for each in place.only)
@@ -72,13 +72,13 @@ def participant(built: Built, place: Place) -> Participant:
 
 
 def part(place: Place, participant: Participant) -> dict[str, Any]:
-    """What the manifest of a log says of the part of the run that it is of."""
+    """The description of a process's part of the run for the manifest of its log."""
     identity = participant.identity
     return {"name": identity.name, "host": place.role == "host", "agents": list(identity.agents)}
 
 
 def _chosen(built: Built, place: Place) -> tuple[str, ...]:
-    """The ids of those that a process runs, in the order of the roster."""
+    """The ids of the agents that a process runs, in the order of the roster."""
     roster = built.simulation.environment.roster
     chosen: set[int] = set()
     for pattern in place.only:
@@ -90,9 +90,9 @@ def _chosen(built: Built, place: Place) -> tuple[str, ...]:
             hint = f"; did you mean `agents.{near}`?" if near else ""
             raise DistributionError(f"--only names `{pattern}`, and there is no such agent or group{hint}") from None
     if place.role == "member" and not chosen:
-        raise DistributionError("a process that joins runs some of the agents; say which with --only")
+        raise DistributionError("a process that joins must run some of the agents; select them with --only")
     if place.role == "host" and len(chosen) == len(roster):
-        raise DistributionError("--only leaves nobody for other processes; without it and them, one process runs all")
+        raise DistributionError("--only selects all agents, so there are none for other processes to run")
     return tuple(roster.ids[index] for index in sorted(chosen))
 
 

@@ -1,6 +1,6 @@
-"""What a scenario may say: the document that files are validated against.
+"""The document model of scenarios: the pydantic models that scenario files are validated against.
 
-Descriptions are shown by editors, so each states its unit.
+Editors show the descriptions, so each states its unit.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PerAgent = Annotated[Any, WithJsonSchema({})]
 
 
 class Drawn(Section):
-    """A time that is drawn anew each time."""
+    """A random duration, drawn each time."""
 
     uniform: tuple[Seconds, Seconds] | None = Field(None, description="Uniform distribution: [least, greatest] [s].")
     normal: tuple[Seconds, Seconds] | None = Field(
@@ -108,7 +108,7 @@ class EnvironmentUse(Use):
 
 
 class RunSection(Section):
-    """How long, and in which way, the scenario runs."""
+    """The duration, mode and limits of the run."""
 
     mode: Literal["synchronous", "asynchronous"] = Field(
         "synchronous",
@@ -148,7 +148,7 @@ _MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
 
 
 class Presence(Section):
-    """When an agent is in the world; before and afterwards it is nowhere."""
+    """When an agent is in the world; before and afterwards it is absent."""
 
     from_: Seconds | Condition | TriggerSection | None = Field(
         None,
@@ -206,7 +206,7 @@ class Slowness(Section):
 
 
 class Bias(Section):
-    """A sensor that measures one's own state with an offset."""
+    """A sensor that measures the agent's own state with an offset."""
 
     of: Target = Field(description=_COMPONENT)
     state: list[Number] = Field(
@@ -215,7 +215,7 @@ class Bias(Section):
 
 
 class Noise(Section):
-    """A sensor that measures one's own state with noise."""
+    """A sensor that measures the agent's own state with noise."""
 
     of: Target = Field(description=_COMPONENT)
     deviation: list[Annotated[float, Field(ge=0, le=LARGEST)]] = Field(
@@ -225,7 +225,7 @@ class Noise(Section):
 
 
 class Loss(Section):
-    """Messages that do not arrive."""
+    """Messages that are lost."""
 
     sender: Target = Field("*", description=_AGENTS)
     receiver: Target = Field("*", description=_AGENTS)
@@ -233,7 +233,7 @@ class Loss(Section):
 
 
 class Delay(Section):
-    """Messages that arrive late."""
+    """Messages that are delayed."""
 
     sender: Target = Field("*", description=_AGENTS)
     receiver: Target = Field("*", description=_AGENTS)
@@ -241,13 +241,13 @@ class Delay(Section):
 
 
 class Severance(Section):
-    """Links that carry nothing, in either direction."""
+    """Links that lose all messages, in both directions."""
 
     between: tuple[Target, Target] = Field(description=f"The two ends of the links. {_AGENTS}")
 
 
 class Degradation(Section):
-    """Links that are worse than they are."""
+    """Links with additional losses and delays, or a lower bandwidth."""
 
     sender: Target = Field("*", description=_AGENTS)
     receiver: Target = Field("*", description=_AGENTS)
@@ -268,14 +268,14 @@ class Degradation(Section):
 
 
 class Shove(Section):
-    """A push."""
+    """A sudden change of the true state."""
 
     of: Target = Field(description=_AGENTS)
     by: list[Number] = Field(min_length=1, description="Change of the true state, in the model's order and units.")
 
 
 class FaultUse(Section):
-    """Something that goes wrong: when, for how long, and one of the kinds of faults."""
+    """A fault: when it begins, its duration, and one of the kinds of faults."""
 
     at: float | None = Field(None, ge=0, le=1e9, description="When [s].")
     on: TriggerSection | None = Field(None, description="The event at whose first occurrence the fault begins.")
@@ -287,12 +287,14 @@ class FaultUse(Section):
     freeze: Target | None = Field(None, description=f"A component takes no turns. {_COMPONENT}")
     blind: Target | None = Field(None, description=f"A sensor sees no other agents. {_COMPONENT}")
     slow: Slowness | None = Field(None, description="A component whose computations take longer.")
-    bias: Bias | None = Field(None, description="A sensor that measures one's own state with an offset.")
-    noise: Noise | None = Field(None, description="A sensor that measures one's own state with noise.")
-    drop: Loss | None = Field(None, description="Messages that do not arrive.")
-    delay: Delay | None = Field(None, description="Messages that arrive late.")
-    cut: Severance | None = Field(None, description="Links that carry nothing, in either direction.")
-    degrade: Degradation | None = Field(None, description="Links that are worse than they are.")
+    bias: Bias | None = Field(None, description="A sensor that measures the agent's own state with an offset.")
+    noise: Noise | None = Field(None, description="A sensor that measures the agent's own state with noise.")
+    drop: Loss | None = Field(None, description="Messages that are lost.")
+    delay: Delay | None = Field(None, description="Messages that are delayed.")
+    cut: Severance | None = Field(None, description="Links that lose all messages, in both directions.")
+    degrade: Degradation | None = Field(
+        None, description="Links with additional losses and delays, or a lower bandwidth."
+    )
     partition: list[list[Target]] | None = Field(
         None,
         min_length=1,
@@ -322,7 +324,7 @@ FAULTS = (
 
 
 class LinkUse(Section):
-    """Links with a channel of their own."""
+    """Links with their own channel."""
 
     sender: Target = Field("*", description=_AGENTS)
     receiver: Target = Field("*", description=_AGENTS)
@@ -330,13 +332,13 @@ class LinkUse(Section):
 
 
 class TopologyChange(Use):
-    """Another topology from some time on."""
+    """A topology that replaces the present one at some time."""
 
     at: float = Field(gt=0, le=1e9, description="When [s].")
 
 
 class TopologyUse(Use):
-    """Who reaches whom with messages, and how these get there."""
+    """The communication topology: which agents can send messages to which others, and over what channels."""
 
     channel: ChannelParameters = Field(default_factory=ChannelParameters, description="The channel of every link.")
     links: list[LinkUse] = Field(
@@ -363,11 +365,11 @@ class TopologyUse(Use):
 
 
 class TransportUse(Use):
-    """What carries a run that is spread over several processes."""
+    """The transport of a run in several processes."""
 
 
 class Recording(Section):
-    """What goes into the log."""
+    """The content of the log."""
 
     interval: float = Field(
         0.0, ge=0, le=1e9, description="Least simulated time between two records [s]; 0 to record every step."
@@ -398,7 +400,7 @@ class ScenarioDocument(Section):
     parameters: dict[str, Any] = Field(
         default_factory=dict, description="Values to refer to elsewhere as ${parameters.NAME}."
     )
-    run: RunSection = Field(description="How long, and in which way, the scenario runs.")
+    run: RunSection = Field(description="The duration, mode and limits of the run.")
     environment: EnvironmentUse = Field(description="The world.")
     agents: dict[Name, GroupSection] = Field(
         default_factory=dict, description="The groups of agents by name; without any, only the world is simulated."
@@ -418,7 +420,7 @@ class ScenarioDocument(Section):
         default_factory=dict, description="Sets of the workspace, by the names that formulas and conditions refer to."
     )
     specifications: dict[Name, SpecificationUse] = Field(default_factory=dict, description="What is to hold, by name.")
-    recording: Recording = Field(default_factory=lambda: Recording(), description="What goes into the log.")
+    recording: Recording = Field(default_factory=lambda: Recording(), description="The content of the log.")
 
     @model_validator(mode="after")
     def _is_about_something(self) -> Self:

@@ -1,4 +1,4 @@
-"""From a scenario that is sound to a run and its log."""
+"""Executes a built scenario: creates the run and its log, with everything needed to repeat it."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def execute(
     timeout: float | None = None,
     place: Place | None = None,
 ) -> RunSummary:
-    """Run a scenario, or one process's share of it; see `prepared`.
+    """Run a scenario, or the part of one process; see `prepared`.
 
     Raises:
         LogError: The log cannot be written.
 
     Warns:
-        ProcessorWarning: On another processor the run may differ in its last bits.
+        ProcessorWarning: The last bits of the results may differ on other processors.
     """
     shortfall = processor.shortfall()
     if shortfall:
@@ -60,34 +60,34 @@ def prepared(
     place: Place | None = None,
     may_exit: bool = True,
 ) -> Iterator[Run]:
-    """Have the run of a scenario, or of one process's share of it, with its world and its log.
+    """Create the run of a scenario, or of the part of one process, with its environment and log open.
 
     Args:
-        built: What to run; it cannot be run twice.
-        log: Where to record it, or None for nowhere.
-        on_progress: Called now and then with simulated time in nanoseconds.
-        timeout: Wall time after which the run is ended [s].
-        place: Where this process stands among those that share the run; None where it is alone.
-        may_exit: Whether the process may be ended where the run heeds neither a second signal nor its time-out.
+        built: The built scenario; it cannot be run twice.
+        log: The path of the log, or None for no log.
+        on_progress: Called at intervals of wall time with simulated time in nanoseconds.
+        timeout: Wall time after which the run is interrupted [s].
+        place: The role of this process in a run of several processes; None in a run of one process.
+        may_exit: Whether the process may be ended if the run does not react to a second signal or its time-out.
 
     Raises:
         LogError: The log cannot be written.
-        DistributionError: This process cannot have that place.
-        TransportError: The others cannot be reached from there.
+        DistributionError: This process cannot have that role.
+        TransportError: The other processes cannot be reached.
     """
     options = replace(built.options, timeout=timeout, may_exit=may_exit)
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)
-        participant, share = _company(stack, built, place)
+        participant, share = _take_part(stack, built, place)
         recorder = None if log is None else _recorder(stack, built, log, place, share)
         yield Run(built.simulation, built.steps, recorder, on_progress, options, participant)
 
 
-def _company(stack: ExitStack, built: Built, place: Place | None) -> tuple[Participant | None, dict[str, Any] | None]:
-    """Take a place among those that share a run, and say what part of it that is."""
+def _take_part(stack: ExitStack, built: Built, place: Place | None) -> tuple[Participant | None, dict[str, Any] | None]:
+    """Create the participant of this process, and the description of its part for the manifest."""
     if place is None:
         return None, None
-    # Imported for those who need it: the code for frames is slow to load.
+    # Imported here, because the code for frames is slow to load.
     from symaware_cli.scenario import distribution
 
     participant = distribution.participant(built, place)
@@ -106,7 +106,7 @@ def _recorder(
     omit: Sequence[str] = recording.omit
     messages = recording.messages
     if place is not None and place.role == "member":
-        # The host has the world and carries all messages.
+        # The host records the world and all messages.
         omit, messages = [*omit, "world", "applied"], "none"
     writer = stack.enter_context(LogWriter(log))
     notes = _attach(writer, built, share)
@@ -126,7 +126,7 @@ def _recorder(
 
 
 def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> Sequence[str]:
-    """Put into the log all that it takes to understand it, and to run it again; return what was left out."""
+    """Attach everything needed to read the log and to repeat the run; return notes on omitted geometry."""
     from symaware_cli.recording.geometry import GeometryWriter
     from symaware_cli.recording.manifest import manifest
 

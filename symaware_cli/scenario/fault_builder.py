@@ -1,4 +1,4 @@
-"""From the faults that a scenario asks for to what they do to whom."""
+"""Builds the faults of a scenario: resolves their targets, and reports problems with them."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing_check import TimingCheck, duration_of, trigger_of
 
 
-class UnsoundError(Exception):
-    """A fault cannot be; what is wrong with it is reported already."""
+class ReportedError(Exception):
+    """A fault cannot be built; the problem is already reported."""
 
 
 class FaultBuilder:
-    """Makes the faults of a scenario and reports what is wrong with them."""
+    """Builds the faults of a scenario and reports problems with them."""
 
     def __init__(
         self,
@@ -59,21 +59,21 @@ class FaultBuilder:
         self._uses = uses
 
     def build(self, name: str, use: FaultUse) -> Fault | None:
-        """Make a fault; None after a problem."""
+        """Build a fault; None after a problem."""
         path: Path = ("faults", name)
         trigger = None
         if use.on is not None:
             trigger = trigger_of(use.on.event, use.on.of or "*")
             if trigger.component is not None:
-                # There is no agent of which it could be a component.
-                message = f"{quoted(trigger.component)} is a component of whom?"
+                # A fault belongs to no agent whose component this could be.
+                message = f"{quoted(trigger.component)} does not name the agent of the component"
                 expected = "`environment`, or the path of a component such as `agents.robot.*.steer`"
                 self._report("unknown-source", message, (*path, "on", "of"), expected=expected)
                 return None
             self._check.source(trigger, None, self._entries, (*path, "on"))
         try:
-            source, text, effect = self._meant(use, path)
-        except UnsoundError:
+            source, text, effect = self._effect(use, path)
+        except ReportedError:
             return None
         return Fault(
             name=name,
@@ -85,8 +85,8 @@ class FaultBuilder:
             lasting=None if use.for_ is None else nanoseconds(use.for_),
         )
 
-    def _meant(self, use: FaultUse, path: Path) -> tuple[str, str, Effect]:
-        """Whom a fault happens to, as a path; what it does, for people; and what it does."""
+    def _effect(self, use: FaultUse, path: Path) -> tuple[str, str, Effect]:
+        """The path of a fault's targets, a description for people, and the effect."""
         if use.stop:
             return f"agents.{use.stop}", f"stops {use.stop}", Stop(self._agents(use.stop, (*path, "stop")))
         if use.restart:
@@ -102,14 +102,16 @@ class FaultBuilder:
             components = self._components(use.slow.of, (*path, "slow", "of"))
             return f"agents.{use.slow.of}", f"slows {use.slow.of}", Slow(components, duration_of(use.slow.latency))
         if use.bias:
-            components, bias = self._measured(use.bias.of, use.bias.state, (*path, "bias"), "state")
+            components, bias = self._measurement_error(use.bias.of, use.bias.state, (*path, "bias"), "state")
             return (
                 f"agents.{use.bias.of}",
                 f"{use.bias.of} measures with an offset",
                 MeasurementError(components, bias, 0.0 * bias),
             )
         if use.noise:
-            components, noise = self._measured(use.noise.of, use.noise.deviation, (*path, "noise"), "deviation")
+            components, noise = self._measurement_error(
+                use.noise.of, use.noise.deviation, (*path, "noise"), "deviation"
+            )
             return (
                 f"agents.{use.noise.of}",
                 f"{use.noise.of} measures with noise",
@@ -125,7 +127,7 @@ class FaultBuilder:
             one, other = (
                 self._ids(each, (*path, "cut", "between", place)) for place, each in enumerate(use.cut.between)
             )
-            self._apart(one, other, (*path, "cut", "between"))
+            self._require_link(one, other, (*path, "cut", "between"))
             text = f"cuts the links between {' and '.join(use.cut.between)}"
             return "exchange", text, Cut([(one, other), (other, one)] if one != other else [(one, other)], loss=1.0)
         if use.degrade:
@@ -142,22 +144,22 @@ class FaultBuilder:
         return "exchange", f"delays {way} by {link.by:g} s", Cut([ends], delay=nanoseconds(link.by))
 
     def _ends(self, link: Loss | Delay | Degradation, path: Path) -> tuple[frozenset[str], frozenset[str]]:
-        """Whose messages a fault is about, and to whom."""
+        """The senders and receivers whose messages a fault affects."""
         senders, receivers = self._ids(link.sender, (*path, "sender")), self._ids(link.receiver, (*path, "receiver"))
-        self._apart(senders, receivers, path)
+        self._require_link(senders, receivers, path)
         return senders, receivers
 
-    def _apart(self, one: frozenset[str], other: frozenset[str], path: Path) -> None:
-        """Look whether there is a link between two sets of agents at all."""
+    def _require_link(self, one: frozenset[str], other: frozenset[str], path: Path) -> None:
+        """Check that there can be a link between two sets of agents."""
         if len(one | other) < 2:
             (who,) = one
-            self._useless(f"{quoted(who)} has no link with itself", path)
+            self._report_invalid(f"{quoted(who)} has no link with itself", path)
 
-    def _useless(self, message: str, path: Path, expected: str | None = None) -> None:
+    def _report_invalid(self, message: str, path: Path, expected: str | None = None) -> None:
         self._report("invalid-value", message, path, expected=expected)
-        raise UnsoundError
+        raise ReportedError
 
-    def _measured(
+    def _measurement_error(
         self, of: str, values: Sequence[float], path: Path, key: str
     ) -> tuple[list[ComponentSelection], NDArray[np.float64]]:
         components = self._components(of, (*path, "of"))
@@ -166,37 +168,37 @@ class FaultBuilder:
     def _restore(self, fault: str, path: Path) -> tuple[str, str, Effect]:
         known = [name for name in self._uses if name != path[-1]]
         if fault not in known:
-            self._nobody(fault, (*path, "restore"), "no other fault", known)
+            self._report_unknown(fault, (*path, "restore"), "no other fault", known)
         at, use = self._uses[str(path[-1])].at, self._uses[fault]
         if use.restart or use.restore or use.push:
-            self._useless(
-                f"{quoted(fault)} happens at once, and is never over", (*path, "restore"), "a fault that lasts"
+            self._report_invalid(
+                f"{quoted(fault)} is instantaneous and cannot be restored", (*path, "restore"), "a fault that lasts"
             )
         if at is not None and use.at is not None:
             begin, now = nanoseconds(use.at), nanoseconds(at)
             end = math.inf if use.for_ is None else begin + nanoseconds(use.for_)
             if not begin < now < end:
                 when = f"begins at {begin / 1e9:g} s" if now <= begin else f"is over at {end / 1e9:g} s"
-                self._useless(f"at {at:g} s there is nothing to restore: {quoted(fault)} {when}", (*path, "at"))
+                self._report_invalid(f"at {at:g} s there is nothing to restore: {quoted(fault)} {when}", (*path, "at"))
         return "faults", f"ends {fault}", Restore(fault)
 
     def _partition(self, sets: Sequence[Sequence[str]], path: Path) -> tuple[str, str, Effect]:
-        """Each set reaches nobody outside of it, and nobody outside reaches it."""
-        everybody = {id: None for group in self._groups for id in group.ids}
+        """Cut all links between each set of agents and all agents outside of it."""
+        all_ids = {id: None for group in self._groups for id in group.ids}
         parts: list[frozenset[str]] = []
         for number, patterns in enumerate(sets):
             members: frozenset[str] = frozenset().union(
                 *(self._ids(pattern, (*path, number, place)) for place, pattern in enumerate(patterns))
             )
-            twice = [id for id in everybody if id in members and any(id in part for part in parts)]
+            twice = [id for id in all_ids if id in members and any(id in part for part in parts)]
             if twice:
                 self._report("invalid-value", f"{quoted(twice[0])} is in two sets", (*path, number))
-                raise UnsoundError
+                raise ReportedError
             parts.append(members)
-        rest = frozenset(everybody).difference(*parts)
+        rest = frozenset(all_ids).difference(*parts)
         if len(parts) + bool(rest) < 2:
-            self._useless("all agents are in one set, which parts nobody", path)
-        ways = [(part, frozenset(everybody) - part) for part in (*parts, rest) if part]
+            self._report_invalid("all agents are in one set, so the partition has no effect", path)
+        ways = [(part, frozenset(all_ids) - part) for part in (*parts, rest) if part]
         text = f"parts {', '.join('+'.join(each) for each in sets)} from each other and from all others"
         return "exchange", text, Cut(ways, loss=1.0)
 
@@ -205,23 +207,23 @@ class FaultBuilder:
         change = self._vector(push.by, [each.group for each in agents], (*path, "by"))
         if type(self._environment).push is Environment.push:
             world = quoted(self._composition.data["environment"]["use"])
-            self._report("unsuitable", f"the world {world} cannot push anybody", path, key=True)
-            raise UnsoundError
+            self._report("unsuitable", f"the world {world} does not support pushes", path, key=True)
+            raise ReportedError
         return f"agents.{push.of}", f"pushes {push.of}", Push(agents, change)
 
     def _ids(self, pattern: str, path: Path) -> frozenset[str]:
         return frozenset(each.group.ids[row] for each in self._agents(pattern, path) for row in each.rows)
 
     def _agents(self, pattern: str, path: Path) -> list[AgentSelection]:
-        """The agents that a pattern means."""
+        """The agents that match a pattern."""
         found = [AgentSelection(group, rows) for group in self._groups if (rows := _rows(group, pattern))]
         if not found:
             known = [*(group.name for group in self._groups), *(id for group in self._groups for id in group.ids)]
-            self._nobody(pattern, path, "no agent or group", known)
+            self._report_unknown(pattern, path, "no agent or group", known)
         return found
 
     def _components(self, pattern: str, path: Path) -> list[ComponentSelection]:
-        """The components that a pattern means."""
+        """The components that match a pattern."""
         agents, _, name = pattern.rpartition(".")
         found = [
             ComponentSelection(entry, rows)
@@ -230,10 +232,10 @@ class FaultBuilder:
         ]
         if not found:
             owners = [(owner, entry.name) for entry in self._entries for owner in (entry.group.name, *entry.group.ids)]
-            self._nobody(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
+            self._report_unknown(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
         return found
 
-    def _nobody(self, pattern: str, path: Path, what: str, known: Sequence[str]) -> None:
+    def _report_unknown(self, pattern: str, path: Path, what: str, known: Sequence[str]) -> None:
         names = list(dict.fromkeys(known))
         listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
         self._report(
@@ -243,7 +245,7 @@ class FaultBuilder:
             expected=f"one of {listed}" if names else None,
             suggestion=nearest(pattern, names),
         )
-        raise UnsoundError
+        raise ReportedError
 
     def _vector(self, values: Sequence[float], groups: Sequence[AgentGroup], path: Path) -> NDArray[np.float64]:
         for group in groups:
@@ -252,12 +254,12 @@ class FaultBuilder:
                 names = ", ".join(quantity.name for quantity in group.model.state)
                 message = f"there are {len(values)} numbers for a state of {width}"
                 self._report("wrong-length", message, path, expected=f"{width}: {names}")
-                raise UnsoundError
+                raise ReportedError
         return np.array(values, float)
 
 
 def _rows(group: AgentGroup, pattern: str) -> list[int]:
-    """The agents of a group that a pattern means: all of them by the group's name, else by their ids."""
+    """The rows of a group that match a pattern: all if the group's name matches, otherwise by the agents' ids."""
     if fnmatch.fnmatchcase(group.name, pattern):
         return list(range(len(group)))
     return [row for row, id in enumerate(group.ids) if fnmatch.fnmatchcase(id, pattern)]

@@ -1,4 +1,4 @@
-"""Files around a scenario: what it is read from, be it a log, and where its own log may be."""
+"""Files of a scenario: opens scenarios and logs to run again, and finds a path for the log."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pathlib import Path, PurePosixPath
 from symaware_cli.core import Environment
 from symaware_cli.scenario.build import Built, build
 
-#: The attachment that a log is run again from.
+#: The attachment of a log from which it is run again.
 RESOLVED = "resolved.yaml"
 
-#: Characters that mean something else in the names of files somewhere.
+#: Characters with a special meaning in file names on some systems.
 _SPECIAL = frozenset("\\:\0")
 
-#: What is said of names that no file can have, or none beside those that are there.
+#: Errors for names that are invalid, or conflict with existing files.
 _NO_FILE = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.EINVAL, errno.EILSEQ)
 
 
@@ -28,18 +28,18 @@ def open_scenario(
     world: Callable[[Environment], Environment] | None = None,
     statements: Path | None = None,
 ) -> Built:
-    """Build what a scenario file describes, or what a log is the record of.
+    """Build the scenario of a file or of a log.
 
     Args:
         path: The scenario or the log.
-        overrides: What ``--set`` was given.
-        seed: A seed that wins over the scenario's.
-        world: Makes another environment that takes the place of the scenario's; None for that itself.
-        statements: A file of specifications that take the place of the scenario's.
+        overrides: The arguments of ``--set``.
+        seed: A seed in place of the scenario's.
+        world: Returns an environment to use in place of the scenario's; None to use that one.
+        statements: A file of specifications to use in place of the scenario's.
 
     Raises:
         ScenarioError: The scenario has problems.
-        LogError: The log cannot be read, or holds no scenario.
+        LogError: The log cannot be read, or contains no scenario.
     """
     if path.suffix != ".mcap":
         return build(path, overrides, seed, world=world, statements=statements)
@@ -49,7 +49,7 @@ def open_scenario(
     attachments = open_log(path).attachments
     resolved = attachments.get(RESOLVED)
     if resolved is None:
-        raise LogError(f"{path} holds no scenario to run again")
+        raise LogError(f"{path} contains no scenario to run again")
     with tempfile.TemporaryDirectory() as folder:
         extracted = Path(folder) / RESOLVED
         for name, content in attachments.items():
@@ -63,25 +63,25 @@ def open_scenario(
 
 
 def check_output(built: Built, path: Path, scenario: Path) -> None:
-    """Make sure that a log would replace no file that a scenario was read from, by whatever name.
+    """Check that a log would not overwrite a file that the scenario was read from, also under another name.
 
     Args:
-        built: The scenario.
-        path: Where the log is to be.
-        scenario: The scenario file, or the log it was taken from.
+        built: The built scenario.
+        path: The path of the new log.
+        scenario: The scenario file, or the log from which it was read.
 
     Raises:
-        LogError: It would.
+        LogError: It would overwrite one.
     """
     files = [scenario, *(scenario.parent / name for name in built.files)]
     if path.exists() and any(file.exists() and path.samefile(file) for file in files):
         from symaware_cli.recording.error import LogError
 
-        raise LogError(f"{path} is a file of the scenario; the log needs a file of its own")
+        raise LogError(f"{path} is a file of the scenario; the log needs another file")
 
 
 def _extract(name: str, content: bytes, folder: Path) -> None:
-    """Lay out a file of the scenario, such as a mesh; whatever else a log calls an attachment stays where it is."""
+    """Extract a file of the scenario, such as a mesh, from a log; other attachments are ignored."""
     inner = PurePosixPath(name)
     if inner.parts[:1] != ("scenario",) or ".." in inner.parts or not _SPECIAL.isdisjoint(name) or len(inner.parts) < 2:
         return
@@ -95,11 +95,11 @@ def _extract(name: str, content: bytes, folder: Path) -> None:
         from symaware_cli.recording.error import OutputError, reason
 
         if error.errno not in _NO_FILE:
-            raise OutputError(f"cannot lay out the scenario of the log in {folder}: {reason(error)}") from error
+            raise OutputError(f"cannot extract the scenario of the log to {folder}: {reason(error)}") from error
 
 
 def unused_path(name: str, folder: Path = Path(), suffix: str = ".mcap") -> Path:
-    """Return a path for a file that overwrites none: ``name.mcap``, else ``name-2.mcap`` and so on."""
+    """Return an unused path: ``name.mcap``, or ``name-2.mcap`` and so on."""
     path, number = folder / f"{name}{suffix}", 1
     while path.exists():
         number += 1

@@ -1,4 +1,4 @@
-"""The JSON schema of scenarios, which editors use to complete and to check."""
+"""The JSON schema of scenarios, which editors use for completion and validation."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _USES = {
 def scenario_schema(
     *, built_in_only: bool = False, catalogue: Catalogue | None = None
 ) -> tuple[dict[str, Any], list[str]]:
-    """Describe scenarios, with the parameters of every installed plugin.
+    """Generate the schema of scenarios, with the parameters of every installed plugin.
 
     Args:
-        built_in_only: Leave out plugins of other packages.
-        catalogue: What is installed.
+        built_in_only: Whether to omit plugins of other packages.
+        catalogue: The installed plugins.
 
     Returns:
-        The schema, and a sentence about each plugin that had to be left out because it is broken.
+        The schema, and a sentence about each plugin that is omitted because it is broken.
     """
     catalogue = catalogue or Catalogue()
     schema = ScenarioDocument.model_json_schema(by_alias=True)
@@ -59,7 +59,7 @@ def scenario_schema(
 
 
 def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> dict[str, Any]:
-    """If ``use`` is this plugin, then ``with`` has its parameters."""
+    """The condition that if ``use`` is this plugin, ``with`` has its parameters."""
     parameters = plugin.Parameters.model_json_schema(
         by_alias=True, ref_template=f"#/$defs/{kind}:{name}:{{model}}", mode="validation"
     )
@@ -77,7 +77,7 @@ def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> d
 
 
 def _describe_values(schema: dict[str, Any]) -> None:
-    """Say what a value for each agent may be, and let ``${parameters.NAME}`` stand in any place."""
+    """Describe the forms of values for each agent, and allow ``${parameters.NAME}`` everywhere."""
     definitions = schema["$defs"]
     for model in (GridPlacement, CirclePlacement):
         definitions[model.__name__] = model.model_json_schema()
@@ -115,12 +115,12 @@ def _describe_values(schema: dict[str, Any]) -> None:
         _allow_references(definition)
         for entry in definition.get("properties", {}).values():
             if "patternProperties" in entry:
-                # pydantic describes the names that are right, and leaves the others alone.
+                # pydantic describes valid names, but does not forbid others.
                 entry["additionalProperties"] = False
 
 
 def _with_bases(schema: dict[str, Any]) -> dict[str, Any]:
-    """Let a file that extends another leave anything out, and take away with null what it inherits."""
+    """Allow a file that extends another to omit required keys, and to remove inherited ones with null."""
     definitions = schema.pop("$defs")
     partial = {f"partial:{name}": _partial(each) for name, each in definitions.items() if name not in _WHOLE}
     return {
@@ -134,7 +134,7 @@ def _with_bases(schema: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-#: Definitions of values that a file replaces as a whole.
+#: Definitions of values that are not merged but replaced.
 _WHOLE = ("PerAgent", "GridPlacement", "CirclePlacement")
 _NULL = {"type": "null"}
 
@@ -158,7 +158,7 @@ def _partial(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _allow_references(node: Any) -> None:
-    """Wherever a number or a flag may stand, a reference may stand for it."""
+    """Allow a reference wherever a number or a flag is allowed."""
     reference = {"type": "string", "pattern": r"\$\{parameters\."}
     for entry in node.get("properties", {}).values():
         if entry.get("type") in ("number", "integer", "boolean"):

@@ -1,4 +1,4 @@
-"""From what a scenario says of its topology to a network."""
+"""Builds the network of a scenario from its topology section: topologies, channels, overrides, with checks."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from symaware_cli.scenario.source import Path
 
 _SECTION: Path = ("topology",)
 
-#: What in a channel is of no use without what else, and how that is said.
+#: Parameters of a channel, the parameters that they need, and the messages if those are missing.
 _NEEDS = (
-    ("queue", ("bandwidth",), "a `queue` fills only where there is a `bandwidth`"),
-    ("queue_length", ("bandwidth",), "a `queue_length` fills only where there is a `bandwidth`"),
-    ("drop", ("queue", "queue_length"), "there is a head to drop only where there is a `queue`"),
+    ("queue", ("bandwidth",), "a `queue` has no effect without a `bandwidth`"),
+    ("queue_length", ("bandwidth",), "a `queue_length` has no effect without a `bandwidth`"),
+    ("drop", ("queue", "queue_length"), "`drop: head` has no effect without a `queue`"),
 )
 
 
 class NetworkBuilder:
-    """Makes the network of a scenario and reports what is wrong with it."""
+    """Builds the network of a scenario and reports problems with it."""
 
     def __init__(
         self, report: Callable[..., None], environment: Environment, groups: Sequence[AgentGroup], seed: int
@@ -34,21 +34,21 @@ class NetworkBuilder:
         self._report = report
         self._environment = environment
         self._seed = seed
-        # The same that the world will have once it is set up: who is who is known before where everybody is.
+        # Equal to the roster that the environment will have once it is initialised.
         self._roster = environment.roster = Roster({group.name: group.ids for group in groups})
 
     def build(self, use: TopologyUse, topologies: Mapping[Path, Topology], *, narrowed: bool = False) -> Network | None:
-        """Make a network; None after a problem.
+        """Build the network; None after a problem.
 
         Args:
-            use: What the scenario says.
+            use: The topology section of the scenario.
             topologies: The topologies of the section, by path.
             narrowed: Whether a fault limits the bandwidth of links.
         """
         named: dict[Path, tuple[int, str]] = {_SECTION: (0, use.use)}
         for number, each in enumerate(use.changes):
             named[(*_SECTION, "changes", number)] = nanoseconds(each.at), each.use
-        sound = self._ascend(use)
+        sound = self._are_ascending(use)
         if len(topologies) < len(named):
             return None
         phases = {
@@ -60,13 +60,13 @@ class NetworkBuilder:
         known = [each for each in overrides if each is not None]
         if not sound or len(known) < len(overrides):
             return None
-        laid = {path: self._laid(phase, path) for path, phase in phases.items() if use.connected or use.links}
-        if any(links is None and not topologies[path].changes for path, links in laid.items()):
+        fixed = {path: self._fixed_links(phase, path) for path, phase in phases.items() if use.connected or use.links}
+        if any(links is None and not topologies[path].changes for path, links in fixed.items()):
             return None
-        sound = self._concern_somebody(use.links, known, [topologies[path] for path in laid], list(laid.values()))
-        sound &= self._fit(use.channel, known, narrowed)
+        sound = self._have_links(use.links, known, [topologies[path] for path in fixed], list(fixed.values()))
+        sound &= self._queues_are_consistent(use.channel, known, narrowed)
         if use.connected:
-            sound &= self._are_connected(topologies, laid)
+            sound &= self._are_connected(topologies, fixed)
         if not sound:
             return None
         return Network(
@@ -79,19 +79,19 @@ class NetworkBuilder:
         )
 
     def links(self, network: Network) -> Links | None:
-        """The links at the start, of a topology that stays as it is; None for one that changes, and after a problem."""
-        return self._laid(network.phase(0), _SECTION)
+        """The links of the first topology if it is fixed; None if it changes, or after a problem."""
+        return self._fixed_links(network.phase(0), _SECTION)
 
-    def _ascend(self, use: TopologyUse) -> bool:
-        """Whether changes come one after the other, before everything repeats."""
+    def _are_ascending(self, use: TopologyUse) -> bool:
+        """Check that changes are in ascending order and before the sequence repeats."""
         before, sound = 0.0, True
         for number, each in enumerate(use.changes):
             path: Path = (*_SECTION, "changes", number, "at")
             if each.at <= before:
-                self._report("invalid-value", f"a change at {each.at:g} s comes after one at {before:g} s", path)
+                self._report("invalid-value", f"a change at {each.at:g} s is listed after one at {before:g} s", path)
                 sound = False
             elif use.repeat is not None and each.at >= use.repeat:
-                message = f"a change at {each.at:g} s never comes: all begins again after {use.repeat:g} s"
+                message = f"a change at {each.at:g} s never happens: the sequence repeats after {use.repeat:g} s"
                 self._report("invalid-value", message, path)
                 sound = False
             before = max(before, each.at)
@@ -102,7 +102,7 @@ class NetworkBuilder:
             phase.topology.initialise(self._environment, self._seed)
         except TopologyError as error:
             for each in (error, *error.others):
-                self._explain(each, (*path, "with", *each.path))
+                self._report_topology_error(each, (*path, "with", *each.path))
             return False
         except KeyboardInterrupt:
             raise
@@ -110,13 +110,13 @@ class NetworkBuilder:
             self._report_problem(phase, path, error)
             return False
         if not hasattr(phase.topology, "members"):
-            message = f"{quoted(phase.use)} does not let its base `Topology` initialise"
+            message = f"{quoted(phase.use)} does not call `initialise` of its base `Topology`"
             self._report("broken-plugin", message, (*path, "use"))
             return False
         return True
 
-    def _laid(self, phase: TopologyPhase, path: Path) -> Links | None:
-        """The links of a topology that stays as it is; None for one that changes, and after a problem."""
+    def _fixed_links(self, phase: TopologyPhase, path: Path) -> Links | None:
+        """The links of a fixed topology; None for one that changes, or after a problem."""
         if phase.topology.changes:
             return None
         try:
@@ -128,9 +128,9 @@ class NetworkBuilder:
             return None
 
     def _report_problem(self, phase: TopologyPhase, path: Path, error: BaseException) -> None:
-        self._report("broken-plugin", f"{quoted(phase.use)} cannot lay its links: {words(error)}", (*path, "use"))
+        self._report("broken-plugin", f"{quoted(phase.use)} cannot compute its links: {words(error)}", (*path, "use"))
 
-    def _explain(self, error: UnsupportedError, path: Path) -> None:
+    def _report_topology_error(self, error: UnsupportedError, path: Path) -> None:
         listed = ", ".join(error.names[:6]) + (", ..." if len(error.names) > 6 else "")
         self._report(
             "unknown-target" if error.name is not None else "invalid-value",
@@ -150,17 +150,17 @@ class NetworkBuilder:
                 error = TopologyError(
                     f"there is no agent or group `{getattr(link, key)}`", name=getattr(link, key), names=known
                 )
-                self._explain(error, (*_SECTION, "links", number, key))
+                self._report_topology_error(error, (*_SECTION, "links", number, key))
         return ChannelOverride(ends[0], ends[1], link.channel) if len(ends) == 2 else None
 
-    def _concern_somebody(
+    def _have_links(
         self,
         uses: Sequence[LinkUse],
         overrides: Sequence[ChannelOverride],
         topologies: Sequence[Topology],
-        laid: Sequence[Links | None],
+        fixed: Sequence[Links | None],
     ) -> bool:
-        """Whether there are links for all channels of single links, as far as that is known before the run."""
+        """Check that each channel override applies to a link, as far as that is known before the run."""
         sound = True
         for number, each in enumerate(overrides):
             said = [key for key in ("receiver", "sender") if key in uses[number].model_fields_set]
@@ -169,7 +169,7 @@ class NetworkBuilder:
                 (who,) = each.senders
                 self._report("invalid-value", f"`{self._roster.ids[who]}` has no link with itself", path)
                 sound = False
-            elif not any(_has_link(each, topology, links) for topology, links in zip(topologies, laid, strict=True)):
+            elif not any(_has_link(each, topology, links) for topology, links in zip(topologies, fixed, strict=True)):
                 self._report(
                     "invalid-value",
                     f"no link goes from {_named(self._roster, each.senders)} to {_named(self._roster, each.receivers)}",
@@ -178,8 +178,10 @@ class NetworkBuilder:
                 sound = False
         return sound
 
-    def _fit(self, base: ChannelParameters, overrides: Sequence[ChannelOverride], narrowed: bool) -> bool:
-        """Whether what channels say of queues goes together; what one leaves out another may say for the same links."""
+    def _queues_are_consistent(
+        self, base: ChannelParameters, overrides: Sequence[ChannelOverride], narrowed: bool
+    ) -> bool:
+        """Check that parameters of queues have those that they need, in the same channel or in another of the links."""
         parts: list[tuple[Path, ChannelParameters, ChannelOverride | None]] = [((*_SECTION, "channel"), base, None)]
         parts += [
             ((*_SECTION, "links", number, "channel"), each.channel, each) for number, each in enumerate(overrides)
@@ -199,10 +201,10 @@ class NetworkBuilder:
                     sound = False
         return sound
 
-    def _are_connected(self, topologies: Mapping[Path, Topology], laid: Mapping[Path, Links | None]) -> bool:
-        """Whether those topologies are connected that stay as they are."""
+    def _are_connected(self, topologies: Mapping[Path, Topology], fixed: Mapping[Path, Links | None]) -> bool:
+        """Check that all fixed topologies are connected."""
         sound = True
-        for path, links in laid.items():
+        for path, links in fixed.items():
             if links is None:
                 continue
             members = topologies[path].members
@@ -211,24 +213,24 @@ class NetworkBuilder:
             if len(parts) > 1:
                 small = min(parts, key=len)
                 who = ", ".join(small[:4]) + (", ..." if len(small) > 4 else "")
-                message = f"the graph falls into {len(parts)} parts that do not reach each other; one of them is {who}"
+                message = f"the graph is not connected: it has {len(parts)} parts; one of them is {who}"
                 self._report(
                     "disconnected",
                     message,
                     (*path, "use"),
-                    expected="a connected one, as `topology.connected` promises",
+                    expected="a connected graph, as `topology.connected` requires",
                 )
                 sound = False
         return sound
 
 
 def _is_between_two(senders: frozenset[int], receivers: frozenset[int]) -> bool:
-    """Whether there is a pair of one of each who are not the same."""
+    """Whether there is a pair of a sender and a different receiver."""
     return bool(senders and receivers) and len(senders | receivers) > 1
 
 
 def _has_link(override: ChannelOverride, topology: Topology, links: Links | None) -> bool:
-    """Whether there is a link that an override is about, or may be where links change."""
+    """Whether there is a link for an override, or may be one if links change."""
     if links is None:
         members = frozenset(topology.members.tolist())
         return _is_between_two(override.senders & members, override.receivers & members)
@@ -238,7 +240,7 @@ def _has_link(override: ChannelOverride, topology: Topology, links: Links | None
 
 
 def _overlap(one: ChannelOverride | None, other: ChannelOverride | None) -> bool:
-    """Whether two parts of a section may be about the same link; None is about every one."""
+    """Whether two channels of a section may apply to the same link; None applies to every link."""
     if one is None or other is None or one is other:
         return True
     return _is_between_two(one.senders & other.senders, one.receivers & other.receivers)

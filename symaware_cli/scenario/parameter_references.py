@@ -1,4 +1,4 @@
-"""`${parameters.name}`: what the `parameters` of a document are put in place of."""
+"""Replaces references `${parameters.name}` by the `parameters` of a document."""
 
 import re
 from collections.abc import Mapping
@@ -15,24 +15,24 @@ from symaware_cli.scenario.source import (
     report_nodes,
 )
 
-# `$${` first, so that an escaped reference is never seen as one.
+# `$${` first, so that an escaped reference is never taken for one.
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}]*)\}|\$\{")
 _NAME = re.compile(r"\s*parameters((?:\.[^.\s]+)+)\s*")
 _MAX_CHARACTERS = 1024 * 1024
 
 
-class _Unresolved(Exception):  # noqa: N818 - the problem is already reported; this only finds its way up
-    """A reference that cannot be replaced."""
+class _Unresolved(Exception):  # noqa: N818 - the problem is already reported; this only unwinds the stack
+    """A reference cannot be replaced."""
 
 
 class _SubstitutionStopped(Exception):  # noqa: N818
-    """There is no point in going on."""
+    """Stops the substitution; the problem is already reported."""
 
 
 def substitute(root: SourceNode, sources: Mapping[str, Source]) -> SourceNode:
-    """Returns the document with every reference replaced; what cannot be is left in the sources' problems.
+    """Returns the document with all references replaced; adds a problem to its source for each that cannot be.
 
-    A text that is nothing but one reference becomes the value itself, with its type and its place. A reference
+    A text that consists of one reference becomes the value itself, with its type and position. A reference
     inside a longer text is formatted into it. `$${` stands for `${`.
     """
     try:
@@ -75,7 +75,7 @@ class _Substitution:
             raise _SubstitutionStopped
 
     def _walk(self, node: SourceNode, path: Path) -> SourceNode:
-        """Returns a value outside `parameters` with its references replaced, or as it is if that fails."""
+        """Returns a value outside `parameters` with its references replaced, or unchanged if that fails."""
         if isinstance(node.value, dict):
             entries = {
                 key: MappingEntry(entry.key, self._walk(entry.node, (*path, key))) for key, entry in node.value.items()
@@ -90,7 +90,7 @@ class _Substitution:
             return node
 
     def _checked(self, node: SourceNode, path: Path) -> SourceNode:
-        """Returns a node if what the references made of it is within bounds."""
+        """Returns a node if its depth and size after the replacement are within bounds."""
         if node.height > MAX_DEPTH:
             report_depth(self._sources[node.span.file], node.span, path)
             raise _SubstitutionStopped
@@ -100,13 +100,13 @@ class _Substitution:
         return node
 
     def _parameter(self, name: Path, node: SourceNode) -> SourceNode:
-        """Returns the parameter of a name (below `parameters`) with its own references replaced."""
+        """Returns the parameter with a name (below `parameters`) with its own references replaced."""
         if name in self._resolved:
             return self._resolved[name]
         path = ("parameters", *name)
         if name in self._failed:
             raise _Unresolved
-        # The stack is as deep as the nesting and the chain of references together.
+        # The depth of the stack is the sum of the nesting and the chain of references.
         if len(self._open) > 2 * MAX_DEPTH:
             report_depth(self._sources[node.span.file], node.span, path)
             raise _SubstitutionStopped
@@ -124,7 +124,7 @@ class _Substitution:
     def _contents(self, name: Path, node: SourceNode, path: Path) -> SourceNode:
         if not isinstance(node.value, dict | list):
             return self._fill(node, path)
-        # Every part is looked at before the whole is given up, so that each of its problems is reported.
+        # All children are processed even if one fails, so that each problem is reported.
         children = self._children(name, node)
         if isinstance(node.value, dict):
             entries = {key: MappingEntry(entry.key, children[key]) for key, entry in node.value.items()}
@@ -174,7 +174,7 @@ class _Substitution:
         return SourceNode("".join(parts), node.span)
 
     def _value(self, reference: str | None, node: SourceNode, path: Path) -> SourceNode:
-        """Returns what a reference stands for."""
+        """Returns the value of a reference."""
         found = _NAME.fullmatch(reference) if reference is not None else None
         if found is None:
             message = (
@@ -199,7 +199,7 @@ class _Substitution:
         return self._parameter(name, target)
 
     def _formatted(self, value: SourceNode, reference: str, node: SourceNode, path: Path) -> str:
-        """Returns a value as it is written inside a longer text."""
+        """Returns a value formatted for a longer text."""
         if isinstance(value.value, dict | list | None):
             kind = (
                 "a mapping" if isinstance(value.value, dict) else "a list" if isinstance(value.value, list) else "null"
@@ -208,7 +208,7 @@ class _Substitution:
             self._report("bad-reference", message, node, path)
             raise _Unresolved
         text = str(value.value).lower() if isinstance(value.value, bool) else str(value.value)
-        # Parameters that repeat each other double at every step; the sum is bounded, not only each result.
+        # Parameters that repeat each other grow exponentially; so the total is bounded, not only each result.
         self._characters += len(text)
         if self._characters > _MAX_CHARACTERS:
             self._report("too-large", "the parameters expand to more than 1 MiB of text", node, path)

@@ -1,4 +1,4 @@
-"""The parts of awareness and the signals that the components of a group declare, checked."""
+"""Collects and checks the parts of awareness and the signals that the components of a group declare."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from symaware_cli.scenario.problem import dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import FUNCTIONS
 
-#: What logs, tables, expressions and messages call something else.
+#: Names that have another meaning in logs, tables, expressions or messages.
 _TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "applied", "id"})
 
 
 def declared_by(plugin: Any) -> Sequence[Part]:
-    """The parts that a plugin declares; none where what it says is no list of parts."""
-    return _listed(getattr(plugin, "parts", ()), Part) or ()
+    """The parts that a plugin declares; none if its declaration is not a list of parts."""
+    return _checked_list(getattr(plugin, "parts", ()), Part) or ()
 
 
 def signals_of(plugin: Any) -> Sequence[Signal]:
-    """The signals that a plugin declares; none where what it says is no list of signals."""
-    return [each for each in _listed(getattr(plugin, "signals", ()), Signal) or () if not isinstance(each, Part)]
+    """The signals that a plugin declares; none if its declaration is not a list of signals."""
+    return [each for each in _checked_list(getattr(plugin, "signals", ()), Signal) or () if not isinstance(each, Part)]
 
 
-def _listed(declared: Any, kind: type) -> Sequence[Any] | None:
+def _checked_list(declared: Any, kind: type) -> Sequence[Any] | None:
     return declared if isinstance(declared, Sequence) and all(isinstance(each, kind) for each in declared) else None
 
 
 def declared_parts(
     components: Iterable[tuple[BaseComponent[Any], str, Path]], report: Callable[..., None]
 ) -> Sequence[Part]:
-    """Collect the parts that the components of a group declare, beside those of every group.
+    """Collect the parts that the components of a group declare, besides those of every group.
 
     Args:
-        components: Each with its entry-point name and where it stands.
+        components: Each component with its entry-point name and its path.
         report: Takes the code and the message of a problem, the path, and hints.
 
     Returns:
-        Those that are sound; the others are reported.
+        The valid parts; problems with all others are reported.
     """
     known: dict[str, tuple[Part, str]] = {part.name: (part, "") for part in PARTS}
     for component, use, path in components:
-        parts = _listed(component.parts, Part)
+        parts = _checked_list(component.parts, Part)
         if parts is None:
             report("broken-plugin", f"the `parts` of {quoted(use)} are not a list of `Part`", path, key=True)
             continue
@@ -54,14 +54,14 @@ def declared_parts(
             other, by = known.get(part.name, (part, ""))
             if other != part:
                 whose = quoted(by) if by else "every agent"
-                said = f"{quoted(use)} and {whose} have a part {quoted(part.name)} each, and not the same"
-                report("unsuitable", said, path, key=True, expected="one of the two components, or another name")
+                message = f"{quoted(use)} and {whose} declare different parts {quoted(part.name)}"
+                report("unsuitable", message, path, key=True, expected="one of the two components, or another name")
             elif part.name not in known and part.name in _TAKEN:
-                said = f"{quoted(use)} declares a part {quoted(part.name)}, and something else is called so"
-                report("broken-plugin", said, path, key=True)
+                message = f"{quoted(use)} declares a part {quoted(part.name)}, a name that has another meaning"
+                report("broken-plugin", message, path, key=True)
             elif part.kind == "vector" and part.columns is None and part.name not in known:
-                said = f"{quoted(use)} declares a part {quoted(part.name)}, a vector, and names no columns"
-                report("broken-plugin", said, path, key=True)
+                message = f"{quoted(use)} declares a part {quoted(part.name)}, a vector, without columns"
+                report("broken-plugin", message, path, key=True)
             else:
                 known.setdefault(part.name, (part, use))
     return [part for part, use in known.values() if use]
@@ -73,60 +73,60 @@ def declared_signals(
     """Collect the signals that the components of a group declare.
 
     Args:
-        components: Each with its entry-point name and where it stands, which ends with its name.
+        components: Each component with its entry-point name and its path, which ends with the component's name.
         report: Takes the code and the message of a problem, the path, and hints.
 
     Returns:
-        Those that are sound, by component and name; the others are reported.
+        The valid signals, by component and name; problems with all others are reported.
     """
     found: dict[str, Signal] = {}
     for component, use, path in components:
-        signals = _listed(component.signals, Signal)
+        signals = _checked_list(component.signals, Signal)
         if signals is None or any(isinstance(signal, Part) for signal in signals):
             report("broken-plugin", f"the `signals` of {quoted(use)} are not a list of `Signal`", path, key=True)
             continue
         for signal in signals:
             field = signal.field(str(path[-1]))
             if signal.name in _TAKEN - {MEASUREMENT}:
-                said = f"{quoted(use)} declares a signal {quoted(signal.name)}, and something else is called so"
+                message = f"{quoted(use)} declares a signal {quoted(signal.name)}, a name that has another meaning"
             elif signal.kind != "series" and signal.columns is None:
-                said = f"{quoted(use)} declares a signal {quoted(signal.name)}, a {signal.kind}, and names no columns"
+                message = f"{quoted(use)} declares a signal {quoted(signal.name)}, a {signal.kind}, without columns"
             elif field in found:
-                said = f"{quoted(use)} declares two signals {quoted(signal.name)}"
+                message = f"{quoted(use)} declares two signals {quoted(signal.name)}"
             else:
                 found[field] = signal
                 continue
-            report("broken-plugin", said, path, key=True)
+            report("broken-plugin", message, path, key=True)
     return found
 
 
 def name_columns(group: AgentGroup, component: BaseComponent[Any]) -> None:
-    """Let a component say what the columns of the series that it sets are.
+    """Set the columns of series as a component declares them in `series_quantities`.
 
     Raises:
-        ValueError: What it says is no such thing, or is about what is no part of the group's awareness.
+        ValueError: The declaration has the wrong type, or names something that is not a series of the group.
     """
-    told = component.series_quantities(group)
-    sound = isinstance(told, Mapping) and all(
+    declared = component.series_quantities(group)
+    sound = isinstance(declared, Mapping) and all(
         isinstance(columns, Sequence) and all(isinstance(each, Quantity) for each in columns)
-        for columns in told.values()
+        for columns in declared.values()
     )
     if not sound:
-        raise ValueError(f"`series_quantities` returned {told!r:.100}, not a list of `Quantity` for each series")
+        raise ValueError(f"`series_quantities` returned {declared!r:.100}, not a list of `Quantity` for each series")
     parts = group.awareness.parts
-    for name, columns in told.items():
+    for name, columns in declared.items():
         part = parts.get(name)
         if part is None or part.kind != "series":
             series = ", ".join(name for name, part in parts.items() if part.kind == "series")
-            raise ValueError(f"`series_quantities` is about {name!r}, and the series are {series}")
+            raise ValueError(f"`series_quantities` names {name!r}, but the series are {series}")
         parts[name] = part.of(columns)
 
 
 def check_omitted(omit: Any, declared: Iterable[str], report: Callable[..., None]) -> None:
-    """Report what `recording.omit` names and no log would have.
+    """Report unknown names in `recording.omit`.
 
     Args:
-        omit: What stands there.
+        omit: The value of `recording.omit`.
         declared: The names of the parts and signals that components declare.
         report: Takes the code and the message of a problem, the path, and hints.
     """
@@ -144,10 +144,10 @@ def check_omitted(omit: Any, declared: Iterable[str], report: Callable[..., None
 
 
 def omittable(declared: Iterable[str]) -> list[str]:
-    """What `recording.omit` may name.
+    """The names that `recording.omit` may contain.
 
     Args:
         declared: The names of the parts and signals that components declare.
     """
-    # What sensors measure is left out with all that they record.
+    # Measurements are omitted by `sensors`, together with all else that sensors record.
     return list(dict.fromkeys([*(part.name for part in PARTS), *KINDS, *sorted({*declared} - {MEASUREMENT})]))

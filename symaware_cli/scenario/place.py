@@ -1,4 +1,4 @@
-"""Where a process stands among those that share a run."""
+"""The role of a process in a run of several processes: host or member, address, agents, key."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import Literal, Self
 
 
 class DistributionError(Exception):
-    """This process cannot take part in a run as it is asked to."""
+    """This process cannot take the requested role in a run of several processes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a process stands among those that share a run.
+    """The role of a process in a run of several processes.
 
     Attributes:
-        role: Whether it keeps the world, or joins who does.
-        address: Where the host listens, as ``HOST:PORT``.
-        only: Whom this process runs: ids, groups or patterns, with or without ``agents.`` before them.
-        name: What to call it; by default, after whom it runs.
-        key: A file with the key that all share; None where nothing but this machine is reached.
-        patience: For how long to wait for others before the run begins [s].
+        role: ``host`` for the process that runs the world, ``member`` for one that joins it.
+        address: The address at which the host listens, as ``HOST:PORT``.
+        only: The agents that this process runs: ids, groups or patterns, with or without the prefix ``agents.``.
+        name: The name of the process; by default made of ``only``.
+        key: A file with the shared key; None if only this machine can connect.
+        patience: How long to wait for other processes before the run begins [s].
     """
 
     role: Literal["host", "member"]
@@ -44,15 +44,15 @@ class Place:
         key_file: str | os.PathLike[str] | None = None,
         wait: float = 60.0,
     ) -> Self:
-        """The place of the process that keeps the world.
+        """The role of the process that runs the world.
 
         Args:
-            port: Where it listens; 0 for any.
-            only: Whom it runs itself: ids, groups or patterns.
+            port: The port at which it listens; 0 for any free port.
+            only: The agents that it runs itself: ids, groups or patterns.
             bind: The address at which it listens.
-            name: What the others call it; by default ``host``.
-            key_file: The key that all share; needed unless nothing but this machine is reached.
-            wait: For how long it waits for the others [s].
+            name: The name of the process; by default ``host``.
+            key_file: A file with the shared key; required if other machines can connect.
+            wait: How long it waits for the members [s].
         """
         address = f"[{bind}]:{port}" if ":" in bind else f"{bind}:{port}"
         return cls("host", address, _listed(only), name, _path(key_file), wait)
@@ -67,14 +67,14 @@ class Place:
         key_file: str | os.PathLike[str] | None = None,
         wait: float = 60.0,
     ) -> Self:
-        """The place of a process that joins.
+        """The role of a process that joins the host.
 
         Args:
-            address: Where the host listens, as ``HOST:PORT``.
-            only: Whom it runs: ids, groups or patterns.
-            name: What the others call it; by default, after whom it runs.
-            key_file: The key that all share; needed unless nothing but this machine is reached.
-            wait: For how long it tries to reach the host [s].
+            address: The address at which the host listens, as ``HOST:PORT``.
+            only: The agents that it runs: ids, groups or patterns.
+            name: The name of the process; by default made of ``only``.
+            key_file: A file with the shared key; required if the host is on another machine.
+            wait: How long it tries to reach the host [s].
         """
         return cls("member", address, _listed(only), name, _path(key_file), wait)
 

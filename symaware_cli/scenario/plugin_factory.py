@@ -1,4 +1,4 @@
-"""The plugin factory: from what a document names to instances with their parameters."""
+"""The plugin factory: imports the plugins of a document and instantiates them with validated parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from symaware_cli.core import GroupComponent, Plugin
 from symaware_cli.runtime.failure import describe
-from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
+from symaware_cli.scenario.catalogue import Catalogue, PluginError, code_position
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.problem import Problem, dotted, quoted
 from symaware_cli.scenario.source import Path
@@ -18,11 +18,11 @@ from symaware_cli.world.arrays import FARTHEST
 
 
 class PluginFactory:
-    """Imports the plugins of a document and makes instances of them; what is wrong with them is reported.
+    """Imports the plugins of a document, instantiates them, and reports problems with them.
 
     Attributes:
         plugins: The class that each ``use`` names, by the path of its entry.
-        parameters: What an author may write under ``with``, as paths.
+        parameters: The paths of all parameters that are valid under ``with``.
     """
 
     def __init__(
@@ -36,9 +36,9 @@ class PluginFactory:
 
         Args:
             composition: The document.
-            catalogue: What is installed.
-            report: Reports a problem: its code, a message, and the path of what it is about.
-            add: Reports problems that were found elsewhere.
+            catalogue: The installed plugins.
+            report: Takes the code and the message of a problem, the path, and hints.
+            add: Adds problems that were found elsewhere.
         """
         self.plugins: dict[Path, Any] = {}
         self.parameters: list[Path] = []
@@ -48,7 +48,7 @@ class PluginFactory:
         self._add = add
 
     def load(self, data: Mapping[str, Any]) -> None:
-        """Import every plugin that is named anywhere."""
+        """Import every plugin that the document names."""
         self._import("environment", data.get("environment"), ("environment",))
         for place, topology in topologies(data.get("topology")):
             self._import("topology", topology, place)
@@ -73,9 +73,9 @@ class PluginFactory:
         self.parameters += [(*path, "with", field.alias or name) for name, field in fields]
 
     def make(self, entry: Mapping[str, Any], path: Path, count: int = 1) -> list[Any]:
-        """Make instances of the plugin of an entry with its parameters; none after a problem.
+        """Instantiate the plugin of an entry with its parameters; an empty list after a problem.
 
-        A group component is made once, whatever the count.
+        A group component is instantiated once, whatever the count.
         """
         plugin, given = self.plugins.get(path), entry.get("with", {})
         if plugin is None or not isinstance(given, Mapping):
@@ -85,18 +85,18 @@ class PluginFactory:
         if parameters is None:
             return []
         if isinstance(parameters, list):
-            # What was put beside `with` is reported as that, not as missing too.
+            # A parameter written beside `with` is reported as misplaced, not as missing as well.
             self._add(
                 problem
                 for problem in parameters
                 if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
             )
-            return self._stand_in(plugin, given, where, parameters) if "components" not in path else []
+            return self._partial_instance(plugin, given, where, parameters) if "components" not in path else []
         try:
             if plugin.Parameters is Plugin.Parameters:
-                # A component author need not know of parameters: without any of its own, a class is called with none.
+                # A class that declares no parameters is called without arguments.
                 return [plugin() for _ in range(1 if issubclass(plugin, GroupComponent) else count)]
-            # Each agent has its own parameters: none may reach another agent through a shared mutable value.
+            # Each agent has its own copy of the parameters, so that agents share no mutable values.
             return [
                 plugin(parameters.model_copy(deep=True))
                 for _ in range(1 if issubclass(plugin, GroupComponent) else count)
@@ -112,10 +112,10 @@ class PluginFactory:
     def _validated(
         self, plugin: Any, use: str, given: Mapping[str, Any], where: Path
     ) -> BaseModel | list[Problem] | None:
-        """Validate the parameters of a plugin: what is under ``with``.
+        """Validate the parameters of a plugin, given under ``with``.
 
         Returns:
-            The parameters, or every problem with them; None after a problem that is reported already.
+            The parameters, or every problem with them; None after a problem that is already reported.
         """
         far = [each for each in _numbers(given, where) if not abs(each[1]) <= FARTHEST]
         for place, number in far:
@@ -131,12 +131,12 @@ class PluginFactory:
             self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {words(error)}", where)
             return None
 
-    def _stand_in(
+    def _partial_instance(
         self, plugin: type[Plugin], given: Mapping[str, Any], where: Path, problems: Iterable[Problem]
     ) -> list[Any]:
-        """Make an instance without the parameters that are wrong, so that what depends on it is looked at all the same.
+        """Create an instance without the invalid parameters, so that objects that depend on it can still be checked.
 
-        The scenario is refused anyway. There is none where anything else could depend on what is left out.
+        The scenario is rejected anyway. There is no instance if other objects depend on an invalid parameter.
         """
         wrong = {key for key in given for each in problems if f"{each.path}.".startswith(f"{dotted((*where, key))}.")}
         if "time_step" in wrong:
@@ -155,7 +155,7 @@ class PluginFactory:
 
 
 def _numbers(value: Any, path: Path) -> Iterator[tuple[Path, float]]:
-    """Yield each number that is not whole in a piece of data, with its path."""
+    """Yield each float in plain data, with its path."""
     if isinstance(value, float):
         yield path, value
     items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
@@ -172,13 +172,13 @@ def topologies(entry: Any) -> Iterator[tuple[Path, Mapping[str, Any]]]:
 
 
 def mapping(value: Any) -> Mapping[str, Any]:
-    """Return what is a mapping, and an empty one for whatever else an author wrote there."""
+    """Return a value if it is a mapping, otherwise an empty mapping."""
     return value if isinstance(value, Mapping) else {}
 
 
 def words(error: BaseException) -> str:
-    """Return what an error says: a refusal in its own words, anything else with its type and place."""
-    told = describe(error)
-    if isinstance(error, ValueError | NotImplementedError) and ": " in told:
-        return told.partition(": ")[2]
-    return told + place_of(error)
+    """Describe an exception: the text of a `ValueError`; of others also the type and the position in the code."""
+    text = describe(error)
+    if isinstance(error, ValueError | NotImplementedError) and ": " in text:
+        return text.partition(": ")[2]
+    return text + code_position(error)

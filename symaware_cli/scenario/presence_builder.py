@@ -1,4 +1,4 @@
-"""From when a scenario says that agents are in the world to what a run needs to know of it."""
+"""Builds the presence of agents from a scenario: when each enters and leaves, with checks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from symaware_cli.specification.expression import EvaluationError, Expression
 
 
 class PresenceBuilder:
-    """Understands when agents enter and leave, and reports what is wrong with it."""
+    """Builds the presence intervals of agents, and reports problems with them."""
 
     def __init__(
         self,
@@ -33,11 +33,11 @@ class PresenceBuilder:
         """Prepare.
 
         Args:
-            report: Reports a problem: its code, a message, and the path of what it is about.
-            check: Understands conditions and events.
-            environment: The world.
-            use: What the scenario calls it.
-            entries: All components.
+            report: Takes the code and the message of a problem, the path, and hints.
+            check: Parses conditions and checks events.
+            environment: The environment.
+            use: Its entry-point name.
+            entries: All component entries.
         """
         self._report = report
         self._check = check
@@ -49,72 +49,73 @@ class PresenceBuilder:
     def build(
         self, groups: Sequence[AgentGroup], agents: Mapping[str, GroupSection]
     ) -> Mapping[str, Sequence[PresenceInterval]]:
-        """Tell of the groups that are not always there when each of their agents is.
+        """Build the intervals of the agents of all groups that are not always present.
 
-        Those who are not there at the beginning are marked in their groups.
+        Agents that are absent at the beginning are marked in their groups.
         """
         self._world = {*WORLD_NAMES, *further_parts(groups), *(groups[0].regions if groups else ())}
-        spans = {}
+        intervals = {}
         for group in groups:
-            said = agents[group.name].present
-            if said is not None:
-                spans[group.name] = own = self._of(group, said)
+            given = agents[group.name].present
+            if given is not None:
+                intervals[group.name] = own = self._intervals(group, given)
                 here = np.array([not each.is_late for each in own], bool)
                 here.flags.writeable = False
                 group.present = here
-        return spans
+        return intervals
 
-    def _of(self, group: AgentGroup, said: Presence | list[Presence]) -> Sequence[PresenceInterval]:
+    def _intervals(self, group: AgentGroup, given: Presence | list[Presence]) -> Sequence[PresenceInterval]:
         path: Path = ("agents", group.name, "present")
         if not self._environment.is_open:
-            self._report("unsuitable", f"nobody enters or leaves the world {quoted(self._use)}", path, key=True)
-        if isinstance(said, Presence):
-            return [self._span(group, range(len(group)), said, path)] * len(group)
-        if len(said) != len(group):
-            values = "1 value" if len(said) == 1 else f"{len(said)} values"
+            message = f"the world {quoted(self._use)} does not support agents that enter or leave"
+            self._report("unsuitable", message, path, key=True)
+        if isinstance(given, Presence):
+            return [self._interval(group, range(len(group)), given, path)] * len(group)
+        if len(given) != len(group):
+            values = "1 value" if len(given) == 1 else f"{len(given)} values"
             agents = "1 agent" if len(group) == 1 else f"{len(group)} agents"
             expected = f"one mapping for all, or a list of {len(group)}"
             self._report(
                 "wrong-count", f"`{'.'.join(map(str, path))}` gives {values} for {agents}", path, expected=expected
             )
             return [PresenceInterval()] * len(group)
-        return [self._span(group, [row], each, (*path, row)) for row, each in enumerate(said)]
+        return [self._interval(group, [row], each, (*path, row)) for row, each in enumerate(given)]
 
-    def _span(self, group: AgentGroup, rows: Sequence[int], said: Presence, path: Path) -> PresenceInterval:
+    def _interval(self, group: AgentGroup, rows: Sequence[int], given: Presence, path: Path) -> PresenceInterval:
         scope = ConditionScope(group)
-        begin = self._moment(said.from_, group, self._world, (*path, "from"))
-        end = self._moment(said.until, group, scope.names, (*path, "until"))
+        begin = self._moment(given.from_, group, self._world, (*path, "from"))
+        end = self._moment(given.until, group, scope.names, (*path, "until"))
         if isinstance(end, int) and end <= (begin if isinstance(begin, int) else 0):
             self._report(
                 "invalid-value",
-                f"who leaves at {said.until:g} s has not entered by then",
+                f"an agent that leaves at {given.until:g} s has not entered by then",
                 (*path, "until"),
                 expected="a time after `from` [s]",
             )
         if isinstance(end, Expression):
-            self._try(end, scope, rows[0], (*path, "until"))
+            self._check_condition(end, scope, rows[0], (*path, "until"))
         return PresenceInterval(begin, end)
 
     def _moment(
-        self, said: float | str | TriggerSection | None, group: AgentGroup, names: Collection[str], path: Path
+        self, given: float | str | TriggerSection | None, group: AgentGroup, names: Collection[str], path: Path
     ) -> Moment | None:
-        """Understand a time, a condition or an event; None where nothing is said, or after a problem."""
-        if isinstance(said, str):
-            return self._check.expression(said, path, names)
-        if not isinstance(said, TriggerSection):
-            return None if said is None else nanoseconds(said)
-        trigger = trigger_of(said.event, said.of)
+        """Convert a time, a condition or an event; None if nothing is given, or after a problem."""
+        if isinstance(given, str):
+            return self._check.expression(given, path, names)
+        if not isinstance(given, TriggerSection):
+            return None if given is None else nanoseconds(given)
+        trigger = trigger_of(given.event, given.of)
         if path[-1] == "from" and trigger.source is None:
-            whose = quoted(said.of) if said.of else "its own components"
-            message = f"who is not there yet hears nothing of {whose}"
-            expected = "`of` whom: `environment`, or the path of a component such as `agents.leader.steer`"
-            self._report("unknown-source", message, (*path, "of") if said.of else path, expected=expected)
+            whose = quoted(given.of) if given.of else "its own components"
+            message = f"an agent that has not entered cannot wait for an event of {whose}"
+            expected = "`of`: `environment`, or the path of a component such as `agents.leader.steer`"
+            self._report("unknown-source", message, (*path, "of") if given.of else path, expected=expected)
             return None
         self._check.source(trigger, group.name, self._entries, path)
         return trigger
 
-    def _try(self, condition: Expression, scope: ConditionScope, row: int, path: Path) -> None:
-        """See whether a condition has a value at the beginning, or lacks one for a reason that stays."""
+    def _check_condition(self, condition: Expression, scope: ConditionScope, row: int, path: Path) -> None:
+        """Check that a condition can be evaluated at the beginning, unless the reason is temporary."""
 
         def look_up(name: str) -> Any:
             return 0.0 if name == "time" else scope.look_up(row, name)

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, where, and how it is shown to a person or a tool."""
+"""Problems in scenarios, with their positions, and their display to people and tools."""
 
 import difflib
 import unicodedata
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import islice
 
-# A scenario can be broken in every line; beyond this many problems nobody reads on.
+# The greatest number of problems that are collected from one file.
 MAX_PROBLEMS = 100
 _WIDTH = 100
 _TAB = "    "
@@ -15,7 +15,7 @@ _BOLD, _RED, _DIM, _RESET = "\x1b[1m", "\x1b[31m", "\x1b[2m", "\x1b[0m"
 
 @dataclass(frozen=True, slots=True)
 class TextSpan:
-    """A stretch of one line of a file.
+    """A part of one line of a file.
 
     Attributes:
         file: The file's name as the user typed it, or a pseudo file such as `--set run.duration=2`.
@@ -32,16 +32,16 @@ class TextSpan:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong.
+    """One problem.
 
     Attributes:
-        code: A stable slug for tools, such as `unknown-key`.
+        code: A stable identifier for tools, such as `unknown-key`.
         message: One sentence without a full stop.
-        span: Where it is, if it is anywhere.
-        path: Dotted path of the value in the document, such as `agents.robot.state`.
-        expected: What would be right there, worded to follow "expected".
+        span: The position, if there is one.
+        path: The dotted path of the value in the document, such as `agents.robot.state`.
+        expected: What is valid there, worded to follow "expected".
         suggestion: The nearest valid name.
-        source_line: The whole line that `span` lies on.
+        source_line: The whole line of `span`.
     """
 
     code: str
@@ -57,7 +57,7 @@ class ScenarioError(Exception):
     """A scenario cannot be used.
 
     Attributes:
-        problems: Why, in the order of files and lines, each once.
+        problems: The problems in the order of files and lines, without duplicates.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
@@ -74,8 +74,8 @@ def _position(problem: Problem) -> tuple[str, int, int]:
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """Returns the candidate that `name` was probably meant to be, if one is near enough."""
-    # Comparing is quadratic in the length; nobody mistypes a name of a hundred letters.
+    """Returns the candidate that `name` was probably meant to be, if one is similar enough."""
+    # The comparison is quadratic in the length, so long names are not compared.
     if len(name) > 100:
         return None
     known = {candidate.lower(): candidate for candidate in islice(candidates, 1000) if len(candidate) <= 100}
@@ -84,13 +84,13 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def quoted(text: str, limit: int = 60) -> str:
-    """Returns text from a file between backticks, without its middle if it would drown the message."""
+    """Returns text from a file in backticks, without its middle if it is long."""
     half = limit // 2
     return f"`{text if len(text) <= limit else text[:half] + '...' + text[-half:]}`"
 
 
 def dotted(path: Iterable[str | int]) -> str:
-    """Returns a path as `--set` takes it: `agents.robot.state.0`."""
+    """Returns a path in the notation of `--set`: `agents.robot.state.0`."""
     return ".".join(str(part) for part in path)
 
 
@@ -100,15 +100,15 @@ def to_json(problems: Iterable[Problem]) -> list[dict[str, object]]:
 
 
 def _short(line: str | None) -> str | None:
-    # A megabyte of minified YAML on one line must not come back once for each problem.
+    # A megabyte of minified YAML on one line must not be repeated for each problem.
     return line if line is None or len(line) <= 1000 else None
 
 
 def render(problems: Sequence[Problem], *, colour: bool = False, width: int = _WIDTH) -> str:
-    """Returns the problems as a person reads them: place, message, the line with a caret, what was expected.
+    """Returns the problems for people: position, message, the line with a caret, what was expected.
 
     Args:
-        problems: What to show, in this order.
+        problems: The problems, in this order.
         colour: Whether to mark the message and the caret with terminal colours.
         width: Columns of the terminal; longer source lines are cut around the caret.
     """
@@ -151,14 +151,14 @@ def _printable(text: str) -> str:
 
 
 def _cell(character: str) -> str:
-    """Returns what stands for a character on the terminal; never an escape code or an invisible mark."""
+    """Returns the display of a character on a terminal; never an escape code or an invisible mark."""
     if character == "\t":
         return _TAB
     return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
 
 
 def _columns(text: str) -> int:
-    """Returns how many terminal columns printable text fills."""
+    """Returns the number of terminal columns of printable text."""
     if text.isascii():
         return len(text)
     return sum(

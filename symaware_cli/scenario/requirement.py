@@ -1,4 +1,4 @@
-"""Whether the world has what models and components require of it, and the bodies that these name."""
+"""Checks that the world has the features and bodies that models and components require."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.source import Path
 
-#: So many names are listed where one is unknown.
+#: The greatest number of names that a message lists.
 _LISTED = 6
 
 
@@ -27,10 +27,10 @@ def check_requirements(
     """Report each model and component that cannot work in its world.
 
     Args:
-        document: What the scenario says.
-        environment: The world, in which nobody is in place yet.
-        groups: Those that could be made.
-        entries: Their components.
+        document: The validated document.
+        environment: The environment, not initialised yet.
+        groups: The groups that could be built.
+        entries: Their component entries.
         report: Takes the code and the message of a problem, the path, and hints.
     """
     agents = [id for group in groups for id in group.ids]
@@ -46,7 +46,7 @@ def check_requirements(
         component, path = entry.components[0], ("agents", entry.group.name, "components", entry.name)
         measures = isinstance(component, Sensor) or entry.name in entry.group.awareness.signals
         if measures and entry.name in (*FIELDS, *entry.group.awareness.parts):
-            message = f"a sensor {quoted(entry.name)} could not be told from the series of that name in the log"
+            message = f"a sensor cannot be called {quoted(entry.name)}, the name of another series in the log"
             report("bad-name", message, path, key=True, expected=f"none of {', '.join(sorted(FIELDS))}")
         for name, where in component.requires.items():
             if name not in environment.provides:
@@ -77,14 +77,16 @@ def _report_unknown(kind: str, name: str, known: Sequence[str], path: Path, repo
 def _check_model(
     document: ScenarioDocument, environment: Environment, group: AgentGroup, report: Callable[..., None]
 ) -> None:
-    """Report what is asked of a model with a body of its own that nothing would come of."""
+    """Report parameters without effect: of vehicles in worlds without them, and of entities with a built-in body."""
     agents, model, path = document.agents[group.name], group.model, ("agents", group.name)
     for name in model.needs_vehicle:
         if getattr(model.parameters, name) and "vehicles" not in environment.provides:
             world = quoted(document.environment.use)
-            message = f"{quoted(agents.model.use)} has its {quoted(name)} in worlds with vehicles, and {world} has none"
+            message = (
+                f"{quoted(agents.model.use)} has {quoted(name)} only in worlds with vehicles, and {world} has none"
+            )
             report("unsuitable", message, (*path, "model", "with", name), expected="`pybullet`, or false")
     for name in sorted(agents.entity.model_fields_set - {"shape"}) if model.body else ():
-        message = f"{quoted(agents.model.use)} comes with a body of its own, whose {quoted(name)} cannot be set"
-        expected = "nothing but a `shape`, which says what others keep clear of"
+        message = f"{quoted(agents.model.use)} has a built-in body, whose {quoted(name)} cannot be set"
+        expected = "only a `shape`, which other agents keep clear of"
         report("unsuitable", message, (*path, "entity", name), key=True, expected=expected)

@@ -1,4 +1,4 @@
-"""The one document that a scenario's files and overrides amount to, written so that it reads back the same."""
+"""Writes the resolved document of a scenario as YAML that reads back as the same document."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from symaware_cli.scenario.yaml_source import plain_scalar
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes text so that it is read as text again: PyYAML leaves quotes out by the rules of YAML 1.1, not 1.2."""
+    """Quotes text where YAML 1.2 requires it: PyYAML omits quotes by the rules of YAML 1.1."""
 
 
 def _text(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
@@ -24,7 +24,7 @@ _Dumper.add_representer(str, _text)
 
 
 def resolved(data: Mapping[str, Any], document: ScenarioDocument) -> bytes:
-    """Write the resolved document, in the order of the file, with the seed in force."""
+    """Write the resolved document in the order of the file, with the seed in force."""
     first = {"symaware": document.symaware, "name": document.name, "seed": document.seed}
     content = {**first, **{key: value for key, value in data.items() if key not in first}}
     return dumped(_escaped(content))
@@ -36,7 +36,7 @@ def dumped(content: Mapping[str, Any]) -> bytes:
 
 
 def _escaped(value: Any) -> Any:
-    """Return a value in which no text reads like a reference."""
+    """Return a value in which `${` is escaped in all texts."""
     if isinstance(value, Mapping):
         return {key: _escaped(each) for key, each in value.items()}
     if isinstance(value, list):

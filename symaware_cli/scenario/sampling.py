@@ -1,6 +1,6 @@
-"""Values for the agents of a group: one for all, one for each, or drawn from a seeded distribution.
+"""Samples initial states and knowledge for the agents of a group: one for all, one for each, or from a distribution.
 
-What an agent draws is keyed by the seed of the run and the agent's own path, so adding agents changes nobody's value.
+Draws are keyed by the seed of the run and the agent's path, so adding agents does not change the values of others.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ FORMS = (*DISTRIBUTIONS, "each", "all")
 
 
 class Sampler:
-    """Gives each agent of one group its value.
+    """Determines the initial states and knowledge of the agents of one group.
 
     Attributes:
-        problems: What was wrong with the values so far.
+        problems: The problems found so far.
     """
 
     def __init__(
@@ -74,9 +74,9 @@ class Sampler:
         self._indexed = indexed
         self._model = model
         self._numbers = agent_numbers(ids)
-        # What each distribution says, checked once for all agents; None after a problem.
+        # The parameters of each distribution, checked once for all agents; None after a problem.
         self._known: dict[Path, Any] = {}
-        # What all agents draw from it, where it is one for all.
+        # The draws of all agents from each distribution that they share.
         self._drawn: dict[Path, Array] = {}
         self._is_each = False
 
@@ -97,21 +97,21 @@ class Sampler:
         return states
 
     def knowledge(self, value: Any, path: Path) -> list[Any]:
-        """What each agent knows under one name; empty after a problem."""
+        """The knowledge of each agent under one name; empty after a problem."""
         each = self._values(value, path, None)
         if isinstance(each, np.ndarray):
             return list(each)
         for row, known in enumerate(each or ()):
-            if (far := _far(known)) is not None:
+            if (far := _first_excessive(known)) is not None:
                 self._report_size(path, row, *far, FARTHEST)
                 break
         if each and all(one is each[0] for one in each):
-            # Agents have copies of their own in the end.
+            # The group makes a copy for each agent.
             return [np.array(each[0], float) if _is_array(each[0]) else each[0]] * len(each)
         return [np.array(one, float) if _is_array(one) else one for one in each] if each else []
 
     def _report_size(self, path: Path, row: int, inner: Path, number: float, most: float) -> None:
-        """Report a number that no world goes to, at its place if it was written there and not drawn."""
+        """Report a number that is too large, at its position if it was written and not drawn."""
         forms: tuple[Path, ...] = (("each", row), (row,), ("all",), ())
         places = [(*path, *form, *inner) for form in forms]
         where = next((place for place in places if self._composition.has(place)), path)
@@ -119,7 +119,7 @@ class Sampler:
         self._report("out-of-range", f"{quoted(dotted(where))} comes to {said_of(number)}", where, expected=expected)
 
     def _values(self, value: Any, path: Path, width: int | None) -> list[Any] | Array | None:
-        """Give each agent its value, or None after a problem."""
+        """Determine the value of each agent; None after a problem."""
         count = len(self._ids)
         form = self._form(value, path, width)
         if form is None:
@@ -127,10 +127,10 @@ class Sampler:
         self._is_each, content, inner = form
         if not self._is_each:
             if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in ("grid", "circle"):
-                # One computation serves all agents, however many there are.
+                # Computed once for all agents.
                 kind, placement = next(iter(content.items()))
                 return self._placed(kind, placement, (*inner, kind), width)
-            if not _may_draw(content):
+            if not _may_differ(content):
                 first = self._collect(lambda row: self._value(content, inner, row, width), only=1)
                 return first and first * count
             return self._collect(lambda row: self._value(content, inner, row, width))
@@ -145,7 +145,7 @@ class Sampler:
         return self._collect(lambda row: self._value(content[row], (*inner, row), row, width), tolerance=10)
 
     def _form(self, value: Any, path: Path, width: int | None) -> tuple[bool, Any, Path] | None:
-        """Tell one value for each from one for all; None after a problem."""
+        """Return whether a value is a list of one for each agent, the content and its path; None after a problem."""
         if isinstance(value, Mapping):
             if len(value) == 1 and next(iter(value)) in ("each", "all"):
                 form = next(iter(value))
@@ -155,7 +155,7 @@ class Sampler:
         return nested and (self._indexed or width is not None), value, path
 
     def _is_misshapen(self, value: Mapping[str, Any], path: Path, forms: Sequence[str], width: int | None) -> bool:
-        """Report a mapping that was meant to be one of the forms; in knowledge, others are values like any other."""
+        """Report a mapping that is an invalid distribution; in knowledge, other mappings are ordinary values."""
         known = [name for name in value if name in forms]
         if known and len(value) == 1:
             return False
@@ -167,7 +167,7 @@ class Sampler:
             self._report("bad-distribution", beside, culprit, key=True, expected=expected)
             return True
         suggestion = nearest(others[0], forms) if len(others) == 1 else None
-        if width is None and not (suggestion and _is_slip(others[0], suggestion)):
+        if width is None and not (suggestion and _is_misspelled(others[0], suggestion)):
             return False
         if not others:
             message = f"{quoted(dotted(path))} is an empty mapping"
@@ -190,7 +190,7 @@ class Sampler:
         return True
 
     def _collect(self, value_of: Callable[[int], Any], tolerance: int = 0, only: int | None = None) -> list[Any] | None:
-        """Gather the value of every agent, or the first ones, giving up after as many problems as are worth reading."""
+        """Collect the values of all agents, or of the first ones; stop after more than `tolerance` problems."""
         before = len(self.problems)
         values = []
         for row in range(len(self._ids) if only is None else only):
@@ -200,7 +200,7 @@ class Sampler:
         return values if len(self.problems) == before else None
 
     def _value(self, value: Any, path: Path, row: int, width: int | None) -> Any:
-        """One agent's value; what is returned after a problem means nothing."""
+        """The value of one agent; after a problem, the result is meaningless."""
         before = len(self.problems)
         drawn = self._filled(value, path, row, width)
         if width is None or len(self.problems) > before:
@@ -208,13 +208,13 @@ class Sampler:
         return self._state(drawn, path)
 
     def _filled(self, value: Any, path: Path, row: int, width: int | None) -> Any:
-        """Return a copy of a value with every distribution in it replaced by what an agent draws.
+        """Return a copy of a value with every distribution in it replaced by an agent's draw.
 
         Args:
-            value: What the scenario says.
-            path: Where it stands.
-            row: The agent.
-            width: How many numbers a state has; 0 for a single element of one, None for knowledge.
+            value: The value in the scenario.
+            path: Its path.
+            row: The agent's row.
+            width: The number of elements of a state; 0 for a single element, None for knowledge.
         """
         if isinstance(value, list):
             inner = None if width is None else 0
@@ -223,7 +223,7 @@ class Sampler:
             return value
         if path[-1] == "all" and width is None and not any(name in DISTRIBUTIONS for name in value):
             return copy.deepcopy(value)
-        # One element of a state is a number; grid and circle give whole positions.
+        # One element of a state is a number, whereas grid and circle give positions.
         forms = ("uniform", "normal") if width == 0 else DISTRIBUTIONS
         if self._is_misshapen(value, path, forms, width):
             return None
@@ -268,22 +268,22 @@ class Sampler:
 
     def _random(self, kind: str, content: Any, path: Path, row: int, width: int | None) -> Any:
         if path not in self._known:
-            self._known[path] = self._ends(kind, content, path)
+            self._known[path] = self._distribution_bounds(kind, content, path)
         if self._known[path] is None:
             return None
         first, second = self._known[path]
         size = max(first.size if first.ndim else 0, second.size if second.ndim else 0)
-        # A single number for a whole state means: of every element.
+        # A single number for a whole state applies to every element.
         shape = size or width or 0
         unit = self._units(kind, path, row, shape or 1)
         drawn = first + (second - first) * unit if kind == "uniform" else first + second * unit
         return drawn.tolist() if shape else float(drawn[0])
 
     def _units(self, kind: str, path: Path, row: int, count: int) -> Array:
-        """What an agent draws from a distribution of unit size; shape (count,)."""
+        """An agent's draws from the standard distribution; shape (count,)."""
         purpose = f"scenario {'.'.join(str(part) for part in path[2:])}"
         if self._is_each:
-            # Nobody else draws from what stands at this place.
+            # This distribution belongs to one agent.
             alone: Array = _unit(GroupChance(self._seed, purpose, self._numbers[row : row + 1]), kind, count)[0]
             return alone
         if path not in self._drawn:
@@ -291,8 +291,8 @@ class Sampler:
         drawn: Array = self._drawn[path][row]
         return drawn
 
-    def _ends(self, kind: str, content: Any, path: Path) -> tuple[Array, Array] | None:
-        """Check the two parts of a distribution; None after a problem."""
+    def _distribution_bounds(self, kind: str, content: Any, path: Path) -> tuple[Array, Array] | None:
+        """Check and return the two parameters of a distribution; None after a problem."""
         meaning = "[low, high]" if kind == "uniform" else "[mean, standard deviation]"
         if not isinstance(content, list) or len(content) != 2:
             message = f"{quoted(dotted(path))} is {said_of(content)}"
@@ -359,13 +359,13 @@ class Sampler:
         angles = (ring.phase + 2 * math.pi * np.arange(count) / count).tolist()
         turn = {"inward": math.pi, "outward": 0.0, "along": math.pi / 2}[ring.heading]
         positions = np.tile(np.array(ring.centre, float), (count, 1))
-        # By `math`, whose last bits do not depend on the kernels of NumPy.
+        # `math`, because its last bits do not depend on NumPy's kernels.
         positions[:, 0] += ring.radius * np.array([math.cos(angle) for angle in angles])
         positions[:, 1] += ring.radius * np.array([math.sin(angle) for angle in angles])
         return positions, np.array([math.remainder(angle + turn, 2 * math.pi) for angle in angles])
 
     def _checked(self, kind: type[Placement], content: Any, path: Path) -> Placement | None:
-        """Validate what is said of a placement, once for all agents."""
+        """Validate a placement, once for all agents."""
         if path not in self._known:
             checked = validate(kind, content, self._composition, path)
             if isinstance(checked, list):
@@ -375,7 +375,7 @@ class Sampler:
         return placement
 
     def _placed(self, kind: str, content: Any, path: Path, width: int | None) -> Array | None:
-        """What all agents get of a placement, computed once: states, the rest of which is zero, else positions."""
+        """The values of all agents in a placement, computed once: states with zeros elsewhere, or positions."""
         key = (*path, str(width))
         if key not in self._known:
             found = self._grid(content, path) if kind == "grid" else self._ring(content, path)
@@ -409,8 +409,8 @@ class Sampler:
             self.problems.append(problem)
 
 
-def _is_slip(written: str, meant: str) -> bool:
-    """Whether a key is so near the name of a form that nobody uses it for a value of their own."""
+def _is_misspelled(written: str, meant: str) -> bool:
+    """Whether a key is so similar to the name of a form that it is probably a misspelling."""
     if written[:1].lower() != meant[:1]:
         return False
     return sorted(written) == sorted(meant) or difflib.SequenceMatcher(None, written, meant).ratio() > 0.8
@@ -420,26 +420,26 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _may_draw(value: Any) -> bool:
-    """Whether there may be something in a value that differs between agents."""
-    return isinstance(value, Mapping) or (isinstance(value, list) and any(map(_may_draw, value)))
+def _may_differ(value: Any) -> bool:
+    """Whether a value may contain a distribution, so that it may differ between agents."""
+    return isinstance(value, Mapping) or (isinstance(value, list) and any(map(_may_differ, value)))
 
 
-def _far(value: Any, inner: Path = ()) -> tuple[Path, float] | None:
-    """Return the first number in a value that is beyond measure, with its place; whole ones fit in 64 bits."""
+def _first_excessive(value: Any, inner: Path = ()) -> tuple[Path, float] | None:
+    """Return the first float in a value that is too large, with its path; integers fit in 64 bits anyway."""
     if isinstance(value, float):
         return None if abs(value) <= FARTHEST else (inner, value)
     items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
-    return next((found for key, one in items if (found := _far(one, (*inner, key))) is not None), None)
+    return next((found for key, one in items if (found := _first_excessive(one, (*inner, key))) is not None), None)
 
 
 def _is_array(value: Any) -> bool:
-    """Whether a value is a list of numbers, or of such lists that all have one shape."""
+    """Whether a value is a list of numbers, or of lists of equal shapes."""
     return isinstance(value, list) and _shape(value) is not None
 
 
 def _shape(value: Any) -> tuple[int, ...] | None:
-    """The shape of nested lists of numbers; None where they have none, or hold nothing."""
+    """The shape of nested lists of numbers; None if they are ragged, empty or contain other values."""
     if not isinstance(value, list):
         return () if _is_number(value) else None
     shapes = {_shape(one) for one in value}
@@ -449,5 +449,5 @@ def _shape(value: Any) -> tuple[int, ...] | None:
 
 
 def _unit(chance: GroupChance, kind: str, count: int) -> Array:
-    """Draw from a distribution of unit size for each agent; shape (n, count)."""
+    """Draw from the standard distribution for each agent; shape (n, count)."""
     return chance.uniform(count) if kind == "uniform" else chance.standard_normal(count)

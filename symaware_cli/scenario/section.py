@@ -1,4 +1,4 @@
-"""What the sections of a scenario have in common: names, times, plugins, events."""
+"""Base classes and types of the sections of a scenario: names, times, plugin references, triggers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 _NAME = r"^[A-Za-z_][A-Za-z0-9_-]*$"
 Name = Annotated[str, Field(pattern=_NAME, max_length=64)]
-#: A name that can be written in an expression.
+#: A name that can be used in an expression.
 _IDENTIFIER = r"^[A-Za-z_][A-Za-z0-9_]*$"
 Identifier = Annotated[str, Field(pattern=_IDENTIFIER, max_length=64)]
 Seconds = Annotated[float, Field(ge=0, le=1e9)]

@@ -18,12 +18,12 @@ Scalar: TypeAlias = str | int | float | bool | None
 MAX_BYTES = 1024 * 1024
 MAX_DEPTH = 32
 MAX_NODES = 100_000
-# A text counts as one more value for each so many characters, so that one bound also stops
-# the same long text from being repeated by aliases or parameters.
+# A text counts as one further value per this many characters, so that the bound also limits
+# long texts that are repeated by aliases or parameters.
 _CHARACTERS_PER_NODE = 64
 
 _LINE_BREAK = re.compile(r"\r\n|\n|\r")
-# What YAML forbids, plus the separators that some editors count as a line break and others do not.
+# The characters that YAML forbids, and separators that only some editors treat as line breaks.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 
 
@@ -36,13 +36,13 @@ class MappingEntry:
 
 
 class SourceNode:
-    """A value and where it stands. Nodes are never changed, so that aliases may share them.
+    """A value and its position. Nodes are immutable, so that aliases may share them.
 
     Attributes:
         value: A scalar, a list of nodes, or a dictionary of entries.
-        span: Where the value is.
-        size: Number of values in it with itself, counting shared ones each time; a long text counts as several.
-        height: Levels of nesting; 0 for a scalar.
+        span: The position of the value.
+        size: The number of values in it and itself, counting shared ones each time; a long text counts as several.
+        height: The levels of nesting; 0 for a scalar.
     """
 
     __slots__ = ("height", "size", "span", "value")
@@ -68,7 +68,7 @@ class SourceNode:
             yield from self.value
 
     def plain(self) -> Any:
-        """Returns plain dictionaries, lists and scalars, shared with nobody."""
+        """Returns the value as new dictionaries, lists and scalars."""
         if isinstance(self.value, dict):
             return {key: entry.node.plain() for key, entry in self.value.items()}
         if isinstance(self.value, list):
@@ -103,14 +103,14 @@ class SourceNode:
 
 
 class Source:
-    """One file: its text, the problems found in it, and the tree of what it says.
+    """One file: its text, its problems, and its tree of nodes.
 
     Attributes:
-        name: The file's name as a person would type it.
+        name: The file's name as the user typed it.
         raw: The bytes as written.
         text: The text without a byte order mark.
-        problems: What is wrong with it so far.
-        root: What it says, as far as that can be told; `None` if it cannot.
+        problems: The problems found so far.
+        root: The tree, as far as it could be parsed; `None` if it could not.
     """
 
     def __init__(self, name: str, raw: bytes, text: str = "") -> None:
@@ -123,11 +123,11 @@ class Source:
 
     @property
     def data(self) -> dict[str, Any]:
-        """The document as plain data; empty if the file says nothing that can be understood."""
+        """The document as plain data; empty if the file could not be parsed."""
         return {} if self.root is None else dict(self.root.plain())
 
     def span(self, path: Path, key: bool = False) -> TextSpan | None:
-        """Returns where the value (or the key) at a path is, or `None` if there is nothing at that path."""
+        """Returns the position of the value (or the key) at a path, or `None` if there is none."""
         if self.root is None or not self.root.has(path):
             return None
         return self.root.nearest_span(path, key=key)
@@ -136,8 +136,8 @@ class Source:
         """Returns a line by its number, from 1."""
         return self.lines[line - 1] if 1 <= line <= len(self.lines) else None
 
-    def stretch(self, line: int, column: int, end_line: int, end_column: int) -> TextSpan:
-        """Returns the span of a stretch of text, cut at the end of its first line and at least one column wide."""
+    def text_span(self, line: int, column: int, end_line: int, end_column: int) -> TextSpan:
+        """Returns a span of text, cut at the end of its first line and at least one column wide."""
         if end_line != line:
             end_column = len(self.line_text(line) or "") + 1
         return TextSpan(self.name, line, column, max(end_column, column + 1))
@@ -164,13 +164,13 @@ class Source:
 
 
 def decode(name: str, raw: bytes) -> Source:
-    """Turns bytes into a source; its text holds no character that could confuse a parser or a terminal."""
+    """Decodes bytes into a source; reports characters that could confuse a parser or a terminal."""
     try:
         # utf-8-sig would hide a byte order mark from the offsets of a decoding error.
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
         source = Source(name, raw, raw.decode("utf-8", errors="replace").removeprefix("\ufeff"))
-        # Everything before the offset is valid, so its lines and columns are those a person sees.
+        # Everything before the offset is valid, so its lines and columns are those that an editor shows.
         before = _LINE_BREAK.split(raw[: error.start].decode("utf-8").removeprefix("\ufeff"))
         line, column = len(before), len(before[-1]) + 1
         source.report(
@@ -195,7 +195,7 @@ def _code_point(character: str) -> str:
 
 
 class ValueProblem(NamedTuple):
-    """What is wrong with a value, before it is known where the value is."""
+    """A problem with a value whose position is not known yet."""
 
     code: str
     message: str
@@ -208,7 +208,7 @@ LARGE_NUMBER = ValueProblem(
 
 
 def scalar_fault(value: object) -> ValueProblem | None:
-    """Returns what is wrong with a value that no scenario may hold, in either format."""
+    """Returns the problem with a value that scenarios must not contain, in either format."""
     if isinstance(value, str):
         found = _FORBIDDEN.search(value)
         return (
@@ -228,10 +228,10 @@ def scalar_fault(value: object) -> ValueProblem | None:
 
 
 def report_depth(source: Source, span: TextSpan | None, path: Sequence[str | int] = ()) -> None:
-    """Reports nesting that nobody can mean."""
+    """Reports excessive nesting."""
     source.report("too-deep", f"values are nested more than {MAX_DEPTH} deep", span, path)
 
 
 def report_nodes(source: Source, span: TextSpan | None, path: Sequence[str | int] = ()) -> None:
-    """Reports more values than a scenario may hold."""
+    """Reports too many values."""
     source.report("too-large", f"the file expands to more than {MAX_NODES:,} values", span, path)

@@ -1,4 +1,4 @@
-"""From a file to its source: read it within bounds, and parse it as what its suffix says, YAML or TOML."""
+"""Reads a scenario file within bounds, and parses it as YAML or TOML according to its suffix."""
 
 import os
 import stat
@@ -12,11 +12,11 @@ def load(path: FilePath, name: str) -> Source:
     """Reads a scenario file.
 
     Args:
-        path: Where it is.
-        name: What to call it in messages.
+        path: The file.
+        name: Its name in messages.
 
     Raises:
-        ScenarioError: The file cannot be read or understood; carries every problem found in it.
+        ScenarioError: The file cannot be read or parsed; contains every problem found in it.
     """
     source = read(path, name)
     if source.problems:
@@ -25,11 +25,11 @@ def load(path: FilePath, name: str) -> Source:
 
 
 def read(path: FilePath, name: str) -> Source:
-    """Reads a scenario file and leaves what is wrong with it in `problems`."""
+    """Reads a scenario file; its problems are in `problems` of the result."""
     source = _read_text(path, name)
     if source.problems:
         return source
-    # Reading one format does not cost the import of the other's parser.
+    # Imported here, so that reading one format does not import the parser of the other.
     if path.suffix.lower() == ".toml":
         from symaware_cli.scenario.toml_source import parse_toml as parse
     else:
@@ -70,7 +70,7 @@ def _read_text(path: FilePath, name: str) -> Source:
 
 
 def nearest_file(path: FilePath) -> str | None:
-    """Returns the name of the scenario file beside a missing one that was probably meant."""
+    """Returns the name of a file in the same folder that was probably meant by a missing one."""
     try:
         with os.scandir(path.parent) as entries:
             names = sorted(entry.name for entry in entries if entry.name.endswith((".yaml", ".yml", ".toml")))
@@ -80,11 +80,11 @@ def nearest_file(path: FilePath) -> str | None:
 
 
 def _check_top(source: Source) -> None:
-    """Reports a document that is not a mapping, once it could be read at all."""
+    """Reports an empty document, or one that is not a mapping."""
     root = source.root
     if root is None:
         if not source.problems:
-            source.report("empty", "the file is empty", source.stretch(1, 1, 1, 2), expected="a scenario")
+            source.report("empty", "the file is empty", source.text_span(1, 1, 1, 2), expected="a scenario")
     elif not isinstance(root.value, dict):
         source.root = None
         if source.problems:

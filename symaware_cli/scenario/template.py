@@ -16,14 +16,14 @@ run:
   duration: 20.0                 # simulated time [s]
 
 environment:
-  use: kinematic                 # `symaware list environments` tells the others
+  use: kinematic                 # `symaware list environments` lists all
   with: {time_step: 0.05}        # [s]
 
 agents:
   robot:                         # a group; its agents are robot.0, robot.1 and so on
     count: 3
     entity: {shape: {circle: {radius: 0.3}}}            # [m]
-    model: {use: unicycle, with: {max_speed: 1.0}}      # [m/s]; `symaware show unicycle` tells more
+    model: {use: unicycle, with: {max_speed: 1.0}}      # [m/s]; `symaware show unicycle` lists all parameters
     # One state for all, a list with one for each, or a seeded distribution as here: x [m], y [m], heading [rad].
     state: [{uniform: [-4, 4]}, {uniform: [-4, 4]}, {uniform: [-3.14, 3.14]}]
     knowledge:
@@ -44,13 +44,13 @@ seed = 1                         # the same seed gives the same run, byte for by
 duration = 20.0                  # simulated time [s]
 
 [environment]
-use = "kinematic"                # `symaware list environments` tells the others
+use = "kinematic"                # `symaware list environments` lists all
 with = {time_step = 0.05}        # [s]
 
 [agents.robot]                   # a group; its agents are robot.0, robot.1 and so on
 count = 3
 entity = {shape = {circle = {radius = 0.3}}}            # [m]
-model = {use = "unicycle", with = {max_speed = 1.0}}    # [m/s]; `symaware show unicycle` tells more
+model = {use = "unicycle", with = {max_speed = 1.0}}    # [m/s]; `symaware show unicycle` lists all parameters
 # One state for all, a list with one for each, or a seeded distribution as here: x [m], y [m], heading [rad].
 state = [{uniform = [-4, 4]}, {uniform = [-4, 4]}, {uniform = [-3.14, 3.14]}]
 
@@ -64,14 +64,14 @@ steer = {use = "control.go-to-goal", with = {speed = 0.8}}
 
 
 class TemplateError(Exception):
-    """The scenario cannot be called that."""
+    """The name of a new scenario is invalid."""
 
 
 def template(name: str, *, toml: bool = False) -> str:
-    """Return a commented scenario of a name.
+    """Return a commented scenario with a name.
 
     Raises:
-        TemplateError: It is not a name.
+        TemplateError: The name is invalid.
     """
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,63}", name):
         raise TemplateError(f"`{name}` is not a name: expected a letter or _, then letters, digits, _ or -")

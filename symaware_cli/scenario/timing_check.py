@@ -1,4 +1,4 @@
-"""What a scenario says about time, checked beyond its form: conditions, triggers and what goes together."""
+"""Checks and converts the timing of components: periods, conditions, triggers, latencies, and their combinations."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ from symaware_cli.specification.expression import Expression, ExpressionError
 from symaware_cli.specification.node import Element, Name, walk
 from symaware_cli.specification.parser import RESERVED
 
-#: What is told of whomever a fault of the scenario happens to.
+#: Events of the targets of faults.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})
 
-#: What every component fires, whether it knows or not.
+#: Events that are fired for every component.
 COMPONENT_EVENTS = TURNS | FAULT_EVENTS | {"failed", "initialised", "initialising", "overrun", "restarted"}
 
-#: What is fired of an agent, with its id as the source.
+#: Events with the id of an agent as their source.
 AGENT_EVENTS = FAULT_EVENTS | {
     *("added", "adding", "removed", "removing"),
     *("dropped", "received", "restarted", "sending", "sent", "terminated"),
 }
 
-#: What the world and the run fire.
+#: Events of the environment and of the run.
 ENVIRONMENT_EVENTS = frozenset({"contact", "stepped", "stepping"})
 RUN_EVENTS = frozenset({"iterated", "iterating", "started"})
 
-#: What is fired when links change.
+#: Events of the topology.
 TOPOLOGY_EVENTS = frozenset({"links-changed"})
 
 Report = Callable[[Problem], None]
 
 
 def _may_wait(component: type[BaseComponent[Any]]) -> bool:
-    """Whether a component may let time pass within its turns."""
+    """Whether the turns of a component may wait."""
     halves = ("_async_compute", "_async_update", "async_compute_and_update")
     return any(getattr(component, name) is not getattr(Component, name) for name in halves)
 
 
 class TimingCheck:
-    """Turns what a scenario says about time into what a run needs, and reports what is wrong with it."""
+    """Converts the timing sections of a scenario, and reports problems with them."""
 
     def __init__(
         self,
@@ -81,10 +81,10 @@ class TimingCheck:
             return None
 
     def _require_specifications(self, expression: Expression) -> None:
-        """Look whether the specifications exist that an expression asks about.
+        """Check that the specifications that an expression refers to exist.
 
         Raises:
-            ExpressionError: One does not.
+            ExpressionError: A specification does not exist.
         """
         for node in walk(expression.tree):
             match node:
@@ -94,13 +94,13 @@ class TimingCheck:
                         raise ExpressionError(said, node.span, str(key), self._specifications)
 
     def expression_problem(self, text: str, path: Path, error: ExpressionError, expected: str | None = None) -> None:
-        """Report what is wrong with an expression, at its place in the file.
+        """Report a problem with an expression, at its position in the file.
 
         Args:
             text: The expression.
-            path: Where it stands.
-            error: What is wrong.
-            expected: What would be right, where the error does not name that.
+            path: The path of the expression.
+            error: The error.
+            expected: What is valid there, if the error does not state it.
         """
         suggestion = nearest(error.name, {*error.names, *RESERVED}) if error.name else None
         problem = self._composition.problem(
@@ -110,15 +110,15 @@ class TimingCheck:
             expected=f"one of {', '.join(error.names)}" if error.names else expected,
             suggestion=suggestion,
         )
-        self._report(_narrowed(problem, text, error))
+        self._report(_with_position(problem, text, error))
 
     def until(self, run: RunSection, groups: Sequence[AgentGroup]) -> Expression | None:
-        """The condition that ends a run; None where there is none, or after a problem."""
+        """The condition that ends a run; None without one, or after a problem."""
         names = {*WORLD_NAMES, *further_parts(groups), *self._regions}
         return None if run.until is None else self.expression(run.until, ("run", "until"), names)
 
     def timing(self, use: ComponentUse, group: AgentGroup, component: type[BaseComponent[Any]], path: Path) -> Timing:
-        """When a component takes its turns, and what becomes of them."""
+        """The timing of a component, converted from its entry."""
         period = None if use.period is None else nanoseconds(use.period)
         offset, jitter = nanoseconds(use.offset), nanoseconds(use.jitter)
         step = self._time_step if period is None else period
@@ -131,19 +131,19 @@ class TimingCheck:
             )
         if use.trigger is not None and period is None and (offset or jitter):
             key = "offset" if offset else "jitter"
-            self._wrong(path, key, f"{quoted(key)} is about a period, and there is none beside the trigger", "a period")
+            self._wrong(path, key, f"{quoted(key)} needs a period, but there is only a trigger", "a period")
         latency = duration_of(use.latency)
         if not latency.is_zero and component.async_compute_and_update is not Component.async_compute_and_update:
             self._wrong(
                 path,
                 "latency",
-                f"{quoted(use.use)} takes its turns in a way of its own, with no place for a latency",
+                f"{quoted(use.use)} overrides `async_compute_and_update`, which does not support a latency",
                 "no latency here",
             )
         if use.run_in == "process":
-            self._can_leave(use, component, path)
+            self._check_run_in(use, component, path)
         if period == 0 and latency.is_zero and use.condition is None and not _may_wait(component):
-            said = f"{quoted(use.use)} takes no time and would take turn after turn at one instant"
+            said = f"{quoted(use.use)} takes no simulated time, so its turns would repeat endlessly at one instant"
             self._wrong(path, "period", said, "a period above 0, or a `latency`")
         condition = None
         if use.condition is not None:
@@ -162,28 +162,28 @@ class TimingCheck:
             in_process=use.run_in == "process",
         )
 
-    def _can_leave(self, use: ComponentUse, component: type[BaseComponent[Any]], path: Path) -> None:
-        """Look whether a component can compute in a process of its own."""
+    def _check_run_in(self, use: ComponentUse, component: type[BaseComponent[Any]], path: Path) -> None:
+        """Check that a component can compute in a worker process."""
         problem = None
         if component.sees_world and not self._environment.is_shared:
             world = quoted(self._composition.data["environment"]["use"])
-            problem = f"looks at the world, and no other process can follow {world}"
+            problem = f"reads the world, and {world} cannot be copied to worker processes"
         elif issubclass(component, CommunicationReceiver):
-            problem = "reads messages, and in a process of its own there are none"
+            problem = "reads messages, which worker processes do not receive"
         elif component._async_compute is not Component._async_compute:
-            problem = "may wait within its turns, and only in the run's own process there is something to wait for"
+            problem = "may wait within its turns, which worker processes do not support"
         else:
             try:
                 pickle.dumps(component)
             except KeyboardInterrupt:
                 raise
-            except BaseException:  # whatever a class raises that does not want to be pickled
-                problem = "cannot be found by its name in another process"
+            except BaseException:  # a class may raise anything when it is pickled
+                problem = "cannot be imported by its name in another process"
         if problem is not None:
             self._wrong(path, "run_in", f"{quoted(use.use)} {problem}", "`here`")
 
     def triggers(self, entries: Sequence[ComponentEntry]) -> None:
-        """Look whether the events that trigger components are ever fired by whom they are to come from."""
+        """Check that the events that trigger components are fired by their sources."""
         for entry in entries:
             trigger = entry.timing.trigger
             if trigger is not None:
@@ -191,13 +191,13 @@ class TimingCheck:
                 self.source(trigger, entry.group.name, entries, path)
 
     def source(self, trigger: Trigger, group: str | None, entries: Sequence[ComponentEntry], path: Path) -> None:
-        """Look whether an event is ever fired by whom it is to come from; reports it if not.
+        """Check that an event is fired by its source, and report it if not.
 
         Args:
-            trigger: The event.
-            group: The group whose own components are meant, if that is what it says.
-            entries: All components.
-            path: Where the trigger stands.
+            trigger: The trigger.
+            group: The group of the component with the trigger; None for a trigger without a component.
+            entries: All component entries.
+            path: The path of the trigger.
         """
         own = {entry.name: entry for entry in entries if entry.group.name == group}
         if trigger.component is not None and trigger.component not in own:
@@ -207,7 +207,7 @@ class TimingCheck:
             return
         fired = self._fired(trigger, own, entries)
         if fired is None:
-            message = f"nobody is called {quoted(str(trigger.source))}"
+            message = f"there is no source {quoted(str(trigger.source))}"
             expected = "`environment`, or the path of a component such as `agents.robot.*.steer`"
             self._report(self._composition.problem("unknown-source", message, (*path, "of"), expected=expected))
         elif trigger.event not in fired and trigger.event != "*":
@@ -218,7 +218,7 @@ class TimingCheck:
     def _fired(
         self, trigger: Trigger, own: Mapping[str, ComponentEntry], entries: Sequence[ComponentEntry]
     ) -> set[str] | None:
-        """The events that those fire whom a trigger means; None if there is nobody."""
+        """The events fired by the sources of a trigger; None if there are no such sources."""
         if trigger.component is not None:
             return {*COMPONENT_EVENTS, *own[trigger.component].components[0].events}
         if trigger.source is None:
@@ -262,7 +262,7 @@ def _events(entry: ComponentEntry) -> Collection[str]:
 
 
 def trigger_of(event: str, of: str | None) -> Trigger:
-    """Understand whose event is meant: of a component of the same agent, or of a path."""
+    """Create a trigger from an event and its source: a component of the same agent, or a path."""
     if of is None:
         return Trigger(event)
     if of in ("environment", "run", "topology", "exchange", "faults") or any(sign in of for sign in ".*?["):
@@ -271,7 +271,7 @@ def trigger_of(event: str, of: str | None) -> Trigger:
 
 
 def duration_of(latency: float | Drawn) -> Duration:
-    """Understand a time that is constant or drawn."""
+    """Convert a constant or random latency."""
     if not isinstance(latency, Drawn):
         return Duration("constant", latency)
     if latency.uniform is not None:
@@ -280,8 +280,8 @@ def duration_of(latency: float | Drawn) -> Duration:
     return Duration("normal", *latency.normal)
 
 
-def _narrowed(problem: Problem, text: str, error: ExpressionError) -> Problem:
-    """Point at the part of an expression that is wrong, where the text stands in the file as it is."""
+def _with_position(problem: Problem, text: str, error: ExpressionError) -> Problem:
+    """Narrow the span of a problem to the wrong part of an expression, if the file contains its text unchanged."""
     span, line = problem.span, problem.source_line
     if span is None or line is None:
         return problem

@@ -1,4 +1,4 @@
-"""TOML into nodes: the standard library decides what is valid and what it means, tree-sitter where everything is."""
+"""Parses TOML into nodes: tomllib determines validity and values, tree-sitter the positions."""
 
 import re
 import tomllib
@@ -22,16 +22,16 @@ from symaware_cli.scenario.source import (
     report_nodes,
     scalar_fault,
 )
-from symaware_cli.scenario.toml_syntax import deep_place, report_syntax_error
+from symaware_cli.scenario.toml_syntax import excessive_nesting, report_syntax_error
 
 _DATED: Final = {"local_date", "local_time", "local_date_time", "offset_date_time"}
 
 
 def parse_toml(source: Source) -> None:
     """Fills in `source.root` and `source.problems` from TOML text."""
-    deep = deep_place(source.text)
+    deep = excessive_nesting(source.text)
     if deep is not None:
-        # tomllib recurses, so this has to be known before.
+        # Checked first, because tomllib recurses.
         report_depth(source, source.at(deep))
         return
     try:
@@ -50,21 +50,21 @@ def parse_toml(source: Source) -> None:
         if _count(data) > MAX_NODES:
             report_nodes(source, source.at(0))
             return
-        places = _Places(source)
-        places.walk()
-        source.root = _TomlNodeBuilder(source, places).build(data, ())
+        spans = _SpanTable(source)
+        spans.walk()
+        source.root = _TomlNodeBuilder(source, spans).build(data, ())
 
 
 def _report_invalid(source: Source, error: tomllib.TOMLDecodeError) -> None:
-    """Reports a syntax error, or every duplicate key and every bad value if that is why the file is not valid."""
+    """Reports a syntax error; for duplicate keys, reports all of them and every bad value."""
     if re.search(r"overwrite|twice|[Dd]uplicate|immutable|redefine", str(error)):
-        places = _Places(source)
-        places.walk()
-        if places.duplicates:
-            for path, span, first in places.duplicates[:MAX_PROBLEMS]:
+        spans = _SpanTable(source)
+        spans.walk()
+        if spans.duplicates:
+            for path, span, first in spans.duplicates[:MAX_PROBLEMS]:
                 message = f"the key {quoted(str(path[-1]))} is already on line {first.line}"
                 source.report("duplicate-key", message, span, path)
-            places.report_leaves()
+            spans.report_leaves()
             return
     report_syntax_error(source, error)
 
@@ -84,14 +84,14 @@ def _count(data: dict[str, Any]) -> int:
 
 
 class _TomlNodeBuilder:
-    """Makes nodes of what tomllib read; whatever has no place of its own gets its parent's."""
+    """Builds nodes from the data that tomllib read; a value without a known span gets that of its parent."""
 
-    def __init__(self, source: Source, places: "_Places") -> None:
+    def __init__(self, source: Source, spans: "_SpanTable") -> None:
         self._source = source
-        self._places = places
+        self._spans = spans
 
     def build(self, value: Any, path: Path, parent: TextSpan | None = None) -> SourceNode:
-        span = self._places.values.get(path) or parent or self._source.at(0)
+        span = self._spans.values.get(path) or parent or self._source.at(0)
         if not isinstance(value, dict | list):
             fault = scalar_fault(value)
             if fault is None:
@@ -107,7 +107,7 @@ class _TomlNodeBuilder:
             return SourceNode([self.build(item, (*path, index), span) for index, item in enumerate(value)], span)
         entries = {}
         for key, item in value.items():
-            key_span = self._places.keys.get((*path, key), span)
+            key_span = self._spans.keys.get((*path, key), span)
             fault = scalar_fault(key)
             if fault:
                 self._source.report(fault.code, fault.message, key_span, (*path, key))
@@ -115,13 +115,13 @@ class _TomlNodeBuilder:
         return SourceNode(entries, span)
 
 
-class _Places:
-    """Where every key and value of a TOML document is.
+class _SpanTable:
+    """The spans of all keys and values of a TOML document.
 
     Attributes:
         keys: The span of the key of each path.
         values: The span of the value at each path; for a table, of its name in the header.
-        duplicates: The path, the span and the first span of each key that is given twice.
+        duplicates: The path, the span and the first span of each duplicate key.
     """
 
     def __init__(self, source: Source) -> None:
@@ -129,15 +129,15 @@ class _Places:
         self.values: dict[Path, TextSpan] = {}
         self.duplicates: list[tuple[Path, TextSpan, TextSpan]] = []
         self._source = source
-        # Number of tables so far in each array of tables.
+        # The number of tables so far in each array of tables.
         self._arrays: dict[Path, int] = {}
-        # What may not be given again: values, headers and the tables that dotted keys make.
+        # Paths that must not be defined again: values, headers and tables created by dotted keys.
         self._final: dict[Path, TextSpan] = {}
         self._leaves: list[tuple[Path, str, tree_sitter.Node]] = []
         self._columns: dict[int, list[int]] = {}
 
     def walk(self) -> None:
-        """Reads the places from tree-sitter's tree."""
+        """Collects the spans from tree-sitter's tree."""
         language = tree_sitter.Language(tree_sitter_toml.language())
         # Bound to a name, because nodes do not keep their tree alive.
         tree = tree_sitter.Parser(language).parse(self._source.text.encode())
@@ -150,7 +150,7 @@ class _Places:
                 self._table(node, is_array=True)
 
     def report_leaves(self) -> None:
-        """Reports bad numbers and dates of a document that tomllib refuses."""
+        """Reports bad numbers and dates of a document that tomllib rejects."""
         for path, kind, node in self._leaves:
             if len(self._source.problems) >= MAX_PROBLEMS:
                 return
@@ -170,8 +170,8 @@ class _Places:
         path: Path = ()
         for name, span in names[:-1]:
             path = self._current((*path, name))
-            # A table inside an array of tables is found by its last index, so the name comes one before.
-            self._place(path if path[-1] == name else path[:-1], span)
+            # The path of an array of tables ends with the index of its last table, so the name is one before.
+            self._add_span(path if path[-1] == name else path[:-1], span)
         name, span = names[-1]
         path = (*path, name)
         if path in self._final and not (is_array and path in self._arrays):
@@ -179,7 +179,7 @@ class _Places:
             return
         self._final.setdefault(path, span)
         if is_array:
-            self._place(path, span)
+            self._add_span(path, span)
             index = self._arrays.get(path, 0)
             self._arrays[path] = index + 1
             path = (*path, index)
@@ -193,7 +193,7 @@ class _Places:
         """Returns the path of the table that a name means now: in an array of tables, the last one."""
         return (*path, self._arrays[path] - 1) if path in self._arrays else path
 
-    def _place(self, path: Path, span: TextSpan) -> None:
+    def _add_span(self, path: Path, span: TextSpan) -> None:
         self.keys.setdefault(path, span)
         self.values.setdefault(path, span)
 
@@ -205,7 +205,7 @@ class _Places:
         path = table
         for name, span in names[:-1]:
             path = (*path, name)
-            self._place(path, span)
+            self._add_span(path, span)
             self._final.setdefault(path, span)
         name, span = names[-1]
         path = (*path, name)
@@ -231,7 +231,7 @@ class _Places:
             self._leaves.append((path, node.type, node))
 
     def _names(self, node: tree_sitter.Node) -> list[tuple[str, TextSpan]]:
-        """Returns the parts of a key, each with its place; none if it is not a key."""
+        """Returns the parts of a key with their spans; empty if it is not a key."""
         if node.type == "dotted_key":
             return [part for child in node.named_children for part in self._names(child)]
         text = (node.text or b"").decode()
@@ -248,17 +248,17 @@ class _Places:
 
     def _span(self, node: tree_sitter.Node) -> TextSpan:
         start, end = node.start_point, node.end_point
-        return self._source.stretch(
+        return self._source.text_span(
             start.row + 1, self._column(start.row, start.column), end.row + 1, self._column(end.row, end.column)
         )
 
     def _column(self, row: int, byte: int) -> int:
-        """Returns the column in characters, from 1, of a byte of a line."""
+        """Returns the column in characters, from 1, of a byte offset in a line."""
         text = self._source.line_text(row + 1) or ""
         if text.isascii():
             return byte + 1
         starts = self._columns.get(row)
         if starts is None:
-            # Once for each line: a long line with many values would otherwise be measured again for each.
+            # Cached for each line, for long lines with many values.
             starts = self._columns[row] = list(accumulate((len(character.encode()) for character in text), initial=0))
         return bisect_right(starts, byte)

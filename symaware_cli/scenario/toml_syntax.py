@@ -1,4 +1,4 @@
-"""What is wrong with a TOML text: the standard library's errors in plain words, and nesting found beforehand."""
+"""Explains TOML syntax errors: translates those of tomllib, and finds excessive nesting before parsing."""
 
 import re
 import tomllib
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from symaware_cli.scenario.source import MAX_DEPTH, Source
 
 _MARK = re.compile(r"\"\"\"|'''|[\"'#\[\]{}.=,\n]")
-# Where a text that such a mark opens is closed. Possessive, so that no text makes them backtrack.
+# The rest of a text, up to its closing mark. Possessive quantifiers, so that no text causes backtracking.
 _CLOSED = {
     '"': re.compile(r'(?:[^"\\\n]++|\\.)*+"'),
     "'": re.compile(r"[^'\n]*+'"),
@@ -16,7 +16,7 @@ _CLOSED = {
 }
 
 _UNCLOSED_TEXT = "the text that starts here is never closed with a quote"
-# (pattern over tomllib's own words, code, what to tell); the first that matches is used.
+# (pattern over tomllib's message, code, message); the first that matches is used.
 _WORDS: tuple[tuple[str, str, str], ...] = (
     (r"Illegal character '\\n'|Unterminated string|Expected \"'+\"", "unclosed", _UNCLOSED_TEXT),
     (r"Illegal character '\\r'", "syntax", "a carriage return without a line feed is not a line break"),
@@ -43,7 +43,7 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
 
 
 def _marks(text: str) -> Iterator[tuple[str, int]]:
-    """Yields what counts outside texts and comments, with its index; a quote only if it is never closed, and last."""
+    """Yields the marks outside texts and comments with their indices; finally, a quote that is never closed."""
     position = 0
     while found := _MARK.search(text, position):
         position, mark = found.end(), found.group()
@@ -61,11 +61,11 @@ def _marks(text: str) -> Iterator[tuple[str, int]]:
             yield mark, found.start()
 
 
-def deep_place(text: str) -> int | None:
-    """Returns where brackets or dots nest too deep, if anywhere.
+def excessive_nesting(text: str) -> int | None:
+    """Returns the index at which brackets or dots nest too deep, if any.
 
-    tomllib recurses for each bracket and takes quadratic time for the dots of a key, so this reads the text without
-    understanding more of it than which of its brackets and dots count.
+    tomllib recurses for each bracket and takes quadratic time for the dots of a key, so this only counts the brackets
+    and dots of the text outside quotes and comments.
     """
     depth = dots = 0
     for mark, index in _marks(text):
@@ -74,38 +74,38 @@ def deep_place(text: str) -> int | None:
         else:
             dots = 0
             depth += (mark in "[{") - (mark in "]}")
-        # One more than the limit, because the brackets of a `[[table]]` nest nothing.
+        # One more than the limit, because the second bracket of a `[[table]]` does not nest.
         if depth > MAX_DEPTH + 1 or dots > MAX_DEPTH:
             return index
     return None
 
 
 def report_syntax_error(source: Source, error: tomllib.TOMLDecodeError) -> None:
-    """Adds the problem that a syntax error stands for."""
-    told = re.sub(r" \(at [^()]*\)$", "", str(error))
+    """Adds a problem for a syntax error."""
+    reason = re.sub(r" \(at [^()]*\)$", "", str(error))
     place = re.search(r"\(at line (\d+), column (\d+)\)$", str(error))
     if place:
         line, column = int(place[1]), int(place[2])
     else:
-        # At the end of the document: its last line that says anything.
+        # At the end of the document: the last line that is not blank.
         line = max((number for number, text in enumerate(source.lines, 1) if text.strip()), default=1)
         column = len(source.lines[line - 1].rstrip()) + 1
     text = source.line_text(line) or ""
-    # The parser may have stopped behind the line break.
+    # The parser may have stopped after the line break.
     column = min(column, len(text) + 1)
     word = re.compile(r"[\w+.-]*").match(text, column - 1)
-    span = source.stretch(line, column, line, word.end() + 1 if word else column + 1)
+    span = source.text_span(line, column, line, word.end() + 1 if word else column + 1)
     code, message = next(
-        ((code, message) for pattern, code, message in _WORDS if re.search(pattern, told)),
-        ("syntax", f"this is not valid TOML: {told}"),
+        ((code, message) for pattern, code, message in _WORDS if re.search(pattern, reason)),
+        ("syntax", f"this is not valid TOML: {reason}"),
     )
     if message is _UNCLOSED_TEXT:
         opened = next((index for mark, index in _marks(source.text) if mark in _CLOSED), None)
         span = span if opened is None else source.at(opened)
     elif code == "duplicate-key":
-        # The parser noticed only when it had read the value.
+        # The parser reports this only after the value.
         start = len(text) - len(text.lstrip())
-        span = source.stretch(line, start + 1, line, column)
+        span = source.text_span(line, start + 1, line, column)
     elif not place:
         message = message.replace("before this", "at the end of the file")
     elif code == "syntax" and not text[column - 1 : column].isascii():

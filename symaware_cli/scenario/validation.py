@@ -1,4 +1,4 @@
-"""Validates data against pydantic models, and reports each error at its place, in the words of the scenario file."""
+"""Validates data against pydantic models, and translates each error into a problem with its position."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ _NAME_RULE = "a letter or _, then letters, digits, _ or -; at most 64 in all"
 def validate(
     model: type[AnyModel], data: Any, composition: Composition, path: Path, others: Sequence[Path] = ()
 ) -> AnyModel | list[Problem]:
-    """Validate data that stand at a path of a document.
+    """Validate the data at a path of a document.
 
-    Numbers are not made of text nor flags of numbers: what is of the wrong type is wrong.
+    Types are not converted: texts are not accepted as numbers, nor numbers as flags.
 
     Args:
-        model: What the data must fit.
+        model: The model to validate against.
         data: Plain data.
-        composition: Knows the places.
-        path: Where the data stand.
-        others: Paths that are valid elsewhere in the document, to tell who put a key in the wrong place.
+        composition: The document, which has the positions.
+        path: The path of the data.
+        others: Paths that are valid elsewhere in the document, to recognise misplaced keys.
 
     Returns:
         The validated model, or every problem with the data.
@@ -73,21 +73,21 @@ def validate(
         return model.model_validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         details = error.errors(include_url=False)
-    judge = _ErrorTranslator(model, data, composition, path, others)
-    problems = [judge.problem(each) for each in details if not _is_consequence(each)]
-    return _one_each(problem for problem in problems if judge.missing.get(problem) not in judge.meant)
+    translator = _ErrorTranslator(model, data, composition, path, others)
+    problems = [translator.problem(each) for each in details if not _is_consequence(each)]
+    return _deduplicated(problem for problem in problems if translator.missing.get(problem) not in translator.meant)
 
 
 def _is_consequence(error: ErrorDetails) -> bool:
-    """Whether a list is only too short because what is wrong in it, and told of itself, was not counted."""
+    """Whether a list is only too short because invalid elements, which are reported separately, were not counted."""
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
-def _one_each(problems: Iterable[Problem]) -> list[Problem]:
-    """Tell of each fault once: a union has pydantic report one error for each of its branches."""
+def _deduplicated(problems: Iterable[Problem]) -> list[Problem]:
+    """Combine the errors that pydantic reports for each branch of a union."""
     first: dict[tuple[str, str], Problem] = {}
     for problem in problems:
-        # Several fields can be missing in one place.
+        # Several fields can be missing at one path.
         key = (problem.path, problem.message if problem.code == "missing-field" else "")
         known = first.get(key)
         if known is None:
@@ -95,9 +95,9 @@ def _one_each(problems: Iterable[Problem]) -> list[Problem]:
         elif known.code == problem.code == "wrong-type" and problem.expected not in (None, known.expected):
             first[key] = replace(known, expected=f"{known.expected} or {problem.expected}")
         elif known.code == "wrong-type" and problem.code in ("invalid-value", "wrong-length"):
-            # One branch takes what another has no use for, and says what is wrong with it.
+            # The branch of the right type has the more specific problem.
             first[key] = problem
-    # Where something inside a list is wrong, it is no news that the list is not what another branch wants.
+    # If an element of a list is invalid, the type error of another branch for the whole list is dropped.
     inside = [problem.path for problem in first.values()]
     return [
         problem
@@ -107,11 +107,11 @@ def _one_each(problems: Iterable[Problem]) -> list[Problem]:
 
 
 class _ErrorTranslator:
-    """Puts errors with one piece of data into words.
+    """Translates pydantic's errors for one piece of data into problems.
 
     Attributes:
-        missing: The path of the field that each problem says is missing.
-        meant: The fields that unknown keys were probably meant to be, and that are not missing therefore.
+        missing: The path of the missing field, by problem.
+        meant: The fields that unknown keys were probably meant to be; these are not reported as missing.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class _ErrorTranslator:
         path = (*self._base, *inner)
         said = f"{_what(path)} is {said_of(value)}"
         if kind == "missing" and isinstance(error["loc"][-1], int):
-            return self._composition.problem("wrong-length", said, path, expected=self._as_many(inner))
+            return self._composition.problem("wrong-length", said, path, expected=self._expected_length(inner))
         if kind == "missing":
             return self._missing(inner, str(error["loc"][-1]))
         if kind == "extra_forbidden":
@@ -158,7 +158,7 @@ class _ErrorTranslator:
         given = value if isinstance(value, Mapping) else {}
         culprit = (*path, *_mentioned(message, given))
         subject = said if culprit == path and not isinstance(value, Mapping | list) else _what(culprit)
-        # A mapping that is wrong as a whole is shown by its name: in a block, it starts with one of its keys.
+        # A problem with a whole mapping is shown at its key, because the mapping itself starts with its first entry.
         return self._composition.problem(
             "invalid-value", f"{subject}: {message}", culprit, key=culprit == path and bool(given)
         )
@@ -183,8 +183,8 @@ class _ErrorTranslator:
         path, name = (*self._base, *inner), str(inner[-1])
         known = sorted(_fields(_model_at(self._model, inner[:-1])))
         suggestion = nearest(name, known)
-        home = self._home(path, name)
-        # A name that is valid elsewhere beats one that is only a little like it.
+        home = self._valid_path(path, name)
+        # A name that is valid elsewhere takes precedence over a slightly similar one.
         alike = difflib.SequenceMatcher(None, name, suggestion).ratio() if suggestion else 0.0
         if home is not None and (alike < 0.8 or home[:-1] == (*path[:-1], "with")):
             expected = f"it under {quoted(dotted(home[:-1]))}" if home[:-1] else "it at the top level"
@@ -198,17 +198,17 @@ class _ErrorTranslator:
             "unknown-key", message, path, key=True, expected=expected, suggestion=suggestion
         )
 
-    def _home(self, path: Path, name: str) -> Path | None:
-        """Return where else a key of the name would be valid; the place that has most in common with the path."""
-        homes = [other for other in self._others if other[-1] == name]
+    def _valid_path(self, path: Path, name: str) -> Path | None:
+        """Return another path at which a key with the name is valid, the one with the longest common prefix."""
+        valid = [other for other in self._others if other[-1] == name]
         if not self._base:
-            homes += [home for pattern in _places(self._model) if (home := _located(pattern, path, name))]
-        # What stands deep down, such as the `name` of a group, was hardly meant for the top.
-        homes = [home for home in homes if len(home) > 1 or len(path) <= 2]
-        return max(homes, key=lambda home: _shared(home, path), default=None)
+            valid += [home for pattern in _field_paths(self._model) if (home := _filled_in(pattern, path, name))]
+        # A deeply nested key, such as the `name` of a group, was hardly meant for the top level.
+        valid = [home for home in valid if len(home) > 1 or len(path) <= 2]
+        return max(valid, key=lambda home: _shared(home, path), default=None)
 
     def _type(self, kind: str, inner: Path, value: Any) -> tuple[str, str | None]:
-        """Return what was expected instead of a value of the wrong type, and what was probably meant."""
+        """Return the expected type for a value of the wrong type, and the value that was probably meant."""
         expected = _TYPES[kind]
         annotation = _annotation_at(self._model, inner)
         owner = _model_in(annotation)
@@ -237,15 +237,15 @@ class _ErrorTranslator:
         said = f"{_what(path)} is {said_of(value)}"
         return self._composition.problem("wrong-length", said, path, expected=f"a list of {bound}")
 
-    def _as_many(self, inner: Path) -> str | None:
-        """Return how many elements a list has that is to have so many."""
+    def _expected_length(self, inner: Path) -> str | None:
+        """Describe the expected length of a list of fixed length."""
         lists = [each for each in _branches(_annotation_at(self._model, inner)) if typing.get_origin(each) is tuple]
         return f"a list of {len(typing.get_args(lists[0]))}" if lists else None
 
     def _choice(self, path: Path, value: Any, expected: str) -> Problem:
         written = [part.strip() for part in expected.replace(" or ", ", ").split(",") if part.strip()]
         choices = [part.strip("'") for part in written]
-        # pydantic puts text between quotes, and numbers not.
+        # pydantic quotes texts, but not numbers.
         if isinstance(value, str) and value in written:
             return self._composition.problem(
                 "wrong-type", f"{_what(path)} is {said_of(value)}", path, expected=f"{quoted(value)}, without quotes"
@@ -278,7 +278,7 @@ class _ErrorTranslator:
 
 
 def said_of(value: Any) -> str:
-    """Describe what a file says in a few words."""
+    """Describe a value in a few words."""
     if value is None:
         return "empty (null)"
     if isinstance(value, bool | int | float):
@@ -293,7 +293,7 @@ def said_of(value: Any) -> str:
 
 
 def a_number(value: Any, expected: str = "a number") -> str:
-    """Say that a number was expected in place of a value, and what to do about it if it is a number in quotes."""
+    """Describe an expected number; if the value is a number in quotes, say to omit the quotes."""
     is_quoted = isinstance(value, str) and _NUMERAL.fullmatch(value.strip())
     return f"{expected}, without quotes" if is_quoted else expected
 
@@ -319,13 +319,13 @@ def _what(path: Path) -> str:
 
 
 def _mentioned(message: str, names: Iterable[Any]) -> Path:
-    """Return the one name that a message of a validator mentions, so that the caret can stand there."""
+    """Return the only name that a validator's message mentions, as the position to report."""
     found = [name for name in names if isinstance(name, str) and re.search(rf"\b{re.escape(name)}\b", message)]
     return (found[0],) if len(found) == 1 and len(found[0]) > 2 else ()
 
 
 def _existing(data: Any, location: Sequence[str | int]) -> Path:
-    """Leave out of a location what pydantic put in for itself, such as the branch of a union."""
+    """Remove the parts of a location that are not in the data, such as branches of unions."""
     path: list[str | int] = []
     for part in location:
         if isinstance(data, Mapping) if isinstance(part, str) else isinstance(data, list):
@@ -338,17 +338,17 @@ def _existing(data: Any, location: Sequence[str | int]) -> Path:
 
 
 def _fields(model: type[BaseModel] | None) -> dict[str, FieldInfo]:
-    """Return the fields of a model by the keys that they have in a file; none without a model."""
+    """Return the fields of a model by their keys in a file; empty without a model."""
     return {field.alias or name: field for name, field in model.model_fields.items()} if model else {}
 
 
 def _model_at(model: type[BaseModel], path: Path) -> type[BaseModel] | None:
-    """Return the model that describes what is at a path, if there is one."""
+    """Return the model of the value at a path, if there is one."""
     return _model_in(_annotation_at(model, path))
 
 
 def _annotation_at(model: type[BaseModel], path: Path) -> Any:
-    """Follow a path from a model through fields, mappings and lists to the type of what is there."""
+    """Return the type annotation at a path, through fields, mappings and lists."""
     annotation: Any = model
     for part in path:
         owner = _model_in(annotation)
@@ -377,13 +377,13 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def _element(annotation: Any) -> type[BaseModel] | None:
-    """Return the model of the values of a mapping, if a model describes them."""
+    """Return the model of the values of a mapping, if they have one."""
     arguments = typing.get_args(annotation) if typing.get_origin(annotation) is dict else ()
     return _model_in(arguments[1]) if arguments else None
 
 
-def _places(model: type[BaseModel], prefix: tuple[str | None, ...] = ()) -> Iterator[tuple[str | None, ...]]:
-    """Yield the path of every field of a document; None stands for a name that the author chooses."""
+def _field_paths(model: type[BaseModel], prefix: tuple[str | None, ...] = ()) -> Iterator[tuple[str | None, ...]]:
+    """Yield the path of every field of a document, with None for names chosen by the author."""
     for name, field in _fields(model).items():
         path = (*prefix, name)
         yield path
@@ -391,11 +391,11 @@ def _places(model: type[BaseModel], prefix: tuple[str | None, ...] = ()) -> Iter
             arguments = typing.get_args(each) if typing.get_origin(each) is dict else ()
             inner = _element(each) if arguments else _model_in(each)
             if inner is not None and len(path) < 10:
-                yield from _places(inner, (*path, None) if arguments else path)
+                yield from _field_paths(inner, (*path, None) if arguments else path)
 
 
-def _located(pattern: tuple[str | None, ...], path: Path, name: str) -> Path | None:
-    """Fill in the names that a pattern leaves open from a path, as far as the two agree."""
+def _filled_in(pattern: tuple[str | None, ...], path: Path, name: str) -> Path | None:
+    """Fill in the open names of a pattern from a path with the same prefix; None if there is none."""
     if pattern[-1] != name:
         return None
     home: list[str | int] = []

@@ -1,4 +1,4 @@
-"""The versions of what is installed, and what computes: on what a run depends besides its scenario."""
+"""The versions of Python, the platform, the numerical kernels and all installed distributions, recorded in logs."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pathlib import Path
 
 from symaware_cli import processor
 
-#: The folder (or file) that an installed distribution leaves on the path is called by its name and version.
+#: The name of the folder (or file) with the metadata of an installed distribution.
 _INFORMATION = re.compile(r"(?P<name>.+?)-(?P<version>[^-]+)(-py[\d.]+)?\.(dist|egg)-info")
 
 
 def versions() -> dict[str, str]:
-    """The version of Python, the platform, what computes, and the version of every installed distribution, by name.
+    """The versions of Python, of the platform, of the numerical kernels, and of every installed distribution, by name.
 
     Names of distributions are normalized (https://packaging.python.org/specifications/name-normalization), so they have
     no capitals.
@@ -36,29 +36,29 @@ def _distributions(path: tuple[str, ...]) -> dict[str, str]:
     found: dict[str, str] = {}
     for folder in path:
         for name, version in _in_folder(folder or "."):
-            # Of two, the one that is imported counts.
+            # Of two, the first on the path is the one that is imported.
             found.setdefault(re.sub(r"[-_.]+", "-", name).lower(), version)
     return dict(sorted(found.items()))
 
 
 def _in_folder(folder: str) -> Iterator[tuple[str, str]]:
-    """What is installed in a folder: from the names of files, which takes a tenth of the time of reading them."""
+    """The distributions in a folder, from the names of metadata folders: ten times faster than reading the metadata."""
     try:
         entries = sorted(os.listdir(folder))
     except OSError:  # such as a ZIP file
         entries = []
         for each in metadata.distributions(path=[folder]):
-            yield from _told(each)
+            yield from _from_metadata(each)
     for entry in entries:
         if entry.endswith((".dist-info", ".egg-info")):
             match = _INFORMATION.fullmatch(entry)
             if match:
                 yield match["name"], match["version"]
             else:
-                yield from _told(metadata.PathDistribution(Path(folder, entry)))
+                yield from _from_metadata(metadata.PathDistribution(Path(folder, entry)))
 
 
-def _told(distribution: metadata.Distribution) -> Iterator[tuple[str, str]]:
-    """What a distribution says of itself, in its file of metadata."""
+def _from_metadata(distribution: metadata.Distribution) -> Iterator[tuple[str, str]]:
+    """The name and version in a distribution's metadata."""
     if distribution.metadata["Name"]:
         yield distribution.metadata["Name"], distribution.metadata["Version"] or ""

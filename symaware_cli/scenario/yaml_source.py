@@ -1,7 +1,7 @@
-"""YAML into nodes: the core schema of YAML 1.2, no tags that make objects, and never any recursion.
+"""Parses YAML into nodes: the core schema of YAML 1.2, without tags that create objects and without recursion.
 
 The tree is built from PyYAML's events, because its own loaders follow YAML 1.1 (where `no` is false and `1:30` is
-ninety), forget the positions, take the last of two equal keys, and recurse.
+ninety), discard positions, accept duplicate keys, and recurse.
 """
 
 import re
@@ -48,7 +48,7 @@ def parse_yaml(source: Source) -> None:
     builder = _YamlNodeBuilder(source)
     try:
         for event in yaml.parse(source.text, Loader=_LOADER):
-            builder.take(event)
+            builder.handle(event)
     except _ReadingStopped:
         pass
     except yaml.YAMLError as error:
@@ -61,7 +61,7 @@ def plain_scalar(text: str) -> Scalar:
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):
-        # int() refuses thousands of digits; this many are out of range anyway.
+        # int() rejects thousands of digits; such numbers are out of range anyway.
         return 2**64 if len(text.lstrip("+-0ox")) > 24 else int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
     if _FLOAT.fullmatch(text):
         return float(text)
@@ -70,12 +70,12 @@ def plain_scalar(text: str) -> Scalar:
     return text
 
 
-class _ReadingStopped(Exception):  # noqa: N818 - it ends the reading; the error itself is already reported
-    """There is no point in reading on."""
+class _ReadingStopped(Exception):  # noqa: N818 - the problem itself is already reported
+    """Stops the reading of the document."""
 
 
 class _Frame:
-    """A mapping or list whose end has not come yet."""
+    """A mapping or list that is not closed yet."""
 
     __slots__ = ("anchor", "entries", "is_flow", "is_mapping", "items", "key", "merged", "span")
 
@@ -90,26 +90,26 @@ class _Frame:
         self.key: tuple[str | None, TextSpan] | None = None
 
     def place(self) -> str | int | None:
-        """Returns the path segment of the value that is being read."""
+        """Returns the path segment of the present value."""
         if self.is_mapping:
             return self.key[0] if self.key else None
         return len(self.items)
 
 
 class _YamlNodeBuilder:
-    """Makes nodes of events, with a stack of its own."""
+    """Builds nodes from parser events, with an explicit stack."""
 
     def __init__(self, source: Source) -> None:
         self.root: SourceNode | None = None
         self._source = source
         self._stack: list[_Frame] = []
-        # None stands for an anchor whose value is still being read.
+        # None for an anchor whose value is not complete yet.
         self._anchors: dict[str, SourceNode | None] = {}
         self._nodes = 0
         self._documents = 0
 
-    def take(self, event: yaml.Event) -> None:
-        """Takes the next event of the document."""
+    def handle(self, event: yaml.Event) -> None:
+        """Processes the next event of the document."""
         if isinstance(event, yaml.ScalarEvent):
             self._scalar(event)
         elif isinstance(event, yaml.CollectionStartEvent):
@@ -131,7 +131,7 @@ class _YamlNodeBuilder:
         start, end = event.start_mark, event.end_mark
         assert start is not None
         assert end is not None
-        return self._source.stretch(start.line + 1, start.column + 1, end.line + 1, end.column + 1)
+        return self._source.text_span(start.line + 1, start.column + 1, end.line + 1, end.column + 1)
 
     def _report(self, code: str, message: str, span: TextSpan, **hints: str | None) -> None:
         self._source.report(code, message, span, self._path(), **hints)
@@ -151,7 +151,7 @@ class _YamlNodeBuilder:
             frame.key = (None, span)
             return
         if not self._stack and is_plain and event.value == "":
-            # Only comments, or a lone `---`: an empty file, which is not the same as one that says null.
+            # Only comments, or a lone `---`: an empty file, unlike one that contains null.
             return
         value: Scalar = event.value
         if event.tag is not None:
@@ -174,7 +174,7 @@ class _YamlNodeBuilder:
             self._refuse_tag(tag, span)
             return text
         value = plain_scalar(text)
-        # isinstance() would take a bool for an int.
+        # isinstance() would accept a bool as an int.
         if type(value) not in types:
             self._report("wrong-tag", f"{quoted(text)} is not what its tag says", span)
             return text
@@ -208,14 +208,14 @@ class _YamlNodeBuilder:
         frame = self._stack.pop()
         span = frame.span
         if frame.is_flow:
-            # The event of the start knows only the opening bracket.
+            # The start event has only the span of the opening bracket.
             end = self._span(event)
-            span = self._source.stretch(span.line, span.column, end.line, end.end_column)
+            span = self._source.text_span(span.line, span.column, end.line, end.end_column)
         if not frame.is_mapping:
             self._anchor_and_add(SourceNode(frame.items, span), frame.anchor)
             return
         entries: dict[str, MappingEntry] = {}
-        # Of several merged mappings the first wins, and the mapping's own keys win over all.
+        # The first of several merged mappings takes precedence, and the mapping's own keys over all of them.
         for merged in reversed(frame.merged):
             if isinstance(merged.value, dict):
                 entries |= merged.value
@@ -240,7 +240,7 @@ class _YamlNodeBuilder:
         if node.height + len(self._stack) > MAX_DEPTH:
             report_depth(self._source, span, self._path())
             raise _ReadingStopped
-        # The children keep their own places; only the value itself is where the alias is.
+        # The children keep their positions; only the value itself has that of the alias.
         self._add(SourceNode(node.value, span), node.size)
 
     def _anchor_and_add(self, node: SourceNode, anchor: str | None) -> None:
@@ -255,7 +255,7 @@ class _YamlNodeBuilder:
             raise _ReadingStopped
 
     def _add(self, node: SourceNode, nodes: int) -> None:
-        """Puts a finished value where it belongs: into the list, under its key, or as the key of what follows."""
+        """Adds a complete value to the present list or mapping, or uses it as the next key."""
         self._count(nodes, node.span)
         if not self._stack:
             self.root = node
@@ -264,14 +264,14 @@ class _YamlNodeBuilder:
         if not frame.is_mapping:
             frame.items.append(node)
         elif frame.key is None:
-            self._take_key(frame, node)
+            self._add_key(frame, node)
         else:
-            self._take_value(frame, node)
+            self._add_value(frame, node)
 
-    def _take_key(self, frame: _Frame, node: SourceNode) -> None:
+    def _add_key(self, frame: _Frame, node: SourceNode) -> None:
         if isinstance(node.value, str):
             first = frame.entries.get(node.value)
-            # The key is set first so that the path of the problem ends with it.
+            # The key is set first, so that the path of the problem ends with it.
             frame.key = (node.value, node.span)
             if first is not None:
                 message = f"the key {quoted(node.value)} is already on line {first.key.line}"
@@ -285,7 +285,7 @@ class _YamlNodeBuilder:
             hint = f'"{written}"' if 0 < len(written) <= 30 else "a text"
             self._report("key-not-text", "keys must be text", node.span, expected=hint)
 
-    def _take_value(self, frame: _Frame, node: SourceNode) -> None:
+    def _add_value(self, frame: _Frame, node: SourceNode) -> None:
         assert frame.key is not None
         key, span = frame.key
         if key is None:

@@ -1,4 +1,4 @@
-"""What PyYAML's syntax errors mean, in the words of a person who writes YAML."""
+"""Explains YAML syntax errors: translates the errors of PyYAML's parser into plain messages with positions."""
 
 import re
 
@@ -7,7 +7,7 @@ import yaml
 from symaware_cli.scenario.problem import TextSpan
 from symaware_cli.scenario.source import Source
 
-# (pattern over the parser's own words, code, what to tell); the first that matches is used.
+# (pattern over the parser's message, code, message); the first that matches is used.
 _WORDS: tuple[tuple[str, str, str], ...] = (
     (r"unexpected end of stream", "unclosed", "the text that starts here is never closed with a quote"),
     (
@@ -52,28 +52,30 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
 
 
 def report_syntax_error(source: Source, error: yaml.YAMLError) -> None:
-    """Adds the problem that a syntax error stands for, at the place where a person would mend it."""
+    """Adds a problem for a syntax error, at the position where it should be corrected."""
     mark = getattr(error, "problem_mark", None)
     context_mark = getattr(error, "context_mark", None)
-    told = str(getattr(error, "problem", None) or "")
+    reason = str(getattr(error, "problem", None) or "")
     if mark is None:
-        source.report("syntax", f"this is not valid YAML: {told or type(error).__name__}", None)
+        source.report("syntax", f"this is not valid YAML: {reason or type(error).__name__}", None)
         return
-    here = _Place(source, mark)
-    if "cannot start any token" in told:
+    here = _Position(source, mark)
+    if "cannot start any token" in reason:
         _report_stray_character(source, here)
-    elif context_mark is not None and ("',' or ']'" in told or "',' or '}'" in told):
-        _report_bracket(source, here, _Place(source, context_mark), "]" if "]" in told else "}")
-    elif "mapping values are not allowed" in told:
+    elif context_mark is not None and ("',' or ']'" in reason or "',' or '}'" in reason):
+        _report_bracket(source, here, _Position(source, context_mark), "]" if "]" in reason else "}")
+    elif "mapping values are not allowed" in reason:
         _report_second_colon(source, here)
-    elif context_mark is not None and ("expected key" in told or "'-' indicator" in told or "<block end>" in told):
-        _report_misfit(source, here, _Place(source, context_mark))
+    elif context_mark is not None and (
+        "expected key" in reason or "'-' indicator" in reason or "<block end>" in reason
+    ):
+        _report_misfit(source, here, _Position(source, context_mark))
     else:
-        _report_by_words(source, told, here, _Place(source, context_mark) if context_mark is not None else None)
+        _report_by_words(source, reason, here, _Position(source, context_mark) if context_mark is not None else None)
 
 
-class _Place:
-    """A position in the text with what surrounds it."""
+class _Position:
+    """A position in the text, with the text around it."""
 
     def __init__(self, source: Source, mark: yaml.Mark) -> None:
         self.line = mark.line + 1
@@ -85,7 +87,7 @@ class _Place:
         self.is_end = self.line >= len(source.lines) and not self.text[mark.column :].strip()
 
 
-def _report_stray_character(source: Source, here: _Place) -> None:
+def _report_stray_character(source: Source, here: _Position) -> None:
     if here.character == "\t":
         source.report("tab", "a tab cannot be used for indentation; use spaces", here.span)
     elif here.character in ("@", "`", "%"):
@@ -94,7 +96,7 @@ def _report_stray_character(source: Source, here: _Place) -> None:
         source.report("syntax", f"{here.character!r} cannot stand here", here.span)
 
 
-def _report_bracket(source: Source, here: _Place, opening: _Place, bracket: str) -> None:
+def _report_bracket(source: Source, here: _Position, opening: _Position, bracket: str) -> None:
     kind = "list" if bracket == "]" else "mapping"
     if here.is_end:
         source.report("unclosed", f"this {kind} is never closed with `{bracket}`", opening.span)
@@ -113,7 +115,7 @@ def _report_bracket(source: Source, here: _Place, opening: _Place, bracket: str)
     source.report("syntax", message, here.span)
 
 
-def _report_second_colon(source: Source, here: _Place) -> None:
+def _report_second_colon(source: Source, here: _Position) -> None:
     if re.search(r":\s", here.before):
         source.report(
             "syntax", "a second `: ` on this line; put the text in quotes, or the inner mapping in `{}`", here.span
@@ -124,7 +126,7 @@ def _report_second_colon(source: Source, here: _Place) -> None:
     source.report("bad-indentation", message, TextSpan(source.name, here.line, width + 1, here.column + 1))
 
 
-def _report_misfit(source: Source, here: _Place, opening: _Place) -> None:
+def _report_misfit(source: Source, here: _Position, opening: _Position) -> None:
     if here.before.strip() == "" and here.column != opening.column:
         message = (
             f"this line is indented by {here.column - 1}, which fits nothing above; "
@@ -140,11 +142,11 @@ def _report_misfit(source: Source, here: _Place, opening: _Place) -> None:
     source.report("syntax", message, here.span)
 
 
-def _report_by_words(source: Source, told: str, here: _Place, context: _Place | None) -> None:
+def _report_by_words(source: Source, reason: str, here: _Position, context: _Position | None) -> None:
     for pattern, code, message in _WORDS:
-        if re.search(pattern, told):
-            # What is never closed or lacks its colon is mended where it starts, not where the parser gave up.
+        if re.search(pattern, reason):
+            # A missing quote or colon is reported where the text starts, not where the parser stopped.
             at_start = context is not None and (code == "unclosed" or "missing after" in message)
             source.report(code, message, context.span if context is not None and at_start else here.span)
             return
-    source.report("syntax", f"this is not valid YAML: {told}", here.span)
+    source.report("syntax", f"this is not valid YAML: {reason}", here.span)

@@ -64,7 +64,7 @@ def guarded(tmp_path_factory):
         (["--join", "127.0.0.1:7000", "--bind", "::1"], "--bind says where a host listens: it goes with --listen"),
         (
             ["--join", "127.0.0.1:7000"],
-            "a process that joins runs some of the agents; say which with --only",
+            "a process that joins must run some of the agents; select them with --only",
         ),
         (
             ["--join", "127.0.0.1:7000", "--only", "robt"],
@@ -76,15 +76,15 @@ def guarded(tmp_path_factory):
         ),
         (
             ["--listen", 0, "--only", "robot,ticker"],
-            "--only leaves nobody for other processes; without it and them, one process runs all",
+            "--only selects all agents, so there are none for other processes to run",
         ),
         (
             ["--listen", 0, "--bind", "0.0.0.0"],
-            "to listen at 0.0.0.0, which is not this machine alone, all processes must share a key: --key-file FILE",
+            "to listen at 0.0.0.0, which other machines can reach, all processes must share a key: --key-file FILE",
         ),
         (
             ["--join", "192.0.2.7:7000", "--only", "robot"],
-            "to join 192.0.2.7, which is not this machine alone, all processes must share a key: --key-file FILE",
+            "to join 192.0.2.7, which other machines can reach, all processes must share a key: --key-file FILE",
         ),
         (["--listen", 0, "--key-file", "none.key"], "the key cannot be read: none.key: No such file or directory"),
         (["--listen", 0, "--key-file", "short.key"], "the key in short.key has 5 bytes; it needs at least 16"),
@@ -193,7 +193,7 @@ def test_ctrl_c_ends_the_waiting(tmp_path):
 def test_a_world_that_cannot_be_followed_is_not_shared(run, doubles):
     done = run("--listen", 0, "--set", "environment.use=doubles.lonely-world")
     assert done.exit_code == 2
-    assert done.stderr == "symaware: the world `doubles.lonely-world` cannot be followed by other processes\n"
+    assert done.stderr == "symaware: the world `doubles.lonely-world` cannot be copied to other processes\n"
 
 
 def test_a_transport_may_be_a_plugin(doubles, tmp_path):

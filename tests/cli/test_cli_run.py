@@ -137,7 +137,7 @@ def test_an_output_that_cannot_be_is_told_in_a_sentence(output, said, command, s
 def test_no_run_overwrites_its_own_scenario(output, command, scenario):
     done = command("run", "swap.yaml", "--output", output)
     assert done.returncode == 2
-    assert done.stderr == "symaware: swap.yaml is a file of the scenario; the log needs a file of its own\n"
+    assert done.stderr == "symaware: swap.yaml is a file of the scenario; the log needs another file\n"
     assert scenario.read_text() == SCENARIO
 
 

@@ -370,4 +370,4 @@ def test_who_looks_at_a_world_that_cannot_be_followed_stays_at_home(doubles, tmp
     with pytest.raises(ScenarioError) as raised:
         build(tmp_path / "lonely.yaml")
     (problem,) = raised.value.problems
-    assert "no other process can follow `doubles.lonely-world`" in problem.message
+    assert "`doubles.lonely-world` cannot be copied to worker processes" in problem.message

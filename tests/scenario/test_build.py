@@ -275,19 +275,19 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
             {"components": {"c": {"use": "broken.taken"}}},
             "broken-plugin",
             "components.c",
-            r"`broken.taken` declares a part `control`, and something else is called so",
+            r"`broken.taken` declares a part `control`, a name that has another meaning",
         ),
         (
             {"components": {"c": {"use": "broken.riskier"}}},
             "unsuitable",
             "components.c",
-            r"`broken.riskier` and every agent have a part `risk` each, and not the same",
+            r"`broken.riskier` and every agent declare different parts `risk`",
         ),
         (
             {"components": {"c": {"use": "broken.endless"}}},
             "broken-plugin",
             "components.c",
-            r"`broken.endless` declares a part `modes`, a vector, and names no columns",
+            r"`broken.endless` declares a part `modes`, a vector, without columns",
         ),
         (
             {"components": {"c": {"use": "broken.part-names"}}},
