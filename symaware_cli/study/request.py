@@ -107,7 +107,7 @@ def _nested(path: Sequence[str], span: TextSpan, node: SourceNode) -> SourceNode
 
 
 def _span(source: Source, start: int, end: int) -> TextSpan:
-    return source.stretch(1, start + 1, 1, end + 1)
+    return source.text_span(1, start + 1, 1, end + 1)
 
 
 def merged(base: SourceNode, overlay: SourceNode) -> SourceNode:

@@ -178,7 +178,7 @@ def test_whoever_catches_everything_is_killed_in_the_end():
     code = """
 import signal, time
 from symaware_cli.runtime.interruption import Interruption
-with Interruption(give_up=lambda: None):
+with Interruption(exit_process=lambda: None):
     while True:
         time.sleep(0.2)
         try:

@@ -269,7 +269,7 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
             {"components": {"c": {"use": "broken.foreseeing"}}},
             "unsuitable",
             "components.c",
-            r"`broken.foreseeing` cannot work here: .* about 'future', and the series are intent, uncertainty, risk",
+            r"`broken.foreseeing` cannot work here: .* names 'future', but the series are intent, uncertainty, risk",
         ),
         (
             {"components": {"c": {"use": "broken.taken"}}},
