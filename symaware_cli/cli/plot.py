@@ -149,7 +149,8 @@ def _plot_sweep(
         return
     shown = ", ".join(dict.fromkeys(each.metric.name for each in picture.panels))
     typer.echo(f"{file}: {shown}; {size_in_words(facts['size'])}")
-    typer.echo(_line("runs", f"{len(runs.indices):,}" + (f", {runs.failed:,} of them failed" if runs.failed else "")))
+    failed = f", {runs.failed:,} of them failed or lost" if runs.failed else ""
+    typer.echo(_line("runs", f"{len(runs.indices):,}{failed}"))
     for note in picture.notes:
         typer.echo(_line("note", note))
 

@@ -31,6 +31,7 @@ class CellStops:
             specifications: The names of the specifications.
         """
         self._plan = plan
+        self._specifications = specifications
         rule = rule_of(plan, specifications)
         self._states = [rule.begin() for _ in plan.cells] if rule else []
         self._text = plan.document.until
@@ -45,7 +46,7 @@ class CellStops:
         if not self._states or row.state == "lost":
             return
         try:
-            self._states[cell].add(self._plan.replicate(row.index), _values(row))
+            self._states[cell].add(self._plan.replicate(row.index), _values(row, self._specifications))
         except (ValueError, EvaluationError) as error:
             raise SweepError(f"run {row.index}: {error}") from error
 
@@ -116,10 +117,11 @@ def check_rule(plan: SweepPlan, specifications: Sequence[str], problem: Problem)
         raise ScenarioError([replace(problem, message=error.problem, span=span, suggestion=suggestion)]) from None
 
 
-def _values(row: Row) -> dict[str, float]:
-    """The value of each estimand in a run; none if it failed."""
+def _values(row: Row, specifications: Sequence[str]) -> dict[str, float]:
+    """The value of each estimand in a run; one that failed satisfies nothing, and has no metrics."""
     found = {}
-    for name, verdict in row.verdicts.items():
+    for name in specifications:
+        verdict = row.verdicts.get(name)
         found[f"satisfied.{name}"] = float(verdict == "satisfied")
         found[f"violated.{name}"] = float(verdict == "violated")
     for name, value in row.metrics.items():

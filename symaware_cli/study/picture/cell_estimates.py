@@ -7,14 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn
-from symaware_cli.study.statistics.beta_mixture import bounds
 from symaware_cli.study.statistics.bootstrap import bootstrap_mean
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.study.statistics.proportion import clopper_pearson
+from symaware_cli.study.statistics.stopping import Mean, Share
 from symaware_cli.study.statistics.student import student_mean
-
-#: The confidence of the intervals.
-CONFIDENCE = 0.95
 
 #: From this many values on, the interval of a mean is Student's, which is then close to that of the bootstrap.
 _MANY = 300
@@ -26,7 +23,7 @@ class CellEstimates:
 
     Attributes:
         value: The mean or the share; NaN where no run has a value.
-        lower: The lower end of its interval; NaN where there is none, as for a mean as long as runs are missing.
+        lower: The lower end of its interval; NaN where there is none.
         upper: The upper end.
         low: The tenth percentile of the runs' values; NaN for shares.
         high: The ninetieth.
@@ -46,8 +43,8 @@ class CellEstimates:
 def estimated(runs: FinishedRuns, metric: MetricColumn) -> CellEstimates:
     """Estimate a metric in each combination of parameters.
 
-    Intervals for a fixed number of runs are made only if all runs have ended that were planned; as long as they have
-    not, shares have confidence sequences, which may be watched, and means have no intervals.
+    Intervals for a fixed number of runs are made only of all runs of a planned number. Otherwise shares and means of
+    values with declared bounds have confidence sequences, which may be watched, and other means no intervals.
     """
     order = np.argsort(runs.cells(), kind="stable")
     count = int(np.prod(runs.shape))
@@ -69,18 +66,16 @@ def estimated(runs: FinishedRuns, metric: MetricColumn) -> CellEstimates:
 
 
 def _estimate(runs: FinishedRuns, metric: MetricColumn, values: Array, cell: int) -> IntervalEstimate:
+    count, confidence = len(values), runs.confidence
+    if not runs.is_final:
+        if not metric.is_share and metric.bounds is None:
+            return IntervalEstimate(float(np.mean(values)), np.nan, np.nan, count, confidence, "")
+        estimand = Share() if metric.bounds is None else Mean(*metric.bounds)
+        sequence = estimand.sequence(confidence)
+        sequence.update(values)
+        return sequence.estimate()
     if metric.is_share:
-        return _share(values, runs.is_complete)
-    if not runs.is_complete:
-        return IntervalEstimate(float(np.mean(values)), np.nan, np.nan, len(values), CONFIDENCE, "")
-    if len(values) < _MANY:
-        return bootstrap_mean(values, runs.seed, f"{metric.name} {cell}", CONFIDENCE)
-    return student_mean(values, CONFIDENCE)
-
-
-def _share(values: Array, is_complete: bool) -> IntervalEstimate:
-    successes, count = int(np.sum(values)), len(values)
-    if is_complete:
-        return clopper_pearson(successes, count, CONFIDENCE)
-    lower, upper = bounds(np.array([float(successes)]), np.array([float(count)]), 1.0 - CONFIDENCE)
-    return IntervalEstimate(successes / count, float(lower[0]), float(upper[0]), count, CONFIDENCE, "beta mixture")
+        return clopper_pearson(int(np.sum(values)), count, confidence)
+    if count < _MANY:
+        return bootstrap_mean(values, runs.seed, f"{metric.name} {cell}", confidence)
+    return student_mean(values, confidence)

@@ -48,12 +48,14 @@ class MetricColumn:
         unit: Its unit; empty for none.
         is_share: Whether it is 0 or 1 for each run, so that its mean is a share.
         values: The value of each run; NaN where it has none. Shape (n,).
+        bounds: The least and the greatest possible value; None where they are not declared.
     """
 
     name: str
     unit: str
     is_share: bool
     values: Array
+    bounds: tuple[float, float] | None = None
 
     @property
     def label(self) -> str:
@@ -69,15 +71,17 @@ class MetricColumn:
 
 @dataclass(frozen=True, slots=True)
 class FinishedRuns:
-    """The runs of a sweep that have ended, without gaps from the first on.
+    """The runs of a sweep that have ended: of each combination of parameters, those before the first that has not.
 
     Attributes:
         name: The name of the scenario.
         seed: The seed of the sweep.
         axes: What varies; every combination of their values has runs.
         variants: The names of the variants; empty where there are none.
-        planned: How many runs there are to be.
-        failed: How many of those that have ended have no values, since they failed or were lost.
+        planned: How many runs there are to be, at most.
+        is_final: Whether these are all runs of a number that was planned, so that intervals may be made for that.
+        confidence: The confidence of intervals.
+        failed: How many of those that have ended have no metrics, since they failed or were lost.
         indices: The index of each run, ascending; shape (n,).
         metrics: What was measured.
     """
@@ -87,14 +91,11 @@ class FinishedRuns:
     axes: Sequence[ParameterAxis]
     variants: Sequence[str]
     planned: int
+    is_final: bool
+    confidence: float
     failed: int
     indices: NDArray[np.int64]
     metrics: Mapping[str, MetricColumn]
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether all runs have ended that were planned."""
-        return len(self.indices) == self.planned
 
     @property
     def shape(self) -> tuple[int, ...]:

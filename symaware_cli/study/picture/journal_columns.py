@@ -3,40 +3,51 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from itertools import takewhile
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from symaware_cli.study.folder import JOURNAL, SweepFolder
 from symaware_cli.study.metrics import BUILT_IN
-from symaware_cli.study.picture.finished_runs import FinishedRuns, MetricColumn, ParameterAxis
+from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_document import SweepDocument
 from symaware_cli.study.sweep_journal import SweepJournal
 
 
 def finished_runs(folder: SweepFolder) -> FinishedRuns:
-    """Read the runs of a sweep that have ended, up to the first that has not.
+    """Read the runs of a sweep that have ended, those of each combination up to its first that has not.
 
-    A run that is not done has no values. Of a run that is, a specification counts as satisfied only if its verdict says
-    so: undecided ones count against it.
+    A specification counts as satisfied only if its verdict says so: a run that failed or was undecided counts against
+    it. One that was lost has no values at all.
     """
-    with SweepJournal(folder.path / JOURNAL) as journal:
-        numbered = takewhile(lambda each: each[0] == each[1].index, enumerate(journal.rows()))
-        rows = [row for _, row in numbered]
     plan = folder.plan
+    with SweepJournal(folder.path / JOURNAL) as journal:
+        rows = list(_without_gaps(journal.rows(), len(plan.cells)))
+    document = plan.document
+    lost = sum(row.state == "lost" for row in rows)
     return FinishedRuns(
         name=folder.path.resolve().name,
         seed=plan.document.seed,
         axes=tuple(_axes(plan.document)),
         variants=tuple(plan.document.variants),
         planned=plan.count,
+        is_final=document.until is None and len(rows) - lost == plan.count,
+        confidence=document.confidence,
         failed=sum(row.state != "done" for row in rows),
-        indices=np.arange(len(rows)),
-        metrics={each.name: each for each in _metrics(rows, folder.specifications)},
+        indices=np.array([row.index for row in rows], np.int64),
+        metrics={each.name: each for each in _metrics(rows, folder.specifications, document.bounds)},
     )
+
+
+def _without_gaps(rows: Iterator[Row], cells: int) -> Iterator[Row]:
+    ended = [0] * cells
+    for row in rows:
+        replicate, cell = divmod(row.index, cells)
+        if replicate == ended[cell]:
+            ended[cell] += 1
+            yield row
 
 
 def _axes(document: SweepDocument) -> Iterator[ParameterAxis]:
@@ -50,17 +61,23 @@ def _axes(document: SweepDocument) -> Iterator[ParameterAxis]:
             yield ParameterAxis(", ".join(lists), [list(each) for each in zip(*lists.values(), strict=True)])
 
 
-def _metrics(rows: Sequence[Row], specifications: Sequence[str]) -> Iterator[MetricColumn]:
+def _metrics(
+    rows: Sequence[Row], specifications: Sequence[str], bounds: Mapping[str, tuple[float, float]]
+) -> Iterator[MetricColumn]:
     for name in specifications:
-        verdicts = [row.verdicts.get(name) if row.state == "done" else None for row in rows]
-        yield _column(f"satisfied.{name}", "", True, [each and each == "satisfied" for each in verdicts])
-        yield _column(f"robustness.{name}", "", False, [row.robustness.get(name) for row in rows])
+        verdicts = [None if row.state == "lost" else row.verdicts.get(name) == "satisfied" for row in rows]
+        yield MetricColumn(f"satisfied.{name}", "", True, _numbers(verdicts))
+        yield MetricColumn(f"robustness.{name}", "", False, _numbers([row.robustness.get(name) for row in rows]))
     for each in BUILT_IN:
         if each.kind != "text":
-            yield _column(each.name, each.unit, each.kind == "truth", [row.metrics.get(each.name) for row in rows])
+            values = _numbers([row.metrics.get(each.name) for row in rows])
+            low, high = bounds.get(each.name, (math.inf, -math.inf))
+            is_within = bool(((values >= low) & (values <= high) | np.isnan(values)).all())
+            declared = (low, high) if is_within and low < high else None
+            yield MetricColumn(each.name, each.unit, each.kind == "truth", values, declared)
 
 
-def _column(name: str, unit: str, is_share: bool, values: Sequence[Any]) -> MetricColumn:
+def _numbers(values: Sequence[Any]) -> Array:
     numbers = np.array([math.nan if each is None else float(each) for each in values], float)
     # What is infinite, such as the robustness of what cannot fail, has no mean.
-    return MetricColumn(name, unit, is_share, np.where(np.isfinite(numbers), numbers, np.nan))
+    return np.where(np.isfinite(numbers), numbers, np.nan)

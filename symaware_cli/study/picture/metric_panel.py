@@ -163,15 +163,17 @@ def _samples(runs: FinishedRuns, metric: MetricColumn) -> Iterator[Array]:
 def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, methods: Sequence[str]) -> Iterator[str]:
     ended = len(runs.indices)
     if methods and kind != "map":
-        yield f"Intervals hold with 95 % each: {', '.join(methods)}."
+        yield f"Intervals hold with {100 * runs.confidence:g} % each: {', '.join(methods)}."
     if kind == "curve" and not runs.variants and not all(metric.is_share for metric in metrics):
         yield "Paler: the middle 80 % of the runs."
-    if not runs.is_complete:
-        said = "the intervals of shares may be watched, and means have none yet"
-        yield f"{ended:,} of {runs.planned:,} runs have ended: {said}."
+    if not runs.is_final:
+        if ended < runs.planned:
+            yield f"{ended:,} of at most {runs.planned:,} runs."
+        if not all(metric.is_share or metric.bounds for metric in metrics):
+            yield "Means without declared bounds have no interval that holds at every number of runs."
     if runs.failed:
-        yield f"{runs.failed:,} of {ended:,} runs failed or were lost, and are left out."
+        yield f"{runs.failed:,} of {ended:,} runs failed or were lost, and have no metrics."
     for metric in metrics:
-        missing = int(np.isnan(metric.values).sum()) - runs.failed
+        missing = int(np.isnan(metric.values).sum()) - (0 if metric.is_share else runs.failed)
         if missing > 0:
             yield f"{metric.name}: {missing:,} runs have no value."

@@ -23,4 +23,4 @@ def swept(
         MetricColumn("constant", "", False, np.ones(len(indices))),
     ]
     metrics = {column.name: column for column in columns}
-    return FinishedRuns("swept", 7, axes, variants, planned, 0, indices, metrics)
+    return FinishedRuns("swept", 7, axes, variants, planned, len(indices) == planned, 0.95, 0, indices, metrics)

@@ -60,7 +60,8 @@ def test_an_unfinished_sweep_has_intervals_that_may_be_watched_alone() -> None:
     assert not np.isnan(mean.value).any()
     assert (share.upper - share.lower > whole.panels[0].upper - whole.panels[0].lower).all()
     assert part.notes[0] == "Intervals hold with 95 % each: beta mixture."
-    assert "41 of 60 runs have ended" in part.notes[2]
+    assert part.notes[2] == "41 of at most 60 runs."
+    assert "Means without declared bounds" in part.notes[3]
     assert whole.notes[0] == "Intervals hold with 95 % each: Clopper-Pearson, bootstrap (BCa)."
 
 
@@ -72,7 +73,7 @@ def test_runs_without_a_value_are_left_out_and_counted() -> None:
     picture = composed(runs)
     assert picture.panels[0].value == pytest.approx(np.array([[0, 1]]), abs=0.1)
     assert picture.notes[-2:] == (
-        "1 of 20 runs failed or were lost, and are left out.",
+        "1 of 20 runs failed or were lost, and have no metrics.",
         "number: 2 runs have no value.",
     )
 
