@@ -99,7 +99,7 @@ def test_the_replay_has_bars_beside_the_agents_and_curves_in_their_tabs(log, fol
 
     symaware("replay", log, "--save", folder / "shown.rrd", plugin=False)
     recording = Recording(folder / "shown.rrd")
-    assert recording.values("/minds/robot/attention", "LineStrips3D:strips")
+    assert recording.values("/awareness/robot/attention", "LineStrips3D:strips")
     assert recording.values("/curves/agents/robot.0/attention", "Scalars:scalars")
 
 

@@ -119,7 +119,7 @@ def test_a_replay_has_a_dot_where_each_return_came_from_and_curves_of_the_number
 
     symaware("replay", log, "--save", folder / "radar.rrd", plugin=False)
     recording = Recording(folder / "radar.rrd")
-    dots = recording.values("/minds/robot/radar.returns", "Points3D:positions")
+    dots = recording.values("/awareness/robot/radar.returns", "Points3D:positions")
     assert any(dots.values() if isinstance(dots, dict) else dots)
     assert recording.values("/curves/agents/robot.0/effort/gauge/0", "Scalars:scalars")
     assert recording.values("/curves/agents/robot.0/effort/gauge/1", "Scalars:scalars")

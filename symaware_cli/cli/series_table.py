@@ -33,7 +33,7 @@ def show_series(
     """
     parts = spec.split(":")
     if len(parts) not in (2, 3) or not all(parts):
-        raise LogError(f"a series is called NAME:FIELD or NAME:FIELD:COLUMN, such as robot.0:state:x, not {spec!r}")
+        raise LogError(f"a series is NAME:FIELD or NAME:FIELD:COLUMN, such as robot.0:state:x, not {spec!r}")
     name, field, *column = parts
     series = log.series(name, field)
     labels, units, values = _columns(log, name, series, column[0] if column else None)

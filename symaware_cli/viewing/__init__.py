@@ -1,1 +1,1 @@
-"""From a log to eyes: replays in Rerun, plots, and logs for Foxglove."""
+"""Visualisation of logs: replays in Rerun, plots with matplotlib, and MCAP files for Foxglove."""

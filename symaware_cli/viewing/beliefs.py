@@ -1,4 +1,4 @@
-"""What agents believe of others, in columns."""
+"""Beliefs of agents about others, decoded from awareness messages into columns."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Beliefs:
 
     Attributes:
         times: (k,) of the messages [ns].
-        told: (k, n) whose beliefs each message is about; all that an agent believes, wherever it is about that agent.
-        message: (m,) which of the messages each belief comes from.
-        observer: (m,) whose it is, as a row of the group.
-        who: (m,) of whom, as an index in the roster.
-        places: (m, 3) where that one is believed to be [m].
-        covariances: (m, d, d) of the place [m^2], NaN where nothing is said; None if that is so everywhere.
-        ages: (m,) how old the belief is [s].
+        told: (k, n) which agents each message covers; it contains all beliefs of these agents.
+        message: (m,) index of the message of each belief.
+        observer: (m,) row in the group of the agent that believes.
+        who: (m,) roster index of the agent that the belief is about.
+        places: (m, 3) believed position [m].
+        covariances: (m, d, d) of the position [m^2], NaN where unknown; None if it is unknown for all.
+        ages: (m,) age of the belief [s].
     """
 
     times: NDArray[np.int64]
@@ -41,10 +41,10 @@ class Beliefs:
     ages: Array
 
     def of(self, row: int) -> tuple[NDArray[np.int64], Integers, NDArray[np.intp]]:
-        """The beliefs of one agent.
+        """Return the beliefs of one agent.
 
         Returns:
-            The times of the messages that tell of it (j,) [ns], how many beliefs each has (j,), and the indices of
+            The times of the messages that cover it (j,) [ns], the number of beliefs in each (j,), and the indices of
             these beliefs.
         """
         telling, mine = self.told[:, row], np.flatnonzero(self.observer == row)

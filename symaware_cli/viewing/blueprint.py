@@ -1,4 +1,4 @@
-"""The layout of a replay: which views there are, and what each shows."""
+"""The layout of a replay in Rerun: its views and their contents."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: The tangent of half the angle that the eye of Rerun's 3-D view sees from top to bottom.
+#: Tangent of half the vertical field of view of Rerun's 3-D view.
 _HALF_VIEW = 0.52
-#: Where the eye looks from aslant, of length 1.
+#: Viewing direction for spatial worlds, of length 1.
 _ASLANT = np.array([0.4, 0.66, -0.63]) / np.linalg.norm([0.4, 0.66, -0.63])
-#: Width to height of the main view in a window of usual size.
+#: Aspect ratio of the main view in a window of usual size.
 _ASPECT = 1.15
-#: The same of the view in an agent's tab.
+#: Aspect ratio of the view in an agent's tab.
 _NEAR_ASPECT = 1.9
-#: How far around itself an agent's tab shows at most [m].
+#: Maximum distance shown around the agent in its tab [m].
 _NEAR = 12.0
-#: The same for those of whom more is known than their outline, in multiples of what they extend to.
+#: The same for agents with a figure, in multiples of their extent.
 _CLOSE = 5.0
-#: How many cameras have a view each.
+#: Maximum number of cameras with a view.
 _CAMERAS = 4
-#: How many views of curves stand two in a row; more stand three.
+#: Up to this number, views of curves are arranged in two columns, otherwise in three.
 _CURVES = 4
-#: Legends of more curves than this would hide the curves.
+#: Maximum number of curves with a legend; a larger legend would hide the curves.
 _LEGEND = 6
 
 
 @dataclass(frozen=True)
 class ReplayContent:
-    """What a log has that needs a view of its own.
+    """The extent and the topics of a log, which determine its views.
 
     Attributes:
-        low: The lower corner of where everything is (3,) [m].
-        high: The upper corner (3,) [m].
-        topics: Of all channels with messages.
+        low: Lower corner of the box around everything (3,) [m].
+        high: Upper corner (3,) [m].
+        topics: The topics with messages.
     """
 
     low: Array
@@ -58,10 +58,10 @@ class ReplayContent:
 
 
 def blueprint(run_view: RunView, detail: Detail, content: ReplayContent) -> rrb.Blueprint:
-    """Lay out the views for a log."""
+    """Create the layout of the views for a log."""
     import rerun.blueprint as rrb
 
-    scene = _spatial(run_view, detail, content, "Scene", ["+ world/**", "+ minds/**"])
+    scene = _spatial(run_view, detail, content, "Scene", ["+ world/**", "+ awareness/**"])
     tabs = [_agent(run_view, detail, content, agent) for agent in detail.focus]
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -79,15 +79,15 @@ def blueprint(run_view: RunView, detail: Detail, content: ReplayContent) -> rrb.
 def _spatial(
     run_view: RunView, detail: Detail, content: ReplayContent, name: str, contents: list[str], follow: str | None = None
 ) -> rrb.Spatial3DView:
-    """A view of the world: from above if it is a plane, from aslant if it is space; of all of it, or along with one."""
+    """Create a view of the world: from above if planar, else at an angle; of everything, or following an agent."""
     import rerun.blueprint as rrb
 
     middle, size = 0.5 * (content.low + content.high), np.maximum(content.high - content.low, 1.0)
     if follow:
         group_view = run_view.group_views[run_view.place[follow][0]]
-        # Who looks like something is to be seen.
+        # An agent with a figure is shown larger, so that its details are visible.
         reach = min(group_view.perception_range or np.inf, _CLOSE * group_view.extent if group_view.figure else _NEAR)
-        # Whoever stands at one side sees as far as the other.
+        # Twice the size, so that an agent at one side sees everything up to the other side.
         size = np.minimum(2.0 * size, 2.0 * reach)
     if run_view.is_spatial:
         distance = _distance(size, _NEAR_ASPECT if follow else _ASPECT)
@@ -106,7 +106,7 @@ def _spatial(
         )
     spacing = 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-3) / 4.0))
     grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(110, 115, 130, 60))
-    overrides: dict[Any, Any] = {f"world/agents/{name}/trail": _lately(detail.trail) for name in run_view.group_views}
+    overrides: dict[Any, Any] = {f"world/agents/{name}/trail": _recent(detail.trail) for name in run_view.group_views}
     background = rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor)
     return rrb.Spatial3DView(
         origin="/",
@@ -120,7 +120,7 @@ def _spatial(
 
 
 def _distance(size: Array, aspect: float) -> float:
-    """How far from the middle of a box of a size (3,) the eye is that sees all of it from aslant [m]."""
+    """Return the distance of the camera from the centre of a box (3,) at which all of it is visible [m]."""
     aside = np.cross(_ASLANT, (0.0, 0.0, 1.0))
     aside /= np.linalg.norm(aside)
     above = np.cross(aside, _ASLANT)
@@ -130,7 +130,7 @@ def _distance(size: Array, aspect: float) -> float:
 
 
 def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str) -> rrb.Vertical:
-    """The tab of an agent: the world as it believes it to be, and all it is aware of as curves."""
+    """Create the tab of an agent: the world as the agent believes it to be, and its awareness as curves."""
     import rerun.blueprint as rrb
 
     group, _ = run_view.place[agent]
@@ -143,7 +143,7 @@ def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str
     contents = [
         *(f"+ world/{part}" for part in ("ground", "figures/**", "scenery/**")),
         f"+ world/agents/{group}/goal/**",
-        *(f"+ minds/{group}/{name}/**" for how in ("ellipse", "bars") for name, _ in group_view.drawn(how)),
+        *(f"+ awareness/{group}/{name}/**" for how in ("ellipse", "bars") for name, _ in group_view.drawn(how)),
         *bodies,
     ]
     contents += ["+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
@@ -183,7 +183,7 @@ def _overviews(run_view: RunView, detail: Detail, content: ReplayContent) -> Ite
 
 
 def _cameras(run_view: RunView, detail: Detail, content: ReplayContent) -> list[rrb.Spatial2DView]:
-    """A view of what each camera of the first few agents saw."""
+    """Create a view for each camera of the first few agents."""
     import rerun.blueprint as rrb
 
     sensors = [tuple(topic.split("/")[2::2]) for topic in sorted(content.topics) if "/image/" in topic]
@@ -203,7 +203,7 @@ def _cameras(run_view: RunView, detail: Detail, content: ReplayContent) -> list[
 def _log(name: str, origin: str) -> rrb.TextLogView:
     import rerun.blueprint as rrb
 
-    # The texts begin with their times, for which the column of their own is too narrow.
+    # The texts begin with their times, since Rerun's own column is too narrow.
     columns = rrb.TextLogColumns(
         timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)], text_log_columns=["LogLevel", "Body"]
     )
@@ -211,13 +211,13 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
 
 
 def _row_shares(run_view: RunView, content: ReplayContent) -> list[int]:
-    """How high the overviews above the journals are."""
+    """Return the relative heights of the overviews above the events."""
     cameras = [5] * any("/image/" in topic for topic in content.topics)
     return cameras + [3] * (len(_specifications(run_view)) + _has_risk(content) + (run_view.agent_count > 1))
 
 
 def _specifications(run_view: RunView) -> list[tuple[str, Sequence[tuple[str, ...]]]]:
-    """The specifications that have a view of their own: the first few."""
+    """Return the specifications that have a view: the first few."""
     return list(run_view.specifications.items())[:_CURVES]
 
 
@@ -232,8 +232,8 @@ def _curves(name: str, contents: list[str], legend: bool = True) -> rrb.TimeSeri
     return rrb.TimeSeriesView(origin="/", name=name, contents=contents, plot_legend=shown)
 
 
-def _lately(seconds: float) -> Any:
-    """What shows what was drawn up to some time ago [s] besides what is drawn now."""
+def _recent(seconds: float) -> Any:
+    """Return a visible time range from some time ago [s] until now."""
     import rerun.blueprint as rrb
 
     return rrb.VisibleTimeRanges(

@@ -1,4 +1,4 @@
-"""How cameras look at the world."""
+"""Camera orientation in the world."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ Array = NDArray[np.float64]
 
 
 def line_of_sight(position: ArrayLike, target: ArrayLike) -> Array:
-    """How a level camera stands in the world, that looks from one point to another.
+    """Return the axes of a level camera that looks from one point to another.
 
     Args:
         position: (3,) [m].
         target: (3,) [m].
 
     Returns:
-        Its directions to the right, upwards and ahead, of length 1; (3, 3).
+        Its axes to the right, upwards and ahead, of length 1; (3, 3).
     """
     ahead = np.asarray(target, float) - np.asarray(position, float)
     ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
-    # Who looks straight up or down has no horizon.
+    # For a camera that looks straight up or down, the upward direction is arbitrary.
     upwards = np.array([1.0, 0.0, 0.0]) if abs(ahead[2]) > 1 - 1e-9 else np.array([0.0, 0.0, 1.0])
     aside = np.cross(ahead, upwards)
     aside /= np.linalg.norm(aside)

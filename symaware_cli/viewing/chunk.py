@@ -1,4 +1,4 @@
-"""Chunks: stretches of a log, short enough for memory, with the values of each channel in columns."""
+"""Chunks: intervals of a log, short enough for memory, with the values of each channel in columns."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from symaware_cli.recording.shared_channel import single
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-#: A stretch ends with the instant in which it reaches this size [bytes of messages].
+#: Size of the messages at which a chunk ends, after the current instant [bytes].
 CHUNK_SIZE = 4 << 20
 
-#: Where few of many rows change, frames take more memory than messages; so many times as much may be held.
+#: If few of many rows change, frames need more memory than messages; this is the maximum ratio.
 _FRAMES_TO_MESSAGES = 8
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Values of all rows of a group at some instants; rows that a message left out keep theirs.
+    """Values of all rows of a group at some instants; rows that a message omits keep their values.
 
     Attributes:
-        times: (k,) simulated time [ns]; none if nothing was recorded.
-        values: (k, n, columns); NaN before the first value of a row, and of an agent that has left.
-        before: (n, columns) what was known before the first instant; NaN if nothing.
+        times: (k,) simulated time [ns]; empty if nothing was recorded.
+        values: (k, n, columns); NaN before the first value of a row, and for an agent that has left.
+        before: (n, columns) the values before the first instant; NaN if unknown.
     """
 
     times: Times
@@ -41,24 +41,24 @@ class Frames:
     before: Array
 
     def at(self, times: Times) -> Array:
-        """The values that held at other instants; (len(times), n, columns), NaN where nothing was known yet."""
+        """Return the values valid at other instants; (len(times), n, columns), NaN where unknown."""
         return self.of(times, slice(None))
 
     def of(self, times: Times, rows: NDArray[np.intp] | int | slice) -> Array:
-        """The values of some rows that held at other instants, each row at its instant; (len(times), columns)."""
+        """Return the values of some rows valid at other instants, one instant per row; (len(times), columns)."""
         known = np.concatenate([self.before[None], self.values])
         return known[np.searchsorted(self.times, times, side="right"), rows]
 
 
 @dataclass(frozen=True)
 class SeriesFrames:
-    """A series of each row of a group at some instants; rows that a message left out keep theirs.
+    """A series of each row of a group at some instants; rows that a message omits keep their series.
 
     Attributes:
         times: (k,) simulated time of each message [ns].
-        lengths: (k, n) points of each row's series.
-        values: (sum of lengths, columns), one series after another.
-        before: (n, columns) the first points of what was known before the first instant; NaN if nothing.
+        lengths: (k, n) number of points of each row's series.
+        values: (sum of lengths, columns), concatenated series.
+        before: (n, columns) the first points of the series before the first instant; NaN if unknown.
     """
 
     times: Times
@@ -68,19 +68,19 @@ class SeriesFrames:
 
     @cached_property
     def firsts(self) -> Frames:
-        """The first point of each series; NaN where one is empty."""
+        """The first point of each series; NaN for an empty series."""
         values = _first_points(self.lengths.ravel(), self.values).reshape(*self.lengths.shape, self.values.shape[1])
         return Frames(self.times, values, self.before)
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """A stretch of a log.
+    """An interval of a log.
 
     Attributes:
-        frames: States and control inputs, by topic, from when on they are known.
-        strips: Intents, uncertainties and risks, by topic, from when on they are known.
-        entries: All other messages of ours, by topic: the time and what was decoded.
+        frames: States and control inputs, by topic; a topic is missing until its first message.
+        strips: Intents, uncertainties and risks, by topic; a topic is missing until its first message.
+        entries: All other SymAware messages, by topic: time and decoded content.
         start: The first instant [ns].
         end: The last instant [ns].
     """
@@ -93,14 +93,14 @@ class Chunk:
 
 
 class ChunkReader:
-    """Puts messages together to chunks."""
+    """Groups messages into chunks."""
 
     def __init__(self, counts: Mapping[str, int], places: Mapping[str, tuple[str, int]] | None = None) -> None:
-        """Begin with nothing.
+        """Create an empty reader.
 
         Args:
-            counts: How many rows the group or entity of each topic has, where that is known.
-            places: The group and the row of each agent, by id; without, nobody leaves.
+            counts: Number of rows of each topic, where known.
+            places: Group and row of each agent, by id; needed to process agents that leave.
         """
         self._counts = counts
         self._places = places or {}
@@ -114,16 +114,16 @@ class ChunkReader:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing was taken in since the last chunk."""
+        """Whether no message was added since the last chunk."""
         return self._start is None
 
     @property
     def is_full(self) -> bool:
-        """Whether it is time for a chunk."""
+        """Whether the chunk has reached its maximum size."""
         return self._size >= CHUNK_SIZE
 
     def chunks(self, messages: Iterable[LogMessage], size: int = CHUNK_SIZE) -> Iterator[Chunk]:
-        """Cut messages, which come in the order of time, into chunks; an instant is never cut."""
+        """Group messages, ordered by time, into chunks; an instant is never split."""
         for message in messages:
             if self._size >= size and message.time > self.end:
                 yield self.drain()
@@ -132,18 +132,18 @@ class ChunkReader:
             yield self.drain()
 
     def take_message(self, message: LogMessage) -> None:
-        """Take in a message as it stands in a log, perhaps of many entities."""
+        """Add a message of a log; messages of shared channels are split by entity."""
         for each in single(message):
             self.take(each.channel.topic, each.time, each.decode(), len(each.data))
 
     def take(self, topic: str, time: int, content: Any, size: int = 0) -> None:
-        """Take in a message.
+        """Add a message.
 
         Args:
-            topic: Its channel's.
+            topic: Its topic.
             time: Simulated time [ns].
-            content: What `LogMessage.decode` returns.
-            size: As serialised [bytes].
+            content: The decoded message.
+            size: Its serialised size [bytes].
         """
         match content:
             case wire.Rows():
@@ -163,7 +163,7 @@ class ChunkReader:
         self.end = time
 
     def note(self, time: int, content: Any) -> None:
-        """Forget what is known of an agent, if this says that it has left the world."""
+        """Discard the values of an agent if the message is the event of its removal."""
         if getattr(content, "name", None) != "removed":
             return
         group, row = self._places.get(content.source.removeprefix("agents."), (None, 0))
@@ -173,7 +173,7 @@ class ChunkReader:
                 known.forget(time, row)
 
     def drain(self) -> Chunk:
-        """Hand out what was taken in since the last time."""
+        """Return the messages added since the last call as a chunk."""
         chunk = Chunk(
             {topic: table.drain() for topic, table in self._tables.items()},
             {topic: series.drain() for topic, series in self._series.items()},
@@ -186,7 +186,7 @@ class ChunkReader:
         return chunk
 
     def _take(self, topic: str, time: int, rows: NDArray[np.uint32] | None, values: Array) -> int:
-        """Take in values of some rows, and return how much memory that takes [bytes]."""
+        """Add values of some rows, and return their memory size [bytes]."""
         if not values.size:
             return 0
         self._require_rows(topic, rows)
@@ -207,7 +207,7 @@ class ChunkReader:
 
 
 class _Table:
-    """Gathers a value of each row."""
+    """Accumulates a value of each row."""
 
     def __init__(self, count: int, columns: int) -> None:
         self._times: list[int] = []
@@ -217,7 +217,7 @@ class _Table:
 
     @property
     def frame_size(self) -> int:
-        """Memory of the values of all rows [bytes]."""
+        """Memory size of the values of all rows [bytes]."""
         return self._last.nbytes
 
     def take(self, time: int, rows: NDArray[np.uint32] | None, values: Array) -> None:
@@ -248,7 +248,7 @@ class _Table:
 
 
 class _Series:
-    """Gathers a time series of each row."""
+    """Accumulates a time series of each row."""
 
     def __init__(self, count: int) -> None:
         self.times: list[int] = []
@@ -256,14 +256,14 @@ class _Series:
         self._columns = 0
         self._lengths: list[NDArray[np.int64]] = []
         self._values: list[Array] = []
-        #: What was known at the end of the last chunk.
+        #: The series at the end of the last chunk.
         self._held: tuple[NDArray[np.int64], Array] | None = None
 
     def take(self, time: int, message: wire.SeriesRows) -> None:
         columns = message.values.shape[1]
         self._columns = max(self._columns, columns)
         if message.rows is None and len(message.lengths) == 1 and message.lengths[0]:
-            # The common case: everybody has a series of the same length.
+            # The common case: all rows have series of the same length.
             length = int(message.lengths[0])
             count = len(message.values) // length
             lengths, values = np.full(count, length), message.values[: count * length]
@@ -283,10 +283,10 @@ class _Series:
         self.take(time, wire.SeriesRows(rows, np.zeros(1, np.uint32), np.empty(0, np.int64), nothing))
 
     def _merged(self, message: wire.SeriesRows) -> tuple[NDArray[np.int64], Array]:
-        """The series of all rows, those that the message leaves out as they were."""
+        """Return the series of all rows; those that the message omits are unchanged."""
         series = [values for _, values in message]
         if message.rows is None and not series:
-            # A series without points says nothing of how many rows share it: all.
+            # An empty series does not determine how many rows share it: assume all.
             series = [message.values] * self._count
         rows = range(len(series)) if message.rows is None else message.rows.tolist()
         self._count = max([self._count, *(row + 1 for row in rows)])
@@ -320,14 +320,14 @@ class _Series:
 
 
 def _first_points(lengths: NDArray[np.int64], values: Array) -> Array:
-    """The first point of each of some series, NaN where one is empty; (len(lengths), columns)."""
+    """Return the first point of each series, NaN for an empty one; (len(lengths), columns)."""
     firsts, some = np.full((len(lengths), values.shape[1]), np.nan), lengths > 0
     firsts[some] = values[(np.cumsum(lengths) - lengths)[some]]
     return firsts
 
 
 def _padded(values: Array, columns: int) -> Array:
-    """The points with at least that many columns, NaN where they had none."""
+    """Extend points to at least the given number of columns, filled with NaN."""
     if values.shape[1] == columns:
         return values
     wider = np.full((len(values), columns), np.nan)

@@ -1,4 +1,4 @@
-"""How much of each agent a replay shows, chosen by how many there are."""
+"""Level of detail of a replay, chosen by the number of agents."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from dataclasses import dataclass
 from symaware_cli.recording.error import LogError
 from symaware_cli.viewing.views import RunView
 
-#: Up to so many agents everything is drawn, and each has a tab; nor are there ever more tabs.
+#: Up to this number of agents everything is drawn and each has a tab; also the maximum number of tabs.
 FEW = 12
-#: Up to so many the intents and uncertainties of all are drawn; beyond, nobody could tell them apart.
+#: Up to this number, the intents and uncertainties of all agents are drawn; with more, they could not be told apart.
 MANY = 100
-#: How many have a tab where not all do.
+#: Number of tabs if not all agents have one.
 TABS = 4
-#: How long trails are at least [s].
+#: Minimum duration of trails [s].
 _SHORTEST = 2.0
 
 
 @dataclass(frozen=True)
 class Detail:
-    """What a replay shows.
+    """The level of detail of a replay.
 
     Attributes:
-        focus: Who has a tab, with what they believe of others.
-        labels: Whether all agents have labels; otherwise only the focus has.
-        minds: Whether the intents and uncertainties of all are drawn; otherwise only those of the focus.
-        curves: Whether risks are plotted agent by agent; otherwise as quantiles of a group.
-        trail: How long trails are [s].
-        single: Whether one agent was asked for, whose tab is in front then.
-        words: The same for people.
+        focus: The agents that have a tab with their beliefs about others.
+        labels: Whether all agents have labels; otherwise only those in focus.
+        awareness: Whether the intents and uncertainties of all agents are drawn; otherwise only of those in focus.
+        curves: Whether risks are plotted per agent; otherwise as quantiles of a group.
+        trail: Duration of trails [s].
+        single: Whether a single agent was requested, whose tab is then selected.
+        words: A description for users.
     """
 
     focus: tuple[str, ...]
     labels: bool
-    minds: bool
+    awareness: bool
     curves: bool
     trail: float
     single: bool
@@ -43,33 +43,34 @@ class Detail:
 
 
 def detail_of(run_view: RunView, agents: Sequence[str] = ()) -> Detail:
-    """Choose what to show.
+    """Choose the level of detail.
 
     Args:
-        run_view: Who takes part.
-        agents: Whom to look at closely; a group stands for its agents. Empty: as many as fit.
+        run_view: The run to show.
+        agents: The agents that have a tab; a group stands for its agents. Empty: as many as fit.
 
     Raises:
-        LogError: There is no such agent.
+        LogError: An agent does not exist.
     """
     count = run_view.agent_count
     chosen = tuple(dict.fromkeys(agent for name in agents for agent in _named(run_view, name)))
     focus = chosen[:FEW] or tuple(run_view.agents[: count if count <= FEW else TABS])
-    minds = count <= MANY
-    share, longest = (0.3, 60.0) if minds else (0.06, 5.0)
+    awareness = count <= MANY
+    share, longest = (0.3, 60.0) if awareness else (0.06, 5.0)
     trail = min(max(float(f"{share * run_view.duration:.2g}"), _SHORTEST), longest)
     shown = [f"{count} agent{'s' if count != 1 else ''}: bodies tinted by risk, trails of {trail:g} s"]
-    shown.append("intents and uncertainties of all" if minds else f"intents and uncertainties of {_list(focus)} only")
+    whose = "all" if awareness else f"{_list(focus)} only"
+    shown.append(f"intents and uncertainties of {whose}")
     if count > FEW:
         shown.append("labels of those with a tab only; risk as quantiles")
-    who = "everybody" if len(focus) == count else _list(focus)
+    who = "all agents" if len(focus) == count else _list(focus)
     hint = "" if chosen or count <= FEW else " (--agents chooses)"
     if len(focus) < len(chosen):
         hint = f" (the first {FEW} of {len(chosen)})"
     return Detail(
         focus=focus,
         labels=count <= FEW,
-        minds=minds,
+        awareness=awareness,
         curves=count <= FEW,
         trail=trail,
         single=len(chosen) == 1,

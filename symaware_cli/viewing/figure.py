@@ -1,4 +1,4 @@
-"""Figures: bodies of links and joints, as the geometry of a log describes them, placed in space."""
+"""Figures: the visuals of bodies with links and joints, from the geometry of a log, and their poses in space."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ _CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 
 
 class Figure:
-    """What the bodies of one kind look like.
+    """The visuals of bodies of one kind.
 
     Attributes:
-        number: Its place among all figures of a log.
+        number: Its index among the figures of a log.
         articulation: Its links and joints.
-        surfaces: The attachments that its meshes are.
+        surfaces: The attachments with its meshes.
     """
 
     def __init__(self, number: int, articulation: Articulation, attachments: Mapping[str, bytes]) -> None:
-        """Look up its meshes; those that the log does not have, nor viewers know, are left out.
+        """Collect the visuals; meshes that the log does not have, or viewers cannot read, are omitted.
 
         Args:
-            number: Its place among all figures.
+            number: Its index among the figures of a log.
             articulation: Its links and joints.
-            attachments: Those of the log.
+            attachments: The attachments of the log.
         """
         self.number = number
         self.articulation = articulation
-        #: A visual, and the link that it belongs to.
+        #: Each visual, with the index of its link.
         self.visuals = [
             (visual, place)
             for place, link in enumerate(articulation.links)
@@ -50,22 +50,22 @@ class Figure:
 
     @property
     def name(self) -> str:
-        """What it is called; no two figures have the same."""
+        """The name of the figure, which is unique."""
         return f"{self.articulation.name}.{self.number}"
 
     @property
     def path(self) -> str:
-        """The same as a part of a path."""
+        """The name as a part of a path."""
         return _path_part(self.name)
 
     def visual_path(self, number: int) -> str:
-        """One of `visuals` as parts of a path: its link, and its number."""
+        """Return the path of a visual: link and number."""
         _, place = self.visuals[number]
         return f"{_path_part(self.articulation.links[place].name)}/{number}"
 
     @cached_property
     def looks(self) -> list[list[int]]:
-        """The visuals that look the same, such as the wheels of a car: for each look their places in `visuals`."""
+        """Visuals that look the same, such as the wheels of a car: lists of indices in `visuals`."""
         alike: dict[Visual, list[int]] = {}
         for place, (visual, _) in enumerate(self.visuals):
             look = visual.model_copy(update={"position": (0.0, 0.0, 0.0), "orientation": (0.0, 0.0, 0.0, 1.0)})
@@ -73,12 +73,12 @@ class Figure:
         return list(alike.values())
 
     def places(self, positions: Array, orientations: Array, joints: Array | None) -> list[tuple[Array, Array]]:
-        """Where its visuals are.
+        """Compute the poses of the visuals.
 
         Args:
-            positions: Where its base is, (..., 3) [m].
-            orientations: How that is turned, (..., 4).
-            joints: The positions of its joints, (..., joints); None for 0.
+            positions: Positions of the base, (..., 3) [m].
+            orientations: Orientations of the base, (..., 4).
+            joints: Joint positions, (..., joints); None for 0.
 
         Returns:
             For each of `visuals` positions (..., 3) [m] and orientations (..., 4).
@@ -93,7 +93,7 @@ class Figure:
 
     @cached_property
     def corners(self) -> Array:
-        """The corners of the boxes around its visuals, all joints at 0, in the frame of its base; (m, 3) [m]."""
+        """Corners of the boxes around its visuals, with all joints at 0, in the frame of its base; (m, 3) [m]."""
         corners = [np.zeros((1, 3))]
         origin, level = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
         for (visual, _), (position, orientation) in zip(self.visuals, self.places(origin, level, None), strict=True):
@@ -104,18 +104,18 @@ class Figure:
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """The box around all of it: lower and upper corner, (3,) each [m]."""
+        """The bounding box: lower and upper corner, (3,) each [m]."""
         return self.corners.min(axis=0), self.corners.max(axis=0)
 
     @property
     def middle(self) -> Array:
-        """The middle of the bottom of that box, (3,) [m]."""
+        """The centre of the bottom of the bounding box, (3,) [m]."""
         low, high = self.bounds
         return np.array([*(0.5 * (low + high))[:2], low[2]])
 
     @property
     def radius(self) -> float:
-        """The radius of a circle around that middle, seen from above, that holds it [m]."""
+        """The radius of a circle around `middle` that contains the bounding box, seen from above [m]."""
         low, high = self.bounds
         return 0.5 * float(np.linalg.norm((high - low)[:2]))
 
@@ -143,7 +143,7 @@ class Figure:
 
 
 def media_type(visual: Visual) -> str | None:
-    """What kind of file a mesh is, for viewers; None if they know no such files."""
+    """Return the media type of a mesh; None if viewers cannot read it."""
     return MEDIA_TYPES.get(PurePosixPath(visual.mesh).suffix.lower())
 
 

@@ -1,4 +1,4 @@
-"""Following a log while it is written: its messages, as soon as they are in the file."""
+"""Follows a log while it is being written: reads messages as soon as they are in the file."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.viewing.chunk import ChunkReader
 from symaware_cli.viewing.replay import Replay
 
-#: How often to look whether there is more [s]; logs are flushed twice a second.
+#: Interval between two checks for new data [s]; logs are flushed twice a second.
 _INTERVAL = 0.1
 
 
 class FollowingAbandoned(Exception):  # noqa: N818 (nothing went wrong)
-    """Nobody wants to follow any more."""
+    """Following was cancelled."""
 
 
 class _Tail(io.RawIOBase):
-    """A file that somebody else writes: reading waits until there is something to read."""
+    """A file that another process writes: reading waits until there are data."""
 
     def __init__(self, path: Path, wanted: Callable[[], bool], on_rest: Callable[[], None]) -> None:
         """Open the file.
 
         Args:
             path: The file.
-            wanted: Whether to go on waiting.
-            on_rest: Called before waiting, when everything that is there has been read.
+            wanted: Returns whether to continue waiting.
+            on_rest: Called before waiting, when all available data have been read.
         """
         self._file = open(path, "rb")  # noqa: SIM115 (closed with this)
         self._wanted = wanted
@@ -58,22 +58,22 @@ class _Tail(io.RawIOBase):
 
 
 def await_beginning(path: Path, wanted: Callable[[], bool]) -> Log:
-    """Wait until a log tells who takes part and where they are at first.
+    """Wait until a log has a manifest and its first messages.
 
     Args:
         path: The file, which need not exist yet.
-        wanted: Whether to go on waiting.
+        wanted: Returns whether to continue waiting.
 
     Raises:
-        FollowingAbandoned: Nobody wants to any more.
-        LogError: The file is not one of our logs.
+        FollowingAbandoned: Waiting was cancelled.
+        LogError: The file is not a SymAware log.
     """
     while wanted():
         if path.exists() and path.stat().st_size:
             try:
                 log = open_log(path)
             except LogError:
-                # The writer is in the middle of its first words.
+                # The writer has not finished the first records.
                 time.sleep(_INTERVAL)
                 continue
             if log.foreign and log.header.profile:
@@ -85,15 +85,15 @@ def await_beginning(path: Path, wanted: Callable[[], bool]) -> Log:
 
 
 def follow(path: Path, replay: Replay, wanted: Callable[[], bool]) -> None:
-    """Draw a log from its beginning to its end, as it grows.
+    """Draw a log from its beginning to its end while it grows.
 
     Args:
         path: The file.
-        replay: Draws what has come.
-        wanted: Whether to go on; asked whenever there is nothing new.
+        replay: Draws the chunks.
+        wanted: Returns whether to continue; called whenever there are no new data.
 
     Raises:
-        FollowingAbandoned: Nobody wants to any more.
+        FollowingAbandoned: Following was cancelled.
         LogError: The log is damaged.
     """
     chunk_reader = replay.chunk_reader()
@@ -118,7 +118,7 @@ def _take(chunk_reader: ChunkReader, message: LogMessage, draw: Callable[[], Non
 
 
 def _messages(tail: _Tail) -> Iterator[LogMessage]:
-    """Read messages in the order of the file, which in our logs is that of time."""
+    """Read messages in file order, which in SymAware logs is the order of time."""
     schemas: dict[int, str] = {}
     channels: dict[int, ChannelInfo] = {}
     for record in StreamReader(io.BufferedReader(tail)).records:

@@ -1,4 +1,4 @@
-"""Logs of other software, shown as far as Rerun understands them by itself."""
+"""Replays of MCAP files that other programs wrote, as far as Rerun supports their messages."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     import rerun as rr
     from rerun.experimental import View
 
-#: What Rerun raises.
+#: The errors that Rerun raises.
 _TROUBLE = (RuntimeError, ValueError, OSError)
 
 
 @dataclass(frozen=True)
 class ForeignReplaySession:
-    """An MCAP that SymAware did not write.
+    """A replay of an MCAP file that SymAware did not write.
 
     Attributes:
         log: The log.
-        words: What of it is shown, for people.
+        words: A description of what is shown, for users.
     """
 
     log: Log
@@ -38,14 +38,14 @@ class ForeignReplaySession:
         """Write an .rrd file.
 
         Raises:
-            LogError: It cannot be written, or Rerun cannot read the log.
+            LogError: The file cannot be written, or Rerun cannot read the log.
         """
-        del on_progress  # Rerun does not tell how far it is.
+        del on_progress  # Rerun does not report progress.
         with whole_file(path, self.log.path) as partial, tempfile.TemporaryDirectory() as folder:
             try:
                 self._convert(self.log.path, partial)
             except _TROUBLE:
-                # Rerun goes by the summary, which others may leave out: give it one that is complete.
+                # Rerun needs the summary, which other writers may omit: make a copy with a complete one.
                 whole = Path(folder) / self.log.path.name
                 recover(self.log, whole)
                 try:
@@ -61,7 +61,7 @@ class ForeignReplaySession:
         )
 
     def send(self, url: str, on_progress: Callable[[int], None] | None = None) -> rr.RecordingStream:
-        """Send everything to a viewer; the recording must be kept for as long as the viewer is to have it."""
+        """Send everything to a viewer; the recording must be kept as long as the viewer needs it."""
         import rerun as rr
 
         recording = rr.RecordingStream(f"symaware {self.log.path.name}", recording_id=str(uuid.uuid4()))
@@ -71,7 +71,7 @@ class ForeignReplaySession:
         return recording
 
     def follow(self, url: str, wanted: Callable[[], bool]) -> rr.RecordingStream:
-        """Refuse to: how somebody else's log grows is not known.
+        """Raise an error: foreign logs cannot be followed.
 
         Raises:
             LogError: Always.
@@ -81,15 +81,15 @@ class ForeignReplaySession:
     def picture(
         self, path: Path, moment: int | None, size: str, on_progress: Callable[[int], None] | None = None
     ) -> list[View]:
-        """Write a PNG of what the viewer shows.
+        """Write a PNG of the view at an instant.
 
         Raises:
-            LogError: It cannot be written, or Rerun cannot read the log.
+            LogError: The file cannot be written, or Rerun cannot read the log.
             ViewerError: The viewer failed.
         """
         from symaware_cli.viewing import viewer
 
-        # Its clock may show the time of day: the instant counts from its beginning.
+        # Its times may be times of day, so the instant is relative to its beginning.
         instant = None if moment is None else (self.log.start_time or 0) + moment
         with tempfile.TemporaryDirectory() as folder, whole_file(path, self.log.path) as partial:
             recording = Path(folder) / "picture.rrd"

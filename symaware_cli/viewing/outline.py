@@ -1,4 +1,4 @@
-"""Outlines of shapes as polygons."""
+"""Outlines of shapes as polygons, and prisms over them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 Piece = tuple[Sequence[Sequence[float]] | NDArray[np.float64], float]
 """A convex core (m, 2) and the radius by which it is rounded [m], as in `Shape.pieces`."""
 
-#: Corners of a full circle.
+#: Number of corners of a full circle.
 _CORNERS = 32
 
 
@@ -21,13 +21,13 @@ def outlines(pieces: Iterable[Piece]) -> list[Array]:
 
 
 def circle(radius: float = 1.0, corners: int = _CORNERS) -> Array:
-    """A circle around the origin, closed: the last point is the first; (corners + 1, 2) [m]."""
+    """Return a closed circle around the origin: the last point equals the first; (corners + 1, 2) [m]."""
     angles = np.linspace(0.0, 2.0 * np.pi, corners + 1)
     return radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def placed(outline: Array, positions: Array, headings: ArrayLike) -> Array:
-    """Turn an outline and move it to where bodies are.
+    """Place an outline at the poses of bodies.
 
     Args:
         outline: (m, 2) [m].
@@ -46,12 +46,12 @@ def placed(outline: Array, positions: Array, headings: ArrayLike) -> Array:
 
 
 def mesh(outline: Array, low: float, high: float) -> tuple[Array, NDArray[np.uint32]]:
-    """The surface of a prism over a convex outline.
+    """Return the surface of a prism over a convex outline.
 
     Args:
         outline: (m, 2) [m].
-        low: Where it begins [m].
-        high: Where it ends [m]; flat if that is the same.
+        low: Its lower end [m].
+        high: Its upper end [m]; equal to `low` if flat.
 
     Returns:
         Its vertices (v, 3) and triangles (t, 3).
@@ -73,7 +73,7 @@ def mesh(outline: Array, low: float, high: float) -> tuple[Array, NDArray[np.uin
 
 
 def _rounded(core: Array, radius: float) -> Array:
-    """The outline of a convex core, (m, 2) counter-clockwise, grown by a radius."""
+    """Return the outline of a convex core, (m, 2) counter-clockwise, grown by a radius."""
     if radius == 0.0:
         return core
     from scipy.spatial import ConvexHull

@@ -1,4 +1,4 @@
-"""The colours of agents, risks and levels, the same in replays, plots and exports."""
+"""Colours of agents, risks and events, shared by replays, plots and exports."""
 
 from collections.abc import Sequence
 
@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 Colour = tuple[int, int, int]
 """Red, green and blue, 0 to 255."""
 
-#: Told apart by most people who see colours differently: P. Tol's "bright" scheme, a little darker where it is pale,
-#: and four more between. Red is left out: it stands for risk.
+#: Distinguishable with common colour vision deficiencies: P. Tol's "bright" scheme, a little darker where it is pale,
+#: and four more colours. Red is reserved for risk.
 AGENTS: tuple[Colour, ...] = (
     (68, 119, 170),
     (34, 136, 51),
@@ -32,15 +32,15 @@ MESSAGE: Colour = (250, 220, 120)
 LOSS: Colour = (255, 80, 70)
 REGIONS: tuple[Colour, ...] = ((90, 120, 160), (90, 150, 90), (150, 120, 70), (140, 100, 150), (80, 140, 140))
 
-#: What one agent can be told apart by: beyond this many, agents share the colour of their group.
+#: Maximum number of agents with individual colours; with more, agents share the colour of their group.
 DISTINCT = 2 * len(AGENTS)
 
 
 def agent_colours(sizes: Sequence[int]) -> list[NDArray[np.uint8]]:
-    """Choose a colour for every agent: its own if there are few, its group's if there are many.
+    """Choose a colour for every agent: individual colours for few agents, the colour of the group for many.
 
     Args:
-        sizes: How many agents each group has.
+        sizes: Number of agents in each group.
 
     Returns:
         For each group an array (n, 3).
@@ -55,10 +55,10 @@ def agent_colours(sizes: Sequence[int]) -> list[NDArray[np.uint8]]:
 
 
 def body_colours(names: Sequence[str]) -> dict[str, Colour]:
-    """Choose a colour for each body that moves and is no agent: the same for those whose names differ in a number only.
+    """Choose a colour for each moving entity; names that differ only in a number have the same colour.
 
     Args:
-        names: What they are called. The kind of the first is grey; the others are paler than agents.
+        names: The names of the entities. The first kind is grey; others are paler than agents.
     """
     kinds = list(dict.fromkeys(_kind(name) for name in names))
     tints = [SCENERY, *(_paler(AGENTS[number % len(AGENTS)]) for number in range(2, len(kinds) + 1))]
@@ -75,12 +75,12 @@ def _kind(name: str) -> str:
 
 
 def tinted(colours: NDArray[np.uint8], risk: ArrayLike) -> NDArray[np.uint8]:
-    """Mix colours with that of risk.
+    """Mix colours with the colour of risk.
 
     Args:
         colours: Shape (..., 3).
-        risk: Shape (...), from 0, which leaves the colour as it is, to 1; what is above or infinite counts as 1, what
-            is unknown (NaN) as 0.
+        risk: Shape (...), from 0, which leaves the colour unchanged, to 1; values above 1 or infinite count as 1,
+            unknown values (NaN) as 0.
 
     Returns:
         Shape (..., 3).
@@ -95,7 +95,7 @@ def faded(colours: NDArray[np.uint8], share: ArrayLike) -> NDArray[np.uint8]:
 
     Args:
         colours: Shape (..., 3).
-        share: How much of the background, from 0 to 1; shape (...).
+        share: Share of the background, from 0 to 1; shape (...).
 
     Returns:
         Shape (..., 3).
@@ -105,5 +105,5 @@ def faded(colours: NDArray[np.uint8], share: ArrayLike) -> NDArray[np.uint8]:
 
 
 def hexadecimal(colour: ArrayLike) -> str:
-    """Write a colour as ``#rrggbb``."""
+    """Format a colour as ``#rrggbb``."""
     return "#" + "".join(f"{int(part):02x}" for part in np.asarray(colour)[:3])

@@ -1,4 +1,4 @@
-"""A replay: everything that a log tells, drawn chunk by chunk."""
+"""Draws a replay in Rerun, chunk by chunk."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
 
-#: How many places of a log are looked at to find where everything is.
-_SOUNDINGS = 9
+#: Number of instants at which positions are read to determine the extent of a log.
+_SAMPLES = 9
 
 
 class Replay:
     """Draws a run for Rerun."""
 
     def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
-        """Put up what explains it.
+        """Write the explanation of the replay.
 
         Args:
-            run_view: Who takes part.
-            detail: How much to show.
-            output: Where to draw.
+            run_view: The run to draw.
+            detail: The level of detail.
+            output: The output to draw on.
         """
         self._run_view, self._detail, self._output = run_view, detail, output
         self._scene = Scene(run_view, detail, (*SCENE, *CURVES))
         self._explain()
 
     def chunk_reader(self) -> ChunkReader:
-        """What puts messages together to chunks for this replay."""
+        """Create a reader that groups messages into chunks for this replay."""
         return self._scene.chunk_reader()
 
     def draw(
@@ -50,18 +50,18 @@ class Replay:
         start: int = 0,
         earlier: Iterable[LogMessage] = (),
     ) -> None:
-        """Draw messages, which come in the order of time.
+        """Draw messages, ordered by time.
 
         Args:
-            messages: Of a log of ours.
-            on_progress: Called now and then with simulated time [ns].
-            start: Where they begin [ns].
-            earlier: Those before. What they say last holds at the start.
+            messages: Messages of a SymAware log.
+            on_progress: Called at intervals with simulated time [ns].
+            start: The time at which they begin [ns].
+            earlier: The preceding messages; their last values are valid at the start.
         """
         chunk_reader = self.chunk_reader()
         for message in earlier:
             if message.channel.topic == "/events":
-                chunk_reader.note(start, message.decode())  # what happened is over
+                chunk_reader.note(start, message.decode())  # only removals still matter
             else:
                 chunk_reader.take(message.channel.topic, start, message.decode())
         for chunk in chunk_reader.chunks(messages):
@@ -70,7 +70,7 @@ class Replay:
                 on_progress(chunk.end)
 
     def draw_chunk(self, chunk: Chunk) -> None:
-        """Draw a stretch of the log; in the order of time."""
+        """Draw a chunk of the log; chunks must be ordered by time."""
         for mark in self._scene.marks(chunk):
             self._output.show(mark)
         self._output.flush()
@@ -82,9 +82,9 @@ class Replay:
             for name, group_view in run_view.group_views.items()
             if not group_view.whereabouts.startswith("/world/")
         ]
-        bodies = "where agents truly are" + (f" ({', '.join(believed)}: believe to be)" if believed else "")
+        bodies = "true positions of agents" + (f" ({', '.join(believed)}: believed)" if believed else "")
         shared = "".join(
-            f"| bars beside them | {part}, from left to right: {said} |\n" for part, said in legend(run_view)
+            f"| bars beside agents | {part}, from left to right: {meaning} |\n" for part, meaning in legend(run_view)
         )
         text = f"""# {run_view.name}
 
@@ -95,38 +95,39 @@ Seed {run_view.seed}. Time is simulated time.
 | | |
 |---|---|
 | bodies | {bodies}; redder with risk |
-| lines behind | where they came from |
-| fading lines ahead | their intents |
-| ellipses | 95 % of where they may be |
-| thin fans | samples of what may happen |
+| lines behind | past positions |
+| fading lines ahead | intents |
+| ellipses | uncertainty of the position, 95 % |
+| thin fans | samples of the future |
 {shared}| crosses | goals and waypoints |
 | red rings | contacts |
-| fine points | where the rays of lidars end, and what other sensors found |
-| yellow arrows | messages as they arrive |
-| red lines that break off at a cross | messages that were lost |
-| yellow dots | who was told what goes around |
+| fine points | ends of lidar rays, and points found by other sensors |
+| yellow arrows | messages at delivery |
+| red lines that end at a cross | lost messages |
+| yellow dots | agents that received a spreading message |
 
-In the tab of an agent, rings stand where it believes others to be, fainter the older the belief; ellipses hold 95 %.
+In the tab of an agent, rings are its beliefs of others' positions, fainter with age; ellipses are their uncertainty, 95
+%.
 """
         self._output.document("about", text)
 
 
 def content_of(log: Log, run_view: RunView, start: int | None = None, end: int | None = None) -> ReplayContent:
-    """Find out what a log has, and where everything is, from a few looks at it.
+    """Determine the topics and the spatial extent of a log, by reading a few instants.
 
     Args:
-        log: One of ours.
-        run_view: Who takes part in it.
-        start: The first instant to be shown [ns].
-        end: The first instant not to be shown any more [ns].
+        log: A SymAware log.
+        run_view: The run in the log.
+        start: The first instant to show [ns].
+        end: The instant at which to stop, exclusive [ns].
     """
     topics = frozenset(topic for topic, channel in log.topics.items() if channel.count)
     first = start if start is not None else log.start_time or 0
     last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
     corners = [corner for obstacle_view in run_view.obstacle_views.values() for corner in obstacle_view.corners]
     group_views = {group_view.whereabouts: group_view for group_view in run_view.group_views.values()}
-    for moment in np.linspace(first, last, _SOUNDINGS).astype(np.int64).tolist():
-        for message in _sounding(log, group_views, moment, last):
+    for moment in np.linspace(first, last, _SAMPLES).astype(np.int64).tolist():
+        for message in _sample(log, group_views, moment, last):
             group_view = group_views[message.channel.topic]
             states = message.decode().values
             places = in_space(group_view.positions(states[np.isfinite(states).all(axis=1)]))
@@ -137,8 +138,8 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
     return ReplayContent(np.min(known, axis=0), np.max(known, axis=0), topics)
 
 
-def _sounding(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:
-    """The first message on each topic from a moment on, as far as it comes soon."""
+def _sample(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:
+    """Return the first message on each topic soon after an instant, if there is one."""
     found: dict[str, LogMessage] = {}
     for message in islice(log.messages(topics, start=moment), 3 * len(topics)):
         if message.time <= last:

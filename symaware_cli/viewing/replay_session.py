@@ -1,4 +1,4 @@
-"""Sessions of replaying a log: into a file, a viewer on the screen, a browser, or a picture."""
+"""Replay sessions: output of a replay to a file, a viewer, a browser, or a picture."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import rerun as rr
     from rerun.experimental import View
 
-#: What a file of Rerun's begins with, blueprint and all, is smaller than this [bytes].
+#: Maximum size of the beginning of a Rerun file, including the blueprint [bytes].
 _ROOM = 1 << 20
 
 Progress = Callable[[int], None] | None
@@ -31,14 +31,14 @@ Progress = Callable[[int], None] | None
 
 @dataclass(frozen=True)
 class ReplaySession:
-    """What of a log is to be shown, and how closely.
+    """The part of a log to show, and its level of detail.
 
     Attributes:
         log: The log.
-        run_view: Who takes part in it.
-        detail: How much to show.
+        run_view: The run in the log.
+        detail: The level of detail.
         start: The first instant [ns]; None for the beginning.
-        end: The first instant not shown any more [ns]; None for the end.
+        end: The instant at which to stop, exclusive [ns]; None for the end.
     """
 
     log: Log
@@ -49,23 +49,23 @@ class ReplaySession:
 
     @property
     def words(self) -> str:
-        """What is shown, for people."""
+        """A description of what is shown, for users."""
         return self.detail.words
 
     def save(self, path: Path, on_progress: Progress = None) -> None:
-        """Write an .rrd file, blueprint inside.
+        """Write an .rrd file, including the blueprint.
 
         Raises:
-            LogError: It cannot be written; nothing is left of it.
+            LogError: The file cannot be written; nothing is left behind.
         """
         with whole_file(path, self.log.path) as partial:
             self._write(partial, path, on_progress)
 
     def send(self, url: str, on_progress: Progress = None) -> rr.RecordingStream:
-        """Send everything to a viewer; the recording must be kept for as long as the viewer is to have it.
+        """Send everything to a viewer; the recording must be kept as long as the viewer needs it.
 
         Raises:
-            ViewerError: The viewer cannot be reached, or not any more.
+            ViewerError: The viewer cannot be reached.
         """
         recording = self._recording()
         with _connection(url):
@@ -77,12 +77,12 @@ class ReplaySession:
         """Send everything to a viewer while the log is still being written.
 
         Args:
-            url: Of the viewer.
-            wanted: Whether to go on; asked whenever there is nothing new.
+            url: The URL of the viewer.
+            wanted: Returns whether to continue; called whenever there are no new data.
 
         Raises:
             LogError: The log is damaged.
-            ViewerError: The viewer cannot be reached, or not any more.
+            ViewerError: The viewer cannot be reached.
         """
         from symaware_cli.viewing.following import FollowingAbandoned, follow
 
@@ -93,10 +93,10 @@ class ReplaySession:
         return recording
 
     def picture(self, path: Path, moment: int | None, size: str, on_progress: Progress = None) -> list[View]:
-        """Write a PNG of what the viewer shows at an instant [ns], and return the views with what they report.
+        """Write a PNG of the view at an instant [ns], and return the views with their reports.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The file cannot be written.
             ViewerError: The viewer failed.
         """
         from symaware_cli.viewing import viewer
@@ -110,7 +110,7 @@ class ReplaySession:
         return views
 
     def _write(self, partial: Path, path: Path, on_progress: Progress) -> None:
-        # Rerun does not say why it cannot write, and waits for ever where there is no room for its first words.
+        # Rerun does not report why it cannot write, and blocks if there is no space for the first bytes: reserve it.
         partial.write_bytes(bytes(_ROOM))
         recording = self._recording()
         try:
@@ -122,7 +122,7 @@ class ReplaySession:
             raise OutputError(f"cannot write {path}: {_why(partial) or error}") from error
 
     def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
-        # What was measured and what was believed of others is renewed all the time; what happened before is over.
+        # Measurements and beliefs about others are renewed continuously; earlier ones are not needed.
         held = [topic for topic in self.log.topics if topic.count("/") == 3 and not topic.endswith("/awareness")]
         self._replay(recording).draw(
             self.log.messages(start=self.start, end=self.end),
@@ -155,21 +155,21 @@ class ReplaySession:
 def replay_session(
     log: Log, agents: Sequence[str] = (), start: int | None = None, end: int | None = None
 ) -> ReplaySession:
-    """Choose what of a log to show.
+    """Create a replay session of a log.
 
     Args:
-        log: One of ours.
-        agents: Whom to look at closely; empty for as many as fit.
+        log: A SymAware log.
+        agents: The agents that have a tab; empty for as many as fit.
         start: The first instant [ns].
-        end: The first instant not to be shown any more [ns].
+        end: The instant at which to stop, exclusive [ns].
 
     Raises:
-        LogError: It is not one of ours, has no such agents, or has nothing in that stretch.
+        LogError: The log is foreign, has no such agents, or has no messages in the interval.
     """
     run_view = run_view_of(log)
     detail = detail_of(run_view, agents)
     if next(log.messages(start=start, end=end), None) is None:
-        where = "" if start is None and end is None else " in that stretch"
+        where = "" if start is None and end is None else " in that interval"
         lost = f"; {log.damage}" if log.damage and log.damage.lost else ""
         raise LogError(f"{log.path} has nothing to show{where}{lost}")
     return ReplaySession(log, run_view, detail, start, end)
@@ -177,7 +177,7 @@ def replay_session(
 
 @contextmanager
 def _connection(url: str) -> Iterator[None]:
-    """Say in our words that a viewer cannot be reached, or not any more."""
+    """Convert errors of the connection to a viewer."""
     from symaware_cli.viewing.viewer import ViewerError, require_reachable
 
     require_reachable(url)
@@ -188,7 +188,7 @@ def _connection(url: str) -> Iterator[None]:
 
 
 def _why(path: Path) -> str | None:
-    """Why nothing more can be written to a file; None if it can."""
+    """Return why a file cannot be extended; None if it can."""
     try:
         with open(path, "ab") as file:
             file.write(bytes(1 << 16))

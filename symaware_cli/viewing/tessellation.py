@@ -1,4 +1,4 @@
-"""Tessellation: solids as triangles, with normals so that light falls on them."""
+"""Tessellation: converts solids to triangles with normals for lighting."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from symaware_cli.geometry.articulation import Visual
 
 Array = NDArray[np.float64]
 
-#: Into how many parts a turn, and half as many from pole to pole, are divided.
+#: Number of segments around the axis; from pole to pole there are half as many.
 _TURN = 32
 
 
 class Triangles(NamedTuple):
-    """A surface.
+    """A triangle mesh.
 
     Attributes:
         vertices: (v, 3) [m].
         normals: (v, 3), of length 1.
-        corners: (t, 3) three vertices each, counter-clockwise as seen from outside.
+        corners: (t, 3) vertex indices, counter-clockwise as seen from outside.
     """
 
     vertices: Array
@@ -30,7 +30,7 @@ class Triangles(NamedTuple):
 
 
 def tessellated(visual: Visual) -> Triangles:
-    """The surface of anything but a mesh, in the frame of the visual."""
+    """Return the surface of any visual except a mesh, in the frame of the visual."""
     size = visual.size
     match visual.kind:
         case "box":
@@ -47,7 +47,7 @@ def tessellated(visual: Visual) -> Triangles:
 
 
 def _prism(outline: ArrayLike, height: float) -> Triangles:
-    """An upright prism around the origin over a convex outline, counter-clockwise."""
+    """Return an upright prism around the origin over a convex, counter-clockwise outline."""
     corners = np.asarray(outline, float)
     following = np.roll(corners, -1, axis=0)
     count, half = len(corners), 0.5 * height
@@ -71,13 +71,13 @@ def _caps(size: ArrayLike) -> tuple[Triangles, Triangles]:
 
 
 def _lid(rim: Array, upwards: float) -> Triangles:
-    """A flat convex face that looks up (1) or down (-1)."""
+    """Return a flat convex face that faces up (1) or down (-1)."""
     fan = np.array([(0, index, index + 1) for index in range(1, len(rim) - 1)], np.uint32)
     return Triangles(rim, np.tile([0.0, 0.0, upwards], (len(rim), 1)), fan if upwards > 0 else fan[:, ::-1])
 
 
 def _ball(radius: float, length: float) -> Triangles:
-    """A sphere whose halves are drawn apart along z by a length."""
+    """Return a sphere whose halves are separated along z by a length."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _TURN // 2 + 2)
     angles = np.sort(np.append(angles, [0.0, 0.0]) if length else angles)
     normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -87,7 +87,7 @@ def _ball(radius: float, length: float) -> Triangles:
 
 
 def _round(profile: ArrayLike, normals: ArrayLike) -> Triangles:
-    """Turn a line (m, 2) of radii and heights, upwards, about the z axis."""
+    """Revolve a line (m, 2) of radii and heights, upwards, around the z axis."""
     line, facing = np.asarray(profile, float), np.asarray(normals, float)
     angles = 2.0 * np.pi * np.arange(_TURN + 1) / _TURN
     around = np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -1,4 +1,4 @@
-"""The Rerun viewer as a process: on the screen, in a browser, or without either for pictures."""
+"""Runs the Rerun viewer as a process: in a window, for browsers, or without a screen for pictures."""
 
 from __future__ import annotations
 
@@ -28,37 +28,37 @@ from symaware_cli.viewing.rerun.columns import TIMELINE
 if TYPE_CHECKING:
     from rerun.experimental import View, ViewerClient
 
-#: How long a viewer may take to listen [s].
-_PATIENCE = 30.0
-#: How long it may take to load a recording for a picture [s].
+#: Time limit for a viewer to start listening [s].
+_TIMEOUT = 30.0
+#: Time limit for loading a recording for a picture [s].
 _LOADING = 600.0
-#: How long a picture may take to come to rest [s], and how often in a row it must be the same.
+#: Time limit for a picture to become stable [s], and the number of equal screenshots required.
 _SETTLING = 20.0
 _STILL = 3
-#: Where Rerun serves its viewer for browsers, unless told otherwise.
+#: Default port for browsers.
 WEB_PORT = 9090
 
-#: What a server for browsers of Rerun 0.41 prints as soon as it listens for recordings, and for browsers.
+#: Output of the web server of Rerun 0.41 when it listens for recordings, and for browsers.
 _LISTENS = re.compile(r"Listening for gRPC connections on \S+:(\d+)\.")
 _SERVES = re.compile(r"Hosting a web-viewer at http://\S+:(\d+) ")
 
 
 _NO_ADDRESS = "this machine does not have the address to listen on; choose one with --bind"
-_LATE = f"the viewer did not come up within {_PATIENCE:g} s"
+_TIMED_OUT = f"the viewer did not start within {_TIMEOUT:g} s"
 
 
 class ViewerError(Exception):
-    """The viewer did not do what it was asked to."""
+    """The viewer failed."""
 
 
 @dataclass(frozen=True)
 class Viewer:
-    """A viewer that runs.
+    """A running viewer.
 
     Attributes:
         process: Its process, a child of this one.
-        url: Where recordings are sent to.
-        link: What a browser opens; empty if it is not for browsers.
+        url: The URL to send recordings to.
+        link: The URL to open in a browser; empty if it is not for browsers.
     """
 
     process: subprocess.Popen[bytes]
@@ -67,21 +67,21 @@ class Viewer:
 
     @property
     def closed(self) -> bool:
-        """Whether somebody closed it."""
+        """Whether it was closed."""
         return self.process.poll() is not None
 
     def wait(self) -> None:
-        """Wait until somebody closes it."""
+        """Wait until it is closed."""
         self.process.wait()
 
 
 def require() -> None:
-    """Make sure that Rerun is installed.
+    """Check that Rerun is installed.
 
     Raises:
-        LogError: It is not, or it is another than the one this was made for.
+        LogError: It is not installed, or has an unsupported version.
     """
-    # Whatever Rerun's own threads meet reaches us as an exception, and is told in our words.
+    # Errors in Rerun's threads reach this process as exceptions, so its own log output is redundant.
     os.environ.setdefault("RUST_LOG", "off")
     try:
         version = metadata.version("rerun-sdk")
@@ -95,30 +95,30 @@ def require() -> None:
 def viewer(
     *, headless: bool = False, web: bool = False, bind: str = "127.0.0.1", web_port: int = WEB_PORT, size: str = ""
 ) -> Iterator[Viewer]:
-    """Start a viewer, which ends with the block.
+    """Start a viewer, which is ended with the block.
 
-    It keeps to itself: it neither reads nor writes anything in the user's home, and its usage statistics are off.
+    It neither reads nor writes files in the user's home, and its usage statistics are off.
 
     Args:
         headless: Without a window, for pictures.
         web: For browsers.
-        bind: The address it listens on.
-        web_port: Where it serves browsers; 0 for any free port.
-        size: Of the window, such as ``1600x1000``.
+        bind: The address to listen on.
+        web_port: The port for browsers; 0 for any free port.
+        size: The size of the window, such as ``1600x1000``.
 
     Raises:
-        ViewerError: It does not come up, and what it said.
+        ViewerError: It does not start; the message has its output.
     """
-    # What a windowed viewer prints it also shows, so that its port has to be known beforehand.
+    # A viewer with a window shows its output in the window as well, so its port must be chosen beforehand.
     port = "auto" if web else str(_free_port(bind))
     command = [str(_executable()), "--bind", bind, "--port", port, "--hide-welcome-screen"]
     if headless:
         command.append("--headless")
     if web:
-        # The server forgets the beginning of what exceeds its memory, by default 1 GiB.
+        # The server drops the oldest data beyond its memory limit, 1 GiB by default.
         command += ["--serve-web", "--web-viewer-port", str(web_port), "--server-memory-limit", "75%"]
         if not ipaddress.ip_address(bind).is_loopback:
-            # Other machines know this one by names of their own; its page is at the same port for all.
+            # Other machines use other names for this one; the page has the same port for all.
             command += ["--cors-allow-origin", f"http://*:{web_port}"]
     if size:
         command += ["--window-size", size]
@@ -132,15 +132,15 @@ def viewer(
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 env=_environment(Path(home), web),
-                # Ctrl-C reaches this process alone, which then ends the viewer.
+                # Ctrl-C is sent only to this process, which then ends the viewer.
                 start_new_session=True,
-                preexec_fn=_die_with_parent(),
+                preexec_fn=_end_with_parent(),
             )
         try:
             if web:
-                url = _url(bind, _await_words(process, said, _LISTENS))
-                page = f"http://{_reachable(bind)}:{_await_words(process, said, _SERVES)}/"
-                # Its welcome would ask the network for examples; the scene is dark, so what is around it is, too.
+                url = _url(bind, _await_output(process, said, _LISTENS))
+                page = f"http://{_reachable(bind)}:{_await_output(process, said, _SERVES)}/"
+                # Without the welcome screen, which would fetch examples from the network; dark, like the scene.
                 link = f"{page}?url={quote(url, safe='')}&hide_welcome_screen=1&theme=dark"
             else:
                 url, link = _url(bind, port), ""
@@ -148,7 +148,7 @@ def viewer(
             try:
                 yield Viewer(process, url, link)
             except ViewerError as error:
-                raise ViewerError(_said(said) or str(error)) from error
+                raise ViewerError(_error_output(said) or str(error)) from error
         finally:
             _end(process)
 
@@ -160,12 +160,12 @@ def picture(
 
     Args:
         recording: An .rrd file, with its blueprint.
-        moment: The instant [ns]; None for wherever the viewer begins.
+        moment: The instant [ns]; None for the initial one.
         size: Width and height in pixels, such as ``1600x1000``.
-        timeline: On which the instant is.
+        timeline: The timeline of the instant.
 
     Returns:
-        A PNG, and the views with what they report.
+        A PNG, and the views with their reports.
 
     Raises:
         ViewerError: There is no graphics driver, or the viewer failed.
@@ -183,16 +183,16 @@ def picture(
                 time.sleep(0.05)
             if moment is not None:
                 client.set_time(timeline, duration=np.timedelta64(moment, "ns"), play_state="paused")
-            return _settled(client), client.get_state().views
+            return _stable_screenshot(client), client.get_state().views
         except (RuntimeError, ValueError, OSError) as error:
             raise ViewerError(f"the viewer failed: {error}") from error
 
 
 def require_reachable(url: str) -> None:
-    """Make sure that somebody listens where a viewer is said to be; Rerun would wait for it without end.
+    """Check that a viewer listens at a URL, since Rerun would wait for it without a time limit.
 
     Raises:
-        ViewerError: Nobody does, or the URL is not one of a viewer.
+        ViewerError: It does not, or the URL is invalid.
     """
     try:
         parts = urlsplit(url)
@@ -202,13 +202,13 @@ def require_reachable(url: str) -> None:
     if not host or not port or parts.scheme not in ("rerun", "rerun+http", "rerun+https") or parts.path != "/proxy":
         raise ViewerError(f"{url} is not the URL of a viewer, such as rerun+http://127.0.0.1:9876/proxy")
     try:
-        socket.create_connection((host, port), _PATIENCE / 6).close()
+        socket.create_connection((host, port), _TIMEOUT / 6).close()
     except OSError as error:
         raise ViewerError(f"the viewer at {url} cannot be reached: {(error.strerror or str(error)).lower()}") from None
 
 
-def _settled(client: ViewerClient) -> bytes:
-    """The picture once nothing moves any more: axes of plots glide to where they belong."""
+def _stable_screenshot(client: ViewerClient) -> bytes:
+    """Return the screenshot once it is stable: the axes of plots are animated."""
     deadline, still = time.monotonic() + _SETTLING, 1
     shown: bytes = client.take_screenshot()
     while still < _STILL and time.monotonic() < deadline:
@@ -219,63 +219,63 @@ def _settled(client: ViewerClient) -> bytes:
 
 
 def _executable() -> Path:
-    """The viewer itself: the command ``rerun`` is a wrapper, whose child would survive it."""
+    """Return the path of the viewer itself: the command ``rerun`` is a wrapper, whose child would survive it."""
     import rerun_cli
 
     name = "rerun.exe" if sys.platform == "win32" else "rerun"
     return Path(rerun_cli.__file__).with_name(name)
 
 
-def _environment(home: Path, talkative: bool) -> dict[str, str]:
-    """The environment of a viewer, which finds its settings in a folder of its own."""
+def _environment(home: Path, verbose: bool) -> dict[str, str]:
+    """Create the environment of a viewer, with a separate folder for settings."""
     settings = home / "rerun" / "analytics.json"
     settings.parent.mkdir()
     data = home / "rerun" / "analytics"
-    # Statistics are off only in a file with all of these.
+    # Statistics are off only if the file has all of these entries.
     content = {"analytics_enabled": False, "analytics_id": "none", "metadata": {}}
     content |= {"config_file_path": str(settings), "data_dir_path": str(data)}
     settings.write_text(json.dumps(content))
     folders = {"XDG_CONFIG_HOME": str(home), "XDG_DATA_HOME": str(home), "XDG_CACHE_HOME": str(home)}
-    levels = "error,re_grpc_server=info,re_sdk::web_viewer=info" if talkative else "error"
+    levels = "error,re_grpc_server=info,re_sdk::web_viewer=info" if verbose else "error"
     return {**os.environ, **folders, "RERUN_APP_ONLY": "true", "RUST_LOG": levels, "NO_COLOR": "1"}
 
 
-def _await_words(process: subprocess.Popen[bytes], said: Path, announced: re.Pattern[str]) -> str:
-    """Wait until the viewer announces something, and return what of it the pattern picks.
+def _await_output(process: subprocess.Popen[bytes], said: Path, announced: re.Pattern[str]) -> str:
+    """Wait until the output of the viewer matches a pattern, and return the matched group.
 
     Raises:
-        ViewerError: It ended, or does not come up.
+        ViewerError: It ended, or does not start.
     """
-    for ended in _moments(process):
+    for ended in _poll(process):
         if found := announced.search(said.read_text(errors="replace")):
             return found[1]
         if ended:
-            raise ViewerError(_reason(_said(said)))
-    raise ViewerError(_LATE)
+            raise ViewerError(_reason(_error_output(said)))
+    raise ViewerError(_TIMED_OUT)
 
 
 def _await_answer(process: subprocess.Popen[bytes], said: Path, url: str) -> None:
-    """Wait until the viewer answers, which it does as soon as it draws.
+    """Wait until the viewer answers, which it does when it draws.
 
     Raises:
-        ViewerError: It ended, or does not come up.
+        ViewerError: It ended, or does not start.
     """
     from rerun.experimental import ViewerClient
 
-    for ended in _moments(process):
+    for ended in _poll(process):
         if ended:
-            raise ViewerError(_reason(_said(said)))
+            raise ViewerError(_reason(_error_output(said)))
         try:
             ViewerClient.connect(url).get_state()
         except (RuntimeError, ValueError, OSError):
             continue
         return
-    raise ViewerError(_LATE)
+    raise ViewerError(_TIMED_OUT)
 
 
-def _moments(process: subprocess.Popen[bytes]) -> Iterator[bool]:
-    """Whether a process has ended, now and then for as long as patience lasts."""
-    deadline = time.monotonic() + _PATIENCE
+def _poll(process: subprocess.Popen[bytes]) -> Iterator[bool]:
+    """Yield at intervals whether a process has ended, until the time limit."""
+    deadline = time.monotonic() + _TIMEOUT
     while time.monotonic() < deadline:
         yield process.poll() is not None
         time.sleep(0.02)
@@ -291,11 +291,11 @@ def _reason(said: str) -> str:
         return "the port is taken by another program; choose one with --port"
     if "Cannot assign requested address" in said:
         return _NO_ADDRESS
-    return f"the viewer ended at once: {said or 'it said nothing'}"
+    return f"the viewer ended at once: {said or 'no output'}"
 
 
-def _said(said: Path) -> str:
-    """What a viewer complained about."""
+def _error_output(said: Path) -> str:
+    """Return the error output of a viewer."""
     lines = said.read_text(errors="replace").splitlines()
     return "\n".join(line for line in lines if " INFO " not in line and "XDG_RUNTIME_DIR" not in line)[-2000:].strip()
 
@@ -322,23 +322,23 @@ def _free_port(bind: str) -> int:
 
 
 def _url(bind: str, port: str) -> str:
-    """Where a viewer takes recordings."""
+    """Return the URL at which a viewer accepts recordings."""
     return f"rerun+http://{_reachable(bind)}:{port}/proxy"
 
 
 def _reachable(bind: str) -> str:
-    """Where to reach something on this machine that listens on an address."""
+    """Return the address at which a server on this machine can be reached."""
     if bind in ("0.0.0.0", "::"):
         return "127.0.0.1"
     return f"[{bind}]" if ":" in bind else bind
 
 
-def _die_with_parent() -> Callable[[], object] | None:
-    """What asks Linux, in a child, to end it when its parent dies, even of kill -9."""
+def _end_with_parent() -> Callable[[], object] | None:
+    """Return a function that makes Linux end a child process when its parent dies, even by kill -9."""
     if sys.platform != "linux":
         return None
     import ctypes
 
-    # Looked up before the fork, after which little is safe. 1 is PR_SET_PDEATHSIG.
+    # Resolved before the fork, after which few calls are safe. 1 is PR_SET_PDEATHSIG.
     prctl, death = ctypes.CDLL(None).prctl, int(signal.SIGTERM)
     return lambda: prctl(1, death)

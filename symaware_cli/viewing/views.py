@@ -1,4 +1,4 @@
-"""Views of a log: who and what is to be seen, as the manifest tells it."""
+"""Views of a log: groups, obstacles and run with everything needed to draw them, read from the manifest."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_co
 
 Array = NDArray[np.float64]
 
-#: What channels tell of their columns.
+#: Metadata entries about columns.
 _ANNOUNCED = ("columns", "units")
 
 
@@ -38,19 +38,19 @@ class GroupView:
     """A group of agents.
 
     Attributes:
-        name: The group's.
-        agents: Their ids, in the order of rows.
+        name: The name of the group.
+        agents: The ids of its agents, in row order.
         colours: (n, 3).
-        shape: Their outline; None for points.
+        shape: The outline of an agent; None for points.
         state: Name and unit of each element of the state.
-        control_input: The same of the control input.
-        position: Where the position stands in the state; 2 or 3 indices.
-        heading: Where the heading stands in the state; None if it has none.
-        whereabouts: The topic that says where they are: in truth or, if that was left out, as they believe.
-        perception_range: How far they see [m]; None if that is not limited or not known.
-        height: At which height those are whose position is one in a plane [m].
-        figure: What their bodies consist of, if more than their outline is known.
-        signals: The parts of awareness that the log has of them, and what their components hand out, by name.
+        control_input: Name and unit of each element of the control input.
+        position: Indices of the position in the state, 2 or 3.
+        heading: Index of the heading in the state; None if it has none.
+        whereabouts: The topic of the states to draw: the true ones or, if the log omits them, the believed ones.
+        perception_range: Range of perception [m]; None if unlimited or unknown.
+        height: Height of agents whose position is two-dimensional [m].
+        figure: Links and joints of the bodies, if the log has them.
+        signals: Parts of awareness and signals in the log, by name.
     """
 
     name: str
@@ -68,29 +68,29 @@ class GroupView:
     signals: Mapping[str, Signal] = field(default_factory=dict)
 
     def drawn(self, how: Drawn) -> Iterator[tuple[str, str]]:
-        """The name of each of `signals` that is drawn in some way, with its topic."""
+        """Yield name and topic of each of `signals` that is drawn in a given way."""
         return ((name, self.topic(name)) for name, signal in self.signals.items() if signal.drawn == how)
 
     def topic(self, name: str) -> str:
-        """The topic of one of `signals`."""
+        """Return the topic of one of `signals`."""
         return signal_topic(self.name, name, self.signals[name])
 
     @property
     def radius(self) -> float:
-        """The radius of the smallest circle around the body; 0 for a point [m]."""
+        """Radius of the smallest circle around the body; 0 for a point [m]."""
         return self.shape.radius if self.shape else 0.0
 
     @property
     def extent(self) -> float:
-        """The radius of a circle around the middle of all that is seen of the body; 0 for a point [m]."""
+        """Radius of a circle around everything that is drawn of the body; 0 for a point [m]."""
         return self.figure.radius if self.figure else self.radius
 
     def positions(self, states: Array) -> Array:
-        """Pick the positions in space out of states; (..., nx) to (..., 3) [m]."""
+        """Extract positions in space from states; (..., nx) to (..., 3) [m]."""
         return in_space(states[..., list(self.position)], self.height)
 
     def orientations(self, states: Array) -> Array:
-        """Pick how bodies are turned out of states; (..., nx) to quaternions x, y, z, w (..., 4)."""
+        """Extract orientations from states; (..., nx) to quaternions x, y, z, w (..., 4)."""
         columns = attitude_columns([name for name, _ in self.state])
         if columns:
             return attitude(*(states[..., column] for column in columns))
@@ -98,7 +98,7 @@ class GroupView:
         return about((0.0, 0.0, 1.0), np.zeros(states.shape[:-1]) if headings is None else headings)
 
     def headings(self, states: Array) -> Array | None:
-        """Pick the headings out of states; (..., nx) to (...) [rad]; None if the state has none."""
+        """Extract headings from states; (..., nx) to (...) [rad]; None if the state has none."""
         return None if self.heading is None else states[..., self.heading]
 
 
@@ -109,13 +109,13 @@ class ObstacleView:
     Attributes:
         name: Its name.
         shape: Its outline, seen from above.
-        position: Where it stands at the beginning; (3,) [m].
-        heading: Where its x axis points at the beginning [rad].
-        moves: Whether it may leave that, which /world/<name>/state tells.
-        tilt: Its roll and its pitch at the beginning, and as long as nothing else is known [rad].
-        stands: Whether its position is where it stands, as without a height of its own; otherwise it is its middle.
-        figure: What it consists of, if more than its outline is known.
-        colour: What tells it from bodies of another kind.
+        position: Its initial position; (3,) [m].
+        heading: The initial direction of its x axis [rad].
+        moves: Whether it may move; its poses are then on /world/<name>/state.
+        tilt: Its initial roll and pitch, which apply until its orientation is recorded [rad].
+        stands: Whether its position is on its bottom, as for a two-dimensional one; otherwise it is its centre.
+        figure: Links and joints, if the log has them.
+        colour: Its colour, by kind.
     """
 
     name: str
@@ -130,7 +130,7 @@ class ObstacleView:
 
     @property
     def corners(self) -> Array:
-        """The corners of boxes around it, at the beginning; (m, 3) [m]."""
+        """The corners of boxes around it, in its initial pose; (m, 3) [m]."""
         if self.figure is None:
             sides = self.shape.radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
             return in_space(self.position[:2] + sides)
@@ -138,31 +138,31 @@ class ObstacleView:
         return self.position + rotated(self.orientations(np.full(len(own), self.heading)), own)
 
     def orientations(self, headings: Array) -> Array:
-        """How it is turned with these headings [rad], while it keeps its tilt; quaternions (x, y, z, w)."""
+        """Return orientations for headings [rad], with its tilt; quaternions (x, y, z, w)."""
         return attitude(*self.tilt, headings) if any(self.tilt) else about((0.0, 0.0, 1.0), headings)
 
     def positions(self, values: Array) -> Array:
-        """Pick the positions in space out of what /world/<name>/state says; (..., columns) to (..., 3) [m]."""
+        """Extract positions in space from the values of /world/<name>/state; (..., columns) to (..., 3) [m]."""
         return in_space(values[..., :-1], float(self.position[2]))
 
 
 @dataclass(frozen=True)
 class RunView:
-    """Everybody and everything in a log.
+    """Everything in a log that is drawn.
 
     Attributes:
-        name: The scenario's.
+        name: The name of the scenario.
         seed: The seed of the run.
-        group_views: By name of the group, in the order of the manifest.
-        obstacle_views: By name.
-        roster: Who can be known of, in the order of `Awareness.entities`.
-        duration: How long the run was to be [s].
-        surfaces: The files of the meshes that figures consist of, by the name that they have there.
-        has_space: Whether the world is one of space, however its agents move in it.
-        ground: The height of the plane that carries what falls [m]; None where there is none.
-        quantities: Name and unit of each column of each topic, where the log tells.
+        group_views: The groups by name, in the order of the manifest.
+        obstacle_views: The entities by name.
+        roster: The agents and entities, in the order of `Awareness.entities`.
+        duration: The planned duration of the run [s].
+        surfaces: The mesh files of figures, by attachment name.
+        has_space: Whether the world is spatial, even if its agents move in a plane.
+        ground: Height of the ground plane [m]; None if there is none.
+        quantities: Name and unit of each column of each topic, where the log has them.
         regions: The regions of the scenario, by name.
-        specifications: The ids of the agents that each row of a specification is about, by its name.
+        specifications: For each specification by name, the ids of the agents that each row is about.
     """
 
     name: str
@@ -179,23 +179,23 @@ class RunView:
     specifications: Mapping[str, Sequence[tuple[str, ...]]] = field(default_factory=dict)
 
     def quantities_of(self, topic: str, field: str, width: int) -> Sequence[tuple[str, str]]:
-        """Name and unit of each of so many columns of a topic, by the name of a field where the log tells none."""
+        """Return name and unit of each column of a topic; unnamed columns are numbered, with the name of the field."""
         known = self.quantities.get(topic, ())
         return known if len(known) == width else [(f"{field} {number}", "") for number in range(width)]
 
     @property
     def agent_count(self) -> int:
-        """How many agents there are."""
+        """Number of agents."""
         return sum(len(group_view.agents) for group_view in self.group_views.values())
 
     @property
     def is_spatial(self) -> bool:
-        """Whether there is a third dimension, or all keep to a plane that has none."""
+        """Whether the world is spatial rather than planar."""
         return self.has_space or any(len(group_view.position) == 3 for group_view in self.group_views.values())
 
     @cached_property
     def place(self) -> Mapping[str, tuple[str, int]]:
-        """The group and the row in it of each agent."""
+        """Group and row of each agent."""
         return {
             agent: (group_view.name, row)
             for group_view in self.group_views.values()
@@ -209,10 +209,10 @@ class RunView:
 
 
 def run_view_of(log: Log) -> RunView:
-    """Read who takes part in a log.
+    """Read the views of a log.
 
     Raises:
-        LogError: It is not one of ours, or its manifest is damaged.
+        LogError: The log is foreign, or its manifest is damaged.
     """
     log.require_manifest()
     manifest = log.manifest
@@ -261,7 +261,7 @@ def run_view_of(log: Log) -> RunView:
 
 
 def in_space(positions: Array, height: float = 0.0) -> Array:
-    """Add a height to positions in a plane; (..., 2 or 3) to (..., 3)."""
+    """Extend planar positions with a height; (..., 2 or 3) to (..., 3)."""
     if positions.shape[-1] == 3:
         return positions
     return np.concatenate([positions, np.full((*positions.shape[:-1], 1), height)], axis=-1)
@@ -294,14 +294,14 @@ def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> O
         position=in_space(np.array(entity["position"], float), height),
         heading=float(entity["heading"]),
         moves=_moves(entity),
-        # What is free tells the height of its middle as it moves.
+        # A free entity records the height of its centre when it moves.
         stands=len(entity["position"]) == 2 and bool(entity.get("path") or not entity.get("moves")),
         **look,
     )
 
 
 def _quantities(channel: ChannelInfo) -> list[tuple[str, str]]:
-    """Name and unit of each column of a channel; none where it does not tell the names."""
+    """Return name and unit of each column of a channel; empty if the names are missing."""
     names, units = (channel.metadata[key].split(",") if channel.metadata.get(key) else [] for key in _ANNOUNCED)
     return list(zip(names, units if len(units) == len(names) else [""] * len(names), strict=True))
 
@@ -312,7 +312,7 @@ def _whereabouts(name: str, log: Log) -> str:
 
 
 def _perception_ranges(log: Log) -> dict[str, float]:
-    """How far each group sees, as far as the resolved scenario tells."""
+    """Return the range of perception of each group, if the resolved scenario has it."""
     try:
         document = read_yaml(log.attachments.get("resolved.yaml", b"")) or {}
         return {
@@ -322,5 +322,5 @@ def _perception_ranges(log: Log) -> dict[str, float]:
             if component.get("use", "").startswith("perception.") and (component.get("with") or {}).get("range")
         }
     except (ValueError, TypeError, AttributeError):
-        # The scenario is what the user wrote, and of a later version perhaps: a replay does without.
+        # The scenario may be of a later version; a replay works without it.
         return {}

@@ -194,7 +194,7 @@ def test_a_series_without_values_is_an_empty_table(sample, inspect):
         ("--series car:state --every 0", "--every takes a time above 0, not 0"),
         ("--events --agents robto", "has no agent, group or entity 'robto'; did you mean `robot`?"),
         ("--messages --agents robot.0,robot.3", "has no agent, group or entity 'robot.3'"),
-        ("--series robot", "a series is called NAME:FIELD or NAME:FIELD:COLUMN"),
+        ("--series robot", "a series is NAME:FIELD or NAME:FIELD:COLUMN"),
         ("--series robto:state", "did you mean `robot`?"),
         ("--series robot:staet", "did you mean `state`?"),
         ("--series robot:state:headign", "there are x, y, heading; did you mean `heading`?"),

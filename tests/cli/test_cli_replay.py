@@ -22,7 +22,7 @@ from symaware_cli.scenario.execution import execute
 from symaware_cli.scenario.files import open_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-SHOWN = "4 agents: bodies tinted by risk, trails of 3.6 s, intents and uncertainties of all; tabs for everybody"
+SHOWN = "4 agents: bodies tinted by risk, trails of 3.6 s, intents and uncertainties of all; tabs for all agents"
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_a_picture_is_taken_of_an_instant(hello, command):
     [
         (["--save", "a.rrd", "--web"], "choose one of --save, --screenshot, --web and --connect"),
         (["--save", "a.rrd", "--agents", "robot.9"], "there is no agent 'robot.9'; did you mean 'robot."),
-        (["--save", "a.rrd", "--from", "99"], "nothing to show in that stretch"),
+        (["--save", "a.rrd", "--from", "99"], "nothing to show in that interval"),
         (["--save", "a.rrd", "--from", "3", "--to", "2"], "--from 3 is later than --to 2"),
         (["--save", "a.rrd", "--from", "-1"], "--from takes a time in seconds, not -1"),
         (["--save", "a.rrd", "--to", "nan"], "--to takes a time in seconds"),

@@ -30,23 +30,23 @@ def test_of_a_few_everything_is_shown_and_each_has_a_tab():
     detail = detail_of(run_view(robot=FEW))
     assert len(detail.focus) == FEW
     assert detail.labels
-    assert detail.minds
+    assert detail.awareness
     assert detail.curves
-    assert "tabs for everybody" in detail.words
+    assert "tabs for all agents" in detail.words
 
 
 def test_of_more_a_few_have_tabs_and_labels():
     detail = detail_of(run_view(robot=FEW + 1))
     assert detail.focus == tuple(f"robot.{row}" for row in range(TABS))
     assert not detail.labels
-    assert detail.minds
+    assert detail.awareness
     assert not detail.curves
     assert "--agents chooses" in detail.words
 
 
-def test_of_a_crowd_only_the_minds_of_those_with_a_tab_are_shown():
+def test_of_a_crowd_only_the_awareness_of_those_with_a_tab_is_shown():
     detail = detail_of(run_view(robot=MANY + 1))
-    assert not detail.minds
+    assert not detail.awareness
     assert "intents and uncertainties of robot.0, robot.1, robot.2 and robot.3 only" in detail.words
 
 

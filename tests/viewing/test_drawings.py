@@ -106,7 +106,7 @@ def test_where_curves_are_thinned_extremes_stay(yard):
 
 def test_intents_run_ahead_of_their_agents_and_fade(yard):
     log, recording = yard
-    path = "/minds/cart/intent"
+    path = "/awareness/cart/intent"
     first, colours = recording.values(path, "LineStrips3D:strips")[0], recording.values(path, "LineStrips3D:colors")[0]
     prediction = next(log.predictions("cart.0", "intent"))
     np.testing.assert_array_equal(first[0][0][:2], prediction.values[0, :2].astype(np.float32))
@@ -160,7 +160,7 @@ def test_a_group_without_recorded_truth_is_drawn_where_it_believes_to_be(tmp_pat
     centres = np.array(recording.values("/world/agents/cart/body", "Boxes3D:centers"))
     believed = log.series("cart", "state")
     np.testing.assert_array_equal(centres[..., :2], believed.values[..., :2].astype(np.float32))
-    assert "believe to be" in recording.static("/about", "TextDocument:text")[0]
+    assert "believed)" in recording.static("/about", "TextDocument:text")[0]
     assert recording.values("/world/scenery/gate", "Transform3D:translation") == [[[-2, 3, 0]]]
 
 
@@ -191,7 +191,7 @@ def test_samples_are_drawn_as_a_fan(tmp_path):
     fan = np.arange(12, dtype=float).reshape(1, 3, 4)
     script.say("/agents/a/uncertainty", 0, wire.encode_series([0, 1, 2], fan), "SeriesRows", "x.0,y.0,x.1,y.1")
     recording = saved(script.finish(), tmp_path)
-    (ways,) = recording.values("/minds/a/uncertainty/samples", "LineStrips3D:strips")
+    (ways,) = recording.values("/awareness/a/uncertainty/samples", "LineStrips3D:strips")
     assert [[point[:2] for point in way] for way in ways] == [[[0, 1], [4, 5], [8, 9]], [[2, 3], [6, 7], [10, 11]]]
 
 

@@ -178,7 +178,7 @@ def test_a_plot_of_a_sampled_log_says_so(tmp_path):
     distances = separation(open_log(tmp_path / "a.mcap"))
     assert distances.sampled == 0.5
     assert distances.facts()["recorded_every"] == 0.5
-    assert "Recorded every 0.5 s only: between these, bodies may have been closer." in distances.notes()
+    assert "Recorded only every 0.5 s: in between, bodies may have been closer." in distances.notes()
 
 
 def test_aircraft_pass_over_each_other(tmp_path):

@@ -81,7 +81,7 @@ def test_a_contact_that_lasts_into_a_stretch_is_shown_there(tmp_path):
 
 
 def test_nothing_in_a_stretch_is_told(log):
-    with pytest.raises(LogError, match="nothing to show in that stretch"):
+    with pytest.raises(LogError, match="nothing to show in that interval"):
         replay_session(log, start=10_000_000_000)
 
 

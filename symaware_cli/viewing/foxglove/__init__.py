@@ -1,4 +1,4 @@
-"""From a log to an MCAP of foxglove.* messages, which Foxglove shows without a plugin."""
+"""Exports a log as an MCAP file of foxglove.* messages, which Foxglove shows without an extension."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from symaware_cli.viewing.detail import MANY, Detail
 from symaware_cli.viewing.scene.scene import SCENE, TABLES, Scene
 from symaware_cli.viewing.views import run_view_of
 
-#: More agents than this have no names beside them, and shorter trails [s].
+#: Duration of trails, and for many agents, which also have no labels [s].
 _TRAIL, _CROWD_TRAIL = 10.0, 3.0
 
 
 def export_foxglove(
     log: Log, path: str | os.PathLike[str], on_progress: Callable[[int], None] | None = None
 ) -> dict[str, int]:
-    """Write what Foxglove can show of a log.
+    """Write everything in a log that Foxglove can show.
 
     Args:
-        log: The log. What is damaged in it is left out; `Log.damage` tells of it afterwards.
-        path: The MCAP, which is replaced; it appears when it is complete.
-        on_progress: Is told now and then which simulated time was reached [ns].
+        log: The log. Damaged parts are skipped and reported by `Log.damage`.
+        path: The MCAP file, which is replaced; it appears when it is complete.
+        on_progress: Called at intervals with the simulated time reached [ns].
 
     Returns:
-        How many messages were written on each topic.
+        The number of messages on each topic.
 
     Raises:
-        LogError: The log is not one of ours, or what this needs is not installed.
-        OutputError: The MCAP cannot be written; nothing is left behind then.
+        LogError: The log is foreign, or a required module is not installed.
+        OutputError: The file cannot be written; nothing is left behind then.
     """
     run_view = run_view_of(log)
     try:
@@ -46,8 +46,8 @@ def export_foxglove(
         ) from error
     crowd = run_view.agent_count > MANY
     trail = _CROWD_TRAIL if crowd else _TRAIL
-    # A person chooses there what to look at.
-    detail = Detail(focus=(), labels=not crowd, minds=True, curves=True, trail=trail, single=False, words="")
+    # In Foxglove, users choose what to show.
+    detail = Detail(focus=(), labels=not crowd, awareness=True, curves=True, trail=trail, single=False, words="")
     scene = Scene(run_view, detail, (*SCENE, *TABLES))
     with whole_file(path, log.path) as place, open(place, "wb") as file, Output(file) as output:
         stage = Stage(output)
@@ -56,7 +56,7 @@ def export_foxglove(
                 for mark in scene.marks(chunk):
                     show(stage, mark)
             except (ValueError, IndexError, AttributeError) as error:
-                raise LogError(f"what {log.path} tells up to {chunk.end} ns does not fit together: {error}") from error
+                raise LogError(f"{log.path} is inconsistent up to {chunk.end} ns: {error}") from error
             stage.flush()
             if on_progress:
                 on_progress(chunk.end)

@@ -1,4 +1,4 @@
-"""Bodies for Foxglove: each is a frame that moves, and what it looks like moves with it."""
+"""Bodies in Foxglove: each has a moving frame, with its primitives attached."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from symaware_cli.viewing.tessellation import tessellated
 
 Array = NDArray[np.float64]
 
-#: How big a body without a shape is drawn [m].
+#: Size of a body without a shape [m].
 _POINT = 0.2
-#: From which change of a colour on bodies are put up anew.
+#: Change of a colour at which bodies are sent again.
 _VISIBLE = 8
 _NOSE = (240, 240, 240)
 
 
 def show_bodies(stage: Stage, mark: Bodies) -> None:
-    """Show bodies: frames at each instant, and what they look like whenever a colour visibly changes."""
+    """Show bodies: frames at each instant, and primitives whenever a colour visibly changes."""
     owner = mark.path.rpartition("/")[2]
     if mark.ring is None:
         _move(stage, f"/tf/{owner}", mark.times, mark.names, mark.positions, mark.orientations)
@@ -56,7 +56,7 @@ def show_bodies(stage: Stage, mark: Bodies) -> None:
 
 
 def show_solid(stage: Stage, mark: Solid) -> None:
-    """Show a body that stands over its outline."""
+    """Show a body that extends upright over its outline."""
     if mark.path not in stage.kept:
         stage.kept[mark.path] = True
         time = int(mark.times[0])
@@ -71,7 +71,7 @@ def show_solid(stage: Stage, mark: Solid) -> None:
 
 
 def show_figures(stage: Stage, mark: Figures) -> None:
-    """Show bodies of links and joints, each link in a frame ``<body>/<link>`` of its own."""
+    """Show bodies of links and joints, with a frame ``<body>/<link>`` for each link."""
     figure = mark.figure
     links = figure.articulation.links
     if mark.path not in stage.kept:
@@ -111,7 +111,7 @@ def _move(
     orientations: Array,
     parents: Sequence[str] | None = None,
 ) -> None:
-    """Say where frames are, (k, n, 3) [m], and how they are turned, (k, n, 4). Who is nowhere yet is left out."""
+    """Send the poses of frames, (k, n, 3) [m] and (k, n, 4). Unknown poses are omitted."""
     known = np.asarray(np.isfinite(np.concatenate([positions, orientations], axis=2)).all(axis=2))
     for instant, time in enumerate(times.tolist()):
         at, turned = positions[instant].tolist(), orientations[instant].tolist()
@@ -130,7 +130,7 @@ def _move(
 
 
 def _body(mark: Bodies, row: int, shade: Color, time: int) -> SceneEntity:
-    """A body, which moves with its frame, and an arrow along its x axis."""
+    """Return a body, attached to its frame, with an arrow along its x axis."""
     made = entity(mark.names[row], time, mark.names[row])
     if mark.ring is not None:
         centre, reach = mark.ring
@@ -156,7 +156,7 @@ def _body(mark: Bodies, row: int, shade: Color, time: int) -> SceneEntity:
 
 
 def _arrow(radius: float, height: float) -> ArrowPrimitive:
-    """What shows where a body faces, on top of it."""
+    """Return an arrow on top of a body that shows its heading."""
     return ArrowPrimitive(
         pose=pose((0.0, 0.0, 0.5 * height)),
         shaft_length=radius,
@@ -168,20 +168,20 @@ def _arrow(radius: float, height: float) -> ArrowPrimitive:
 
 
 def _label(mark: Bodies, row: int, text: str, time: int) -> SceneEntity:
-    """The name of a body, beside it."""
+    """Return the label beside a body."""
     made = entity(mark.names[row], time, mark.names[row])
     made.texts.append(_text(text, 2.0 * (mark.extent or 0.5 * _POINT), mark.label_colours[row]))
     return made
 
 
 def _text(text: str, height: float, tint: Iterable[int]) -> TextPrimitive:
-    """Words above the origin of a frame."""
+    """Return a text above the origin of a frame."""
     at, shade = pose((0.0, 0.0, height)), colour(tint)
     return TextPrimitive(pose=at, billboard=True, font_size=12.0, scale_invariant=True, color=shade, text=text)
 
 
 def _add(made: SceneEntity, visual: Visual, surfaces: Mapping[str, bytes], shade: Color) -> None:
-    """Add what a link looks like to what moves with it."""
+    """Add the primitives of a visual to an entity."""
     at, size = pose(visual.position, visual.orientation), visual.size
     if visual.colour:
         *parts, opacity = visual.colour
@@ -195,7 +195,7 @@ def _add(made: SceneEntity, visual: Visual, surfaces: Mapping[str, bytes], shade
             extents: dict[str, Any] = {"size": vector((2.0 * size[0], 2.0 * size[0], size[1]))}
             made.cylinders.append(CylinderPrimitive(pose=at, bottom_scale=1.0, top_scale=1.0, color=shade, **extents))
         case "mesh":
-            # As triangles: of a file Foxglove would ask the user which of its axes points up.
+            # As triangles: for a mesh file, Foxglove would ask the user which axis points up.
             found = triangles(surfaces[visual.mesh], PurePosixPath(visual.mesh).suffix)
             if found:
                 made.triangles.append(_surface(found[0] * size, found[1], visual, shade))

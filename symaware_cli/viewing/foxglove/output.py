@@ -1,4 +1,4 @@
-"""An MCAP of protobuf messages, each channel with all that it takes to decode it."""
+"""Writes an MCAP file of protobuf messages with their schemas."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _FIELD = descriptor_pb2.FieldDescriptorProto
 
 
 class Output:
-    """Writes messages.
+    """Writes messages to an MCAP file.
 
     Attributes:
-        counts: How many were written on each topic.
+        counts: The number of messages written on each topic.
     """
 
     def __init__(self, file: BinaryIO) -> None:
-        """Begin.
+        """Start the file.
 
         Args:
-            file: Where to write.
+            file: The file to write to.
 
         Raises:
             OSError: It cannot be written.
@@ -43,10 +43,10 @@ class Output:
         """Write a message.
 
         Args:
-            topic: Its channel, which is opened with its first message; all of its messages are of one class.
+            topic: Its topic, whose channel is opened with the first message; all its messages have the same type.
             time: Simulated time [ns].
             message: The message.
-            metadata: What else there is to say of the channel when it is opened.
+            metadata: Metadata of the channel, used when it is opened.
 
         Raises:
             OSError: It cannot be written.
@@ -75,22 +75,22 @@ class Output:
 
 
 class PlotChannel:
-    """A channel of numbers that can be plotted: a field for each column, in it a number for each agent.
+    """A channel of numbers that can be plotted: a field for each column, with a number for each agent.
 
-    So ``/agents/robot/state.x[2]`` is the x of the third robot.
+    For example, ``/agents/robot/state.x[2]`` is the x of the third robot.
     """
 
     def __init__(self, path: str, quantities: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
-        """Prepare the channel.
+        """Create the message type of the channel.
 
         Args:
-            path: The channel's name.
+            path: The name of the channel.
             quantities: Name and unit of each column.
-            names: Of the rows.
+            names: The names of the rows.
         """
         self._fields = _distinct([_identifier(name) for name, _ in quantities])
         self._kind = _class(_identifier(path), self._fields)
-        #: What there is to say of the channel.
+        #: Metadata of the channel.
         self.metadata = {
             "rows": ",".join(names),
             "columns": ",".join(self._fields),
@@ -98,12 +98,12 @@ class PlotChannel:
         }
 
     def message(self, values: NDArray[np.float64]) -> Message:
-        """The numbers (rows, columns) of an instant."""
+        """Return a message with the numbers (rows, columns) of an instant."""
         return self._kind(**dict(zip(self._fields, values.T.tolist(), strict=True)))
 
 
 def _class(name: str, fields: Sequence[str]) -> type[Message]:
-    """Make a class of messages with a repeated number for each field."""
+    """Create a message class with a repeated number for each field."""
     file = descriptor_pb2.FileDescriptorProto(
         name=f"symaware/plot/{name}.proto", package="symaware.plot", syntax="proto3"
     )
@@ -116,7 +116,7 @@ def _class(name: str, fields: Sequence[str]) -> type[Message]:
 
 
 def _files(file: Any) -> bytes:
-    """Serialise a file and all that it imports, imports first."""
+    """Serialise a file and all files that it imports, imports first."""
     found: dict[str, Any] = {}
 
     def visit(one: Any) -> None:
@@ -133,7 +133,7 @@ def _files(file: Any) -> bytes:
 
 
 def _identifier(name: str) -> str:
-    """Make a name one that protobuf allows."""
+    """Convert a name to a valid protobuf identifier."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
     return word if re.match("[A-Za-z_]", word) else f"_{word}"
 

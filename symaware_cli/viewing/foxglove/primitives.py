@@ -1,4 +1,4 @@
-"""What entities of foxglove.SceneUpdate consist of."""
+"""Constructors of foxglove messages: poses, colours and the primitives of scene entities."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ from symaware_cli.world.time import SECOND
 Array = NDArray[np.float64]
 
 WORLD = "world"
-"""The frame that everything stands in."""
+"""The fixed frame of the world."""
 
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
 @lru_cache(maxsize=16)
 def timestamp(time: int) -> Timestamp:
-    """A simulated time [ns]; shared, so not to be changed."""
+    """Return a simulated time [ns] as a shared message, which must not be changed."""
     return Timestamp(seconds=time // SECOND, nanos=time % SECOND)
 
 
 def entity(id: str, time: int, frame: str = WORLD) -> SceneEntity:
-    """An entity without content.
+    """Return an empty entity.
 
     Args:
-        id: What it is called on its channel.
-        time: From when on it is up [ns].
-        frame: What it moves with.
+        id: Its id on the channel.
+        time: The time from which on it is shown [ns].
+        frame: The frame it is attached to.
     """
     return SceneEntity(id=id, timestamp=timestamp(time), frame_id=frame, frame_locked=frame != WORLD)
 
 
 def colour(parts: Iterable[int], alpha: float = 1.0) -> Color:
-    """A colour, of red, green and blue from 0 to 255; shared, so not to be changed."""
+    """Return a colour of red, green and blue from 0 to 255 as a shared message, which must not be changed."""
     red, green, blue = map(int, parts)
     return _colour(red, green, blue, alpha)
 
@@ -58,24 +58,24 @@ def _colour(red: int, green: int, blue: int, alpha: float) -> Color:
 
 
 def vector(parts: Iterable[float]) -> Vector3:
-    """A vector."""
+    """Return a vector."""
     x, y, z = parts
     return Vector3(x=x, y=y, z=z)
 
 
 def quaternion(parts: Iterable[float]) -> Quaternion:
-    """A quaternion, x, y, z, w."""
+    """Return a quaternion, x, y, z, w."""
     x, y, z, w = parts
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
 def pose(position: Iterable[float], turned: Iterable[float] = _UPRIGHT) -> Pose:
-    """A position and a quaternion, x, y, z, w."""
+    """Return a pose of a position and a quaternion, x, y, z, w."""
     return Pose(position=vector(position), orientation=quaternion(turned))
 
 
 def line(points: Array, shade: Color | Sequence[Color], width: float = 0.0, *, thickness: float = 0.0) -> LinePrimitive:
-    """A line through points (m, 3) [m], so many pixels or metres thick; of one colour, or one for each point."""
+    """Return a line through points (m, 3) [m], with a width [pixels] or thickness [m]; one colour, or one per point."""
     made = LinePrimitive(
         type=LinePrimitive.LINE_STRIP,
         pose=ORIGIN,
@@ -91,21 +91,21 @@ def line(points: Array, shade: Color | Sequence[Color], width: float = 0.0, *, t
 
 
 def strokes(ends: Array, shade: Color, width: float) -> LinePrimitive:
-    """A straight line for each two points (2 m, 3) [m], so many pixels thick."""
+    """Return a straight line for each pair of points (2 m, 3) [m], with a width [pixels]."""
     made = line(ends, shade, width)
     made.type = LinePrimitive.LINE_LIST
     return made
 
 
 def ellipsoid(centre: Array, half_sizes: Array, turned: Array, shade: Color) -> SpherePrimitive:
-    """An ellipsoid, of half sizes (3,) [m]."""
-    # What is flat would have no surface to be lit.
+    """Return an ellipsoid with half sizes (3,) [m]."""
+    # A flat ellipsoid would have no surface to be lit.
     size = np.maximum(2.0 * half_sizes, 0.01)
     return SpherePrimitive(pose=pose(centre.tolist(), turned.tolist()), size=vector(size.tolist()), color=shade)
 
 
 def prisms(outlines: Sequence[Array], low: float, high: float, shade: Color) -> Sequence[TriangleListPrimitive]:
-    """Upright prisms over convex outlines (m, 2) [m]."""
+    """Return upright prisms over convex outlines (m, 2) [m]."""
     meshes = [mesh(outline, low, high) for outline in outlines]
     return [
         TriangleListPrimitive(pose=ORIGIN, points=point_list(vertices), indices=triangles.ravel().tolist(), color=shade)
@@ -114,9 +114,9 @@ def prisms(outlines: Sequence[Array], low: float, high: float, shade: Color) -> 
 
 
 ORIGIN = pose((0.0, 0.0, 0.0))
-"""Where a frame is, as it stands."""
+"""The pose of a frame's origin."""
 
 
 def point_list(points: Array) -> list[Point3]:
-    """Points (m, 3)."""
+    """Return points (m, 3) as messages."""
     return [Point3(x=x, y=y, z=z) for x, y, z in points.tolist()]

@@ -1,4 +1,4 @@
-"""What sensors measured, for Foxglove: scans, and images with the frames and lenses of their cameras."""
+"""Sensor readings for Foxglove: laser scans, and images with the frames and intrinsics of their cameras."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from symaware_cli.viewing.scene.marks import Images, Rays
 
 
 def show_rays(stage: Stage, mark: Rays) -> None:
-    """Show scans; none whose rays are not spread evenly, as Foxglove has no word for those."""
+    """Show scans; those with unevenly spaced rays are omitted, since Foxglove has no message for them."""
     given = zip(mark.times.tolist(), mark.names, mark.angles, mark.distances, mark.poses.tolist(), strict=True)
     for time, name, angles, distances, (x, y, z, heading) in given:
         even = np.linspace(angles[0], angles[-1], len(angles)) if len(angles) else np.ones(1)
@@ -31,7 +31,7 @@ def show_rays(stage: Stage, mark: Rays) -> None:
         shown = LaserScan(
             timestamp=primitives.timestamp(time),
             frame_id=WORLD,
-            # What keeps to a plane is seen from above, at no height.
+            # Planar scans are shown from above, at height 0.
             pose=primitives.pose((x, y, z if mark.spatial else 0.0), turned),
             start_angle=angles[0],
             end_angle=angles[-1],
@@ -41,7 +41,7 @@ def show_rays(stage: Stage, mark: Rays) -> None:
 
 
 def show_images(stage: Stage, mark: Images) -> None:
-    """Show images: colours, with the frame and the lens of the camera, or depths."""
+    """Show images: colour images with frame and intrinsics of the camera, or depth images."""
     topic = f"/{mark.layer}"
     for number, (time, data) in enumerate(zip(mark.times.tolist(), mark.files, strict=True)):
         stamp = primitives.timestamp(time)
@@ -56,7 +56,7 @@ def show_images(stage: Stage, mark: Images) -> None:
 
 
 def _frame(stamp: Timestamp, mark: Images, number: int) -> FrameTransform:
-    """Where a camera is, with x to the right of the image, y downwards and z ahead."""
+    """Return the frame of a camera, with x to the right of the image, y downwards and z ahead."""
     from scipy.spatial.transform import Rotation
 
     position = mark.positions[number]
@@ -72,7 +72,7 @@ def _frame(stamp: Timestamp, mark: Images, number: int) -> FrameTransform:
 
 
 def _calibration(stamp: Timestamp, size: tuple[int, int], field_of_view: float, frame: str) -> CameraCalibration:
-    """The lens of a pinhole camera, whose pixels are square."""
+    """Return the intrinsics of a pinhole camera with square pixels."""
     width, height = size
     focal = 0.5 * height / np.tan(0.5 * field_of_view)
     lens = np.array([[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]])
@@ -88,7 +88,7 @@ def _calibration(stamp: Timestamp, size: tuple[int, int], field_of_view: float, 
 
 
 def _depth(stamp: Timestamp, data: bytes, frame: str) -> RawImage:
-    """Depths in mm, 0 where there is nothing, as ROS has them (REP 118)."""
+    """Return depths in mm, 0 without an object, as in ROS (REP 118)."""
     depths = png.decode(data)
     height, width = depths.shape
     millimetres = np.where(depths == NOTHING, 0, depths).astype("<u2")

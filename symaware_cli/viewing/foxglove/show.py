@@ -1,4 +1,4 @@
-"""Marks for Foxglove."""
+"""Shows marks in Foxglove: converts each kind of mark to foxglove messages."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from symaware_cli.viewing.scene import marks
 
 Array = NDArray[np.float64]
 
-#: Half the size of a dot [m], and how it stands.
+#: Half the size of a dot [m], and its orientation.
 _DOT, _UPRIGHT = np.full(3, 0.06), np.array([0.0, 0.0, 0.0, 1.0])
-#: How much of a colour is left to dots, and to the surfaces of ellipsoids, through which much is to be seen.
+#: Opacity of dots, and of the surfaces of ellipsoids, through which other items must be visible.
 _DOT_LEFT, _SURFACE_LEFT = 0.8, 0.35
-#: What of a fading line is left at its beginning, and at its end.
+#: Opacity of a fading line at its beginning and at its end.
 _FADING = (0.95, 0.2)
-#: How often lines that last are put up anew [ns].
+#: Interval at which lasting lines are updated [ns].
 _LASTING_STEP = 200_000_000
 _STROKES = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
 _RING = np.pad(circle(), ((0, 0), (0, 1)))
@@ -42,14 +42,14 @@ Items = marks.Lines | marks.Points | marks.Crosses | marks.Rings | marks.Ellipso
 
 
 def show(stage: Stage, mark: marks.Mark) -> None:
-    """Show a mark, if Foxglove has something for its kind."""
+    """Show a mark, if Foxglove supports its kind."""
     shown = _SHOWN.get(type(mark))
     if shown is not None and len(mark.times):
         shown(stage, mark)
 
 
-class _Things:
-    """The things of a mark as entities, one for each name at each instant."""
+class _ItemEntities:
+    """The items of a mark as entities, one for each name at each instant."""
 
     def __init__(self, mark: Items, count: int) -> None:
         self._mark = mark
@@ -59,26 +59,26 @@ class _Things:
         self._time = 0
 
     def instants(self) -> Iterator[tuple[int, range]]:
-        """The time of each instant [ns], and its things."""
+        """Yield the time of each instant [ns], and its items."""
         ends = np.cumsum(np.asarray(self._mark.counts, np.int64)).tolist()
         for time, first, end in zip(self._mark.times.tolist(), [0, *ends[:-1]], ends, strict=True):
             self._time, self._made = time, {}
             yield time, range(first, end)
 
-    def entity(self, thing: int) -> SceneEntity:
-        """The entity of this instant that a thing belongs to."""
-        id = self._mark.path if self._mark.who is None else self._mark.names[self._mark.who[thing]]
+    def entity(self, item: int) -> SceneEntity:
+        """Return the entity of this instant that an item belongs to."""
+        id = self._mark.path if self._mark.who is None else self._mark.names[self._mark.who[item]]
         if id not in self._made:
             self._made[id] = entity(id, self._time)
         return self._made[id]
 
-    def shade(self, thing: int, share: float = 1.0) -> Color:
-        """The colour of a thing, of which a share is left."""
-        return colour(self._colours[thing], share * self._alphas[thing])
+    def shade(self, item: int, share: float = 1.0) -> Color:
+        """Return the colour of an item, with reduced opacity."""
+        return colour(self._colours[item], share * self._alphas[item])
 
-    def fading(self, thing: int, count: int) -> Sequence[Color]:
-        """The colours of so many points of a thing, each fainter than the one before."""
-        return _fading(self._colours[thing], self._alphas[thing], count)
+    def fading(self, item: int, count: int) -> Sequence[Color]:
+        """Return colours for the points of an item, each fainter than the one before."""
+        return _fading(self._colours[item], self._alphas[item], count)
 
     def say(self, stage: Stage, lifetime: float) -> None:
         """Show the entities of this instant for some time [s], whatever else is up."""
@@ -88,7 +88,7 @@ class _Things:
             stage.say(self._time, f"/{self._mark.layer or self._mark.path}", SceneUpdate(entities=self._made.values()))
 
     def put_up(self, stage: Stage) -> None:
-        """Put up the entities of this instant."""
+        """Show the entities of this instant."""
         stage.put_up(self._time, f"/{self._mark.layer or self._mark.path}", self._mark.path, self._made.values())
 
 
@@ -101,44 +101,44 @@ def _show_lines(stage: Stage, mark: marks.Lines) -> None:
         _show_lasting(stage, mark, lines)
         return
     known = [bool(np.isfinite(line).all()) for line in lines]
-    things = _Things(mark, len(lines))
-    for _, some in things.instants():
-        for thing in (thing for thing in some if known[thing]):
-            shade = things.fading(thing, len(lines[thing])) if mark.fades else things.shade(thing)
-            line = primitives.line(lines[thing], shade, mark.width, thickness=mark.thickness)
-            things.entity(thing).lines.append(line)
-        things.put_up(stage)
+    items = _ItemEntities(mark, len(lines))
+    for _, some in items.instants():
+        for item in (item for item in some if known[item]):
+            shade = items.fading(item, len(lines[item])) if mark.fades else items.shade(item)
+            line = primitives.line(lines[item], shade, mark.width, thickness=mark.thickness)
+            items.entity(item).lines.append(line)
+        items.put_up(stage)
 
 
 def _show_once(stage: Stage, mark: marks.Lines, lines: Sequence[Array], begins: NDArray[np.bool_]) -> None:
-    """Show new lines, which vanish after the time that they last and do not move until then."""
-    things = _Things(mark, len(lines))
-    for _, some in things.instants():
-        for thing in some:
-            if begins[thing] and np.isfinite(lines[thing]).all():
-                things.entity(thing).lines.append(primitives.line(lines[thing], things.shade(thing), mark.width))
-        things.say(stage, mark.lasting)
+    """Show new lines, each for the time that it lasts, without moving it."""
+    items = _ItemEntities(mark, len(lines))
+    for _, some in items.instants():
+        for item in some:
+            if begins[item] and np.isfinite(lines[item]).all():
+                items.entity(item).lines.append(primitives.line(lines[item], items.shade(item), mark.width))
+        items.say(stage, mark.lasting)
 
 
 def _show_lasting(stage: Stage, mark: marks.Lines, lines: Sequence[Array]) -> None:
-    """Show lines that stay up for a while: those of one name as one line, as each goes on where another ended."""
+    """Show lines that last for some time: those of one name are joined, since each continues the previous one."""
     who = np.arange(len(lines)) if mark.who is None else mark.who
     lately: deque[tuple[int, dict[int, Array]]] = stage.kept.setdefault(mark.path, deque())
     due = stage.kept.get((mark.path, "due"), 0)
-    things = _Things(mark, len(lines))
-    for time, some in things.instants():
-        lately.append((time, {int(who[thing]): lines[thing] for thing in some}))
+    items = _ItemEntities(mark, len(lines))
+    for time, some in items.instants():
+        lately.append((time, {int(who[item]): lines[item] for item in some}))
         while lately[0][0] < time - 1e9 * mark.lasting:
             lately.popleft()
         if time < due:
             continue
         due = time + _LASTING_STEP
-        for thing in some:
-            pieces = [pieces[who[thing]] for _, pieces in lately if who[thing] in pieces]
+        for item in some:
+            pieces = [pieces[who[item]] for _, pieces in lately if who[item] in pieces]
             points = np.concatenate([pieces[0][:1], *(piece[1:] for piece in pieces)])
             known = points[np.isfinite(points).all(axis=1)]
-            things.entity(thing).lines.append(primitives.line(known, things.shade(thing), mark.width))
-        things.put_up(stage)
+            items.entity(item).lines.append(primitives.line(known, items.shade(item), mark.width))
+        items.put_up(stage)
     stage.kept[mark.path, "due"] = due
 
 
@@ -148,7 +148,7 @@ def _fading(tint: tuple[int, int, int], alpha: float, count: int) -> Sequence[Co
 
 
 def _split(mark: marks.Lines) -> Sequence[Array]:
-    """The points of each line."""
+    """Return the points of each line."""
     ends = np.cumsum(np.asarray(mark.lengths, np.int64)).tolist()
     return [mark.points[first:end] for first, end in zip([0, *ends[:-1]], ends, strict=False)]
 
@@ -166,31 +166,31 @@ def _show_balls(
     stage: Stage, mark: Items, centres: Array, sizes: Array, share: float, orientations: Array | None = None
 ) -> None:
     known = np.isfinite(np.concatenate([centres, sizes], axis=1)).all(axis=1).tolist()
-    things = _Things(mark, len(centres))
-    for _, some in things.instants():
-        for thing in (thing for thing in some if known[thing]):
-            turned = _UPRIGHT if orientations is None else orientations[thing]
-            ball = primitives.ellipsoid(centres[thing], sizes[thing], turned, things.shade(thing, share))
-            things.entity(thing).spheres.append(ball)
-        things.put_up(stage)
+    items = _ItemEntities(mark, len(centres))
+    for _, some in items.instants():
+        for item in (item for item in some if known[item]):
+            turned = _UPRIGHT if orientations is None else orientations[item]
+            ball = primitives.ellipsoid(centres[item], sizes[item], turned, items.shade(item, share))
+            items.entity(item).spheres.append(ball)
+        items.put_up(stage)
 
 
 def _show_crosses(stage: Stage, mark: marks.Crosses) -> None:
-    things = _Things(mark, len(mark.positions))
-    for _, some in things.instants():
-        for thing in some:
-            ends = mark.positions[thing] + mark.size * _STROKES
-            things.entity(thing).lines.append(primitives.strokes(ends, things.shade(thing), mark.width))
-        things.put_up(stage)
+    items = _ItemEntities(mark, len(mark.positions))
+    for _, some in items.instants():
+        for item in some:
+            ends = mark.positions[item] + mark.size * _STROKES
+            items.entity(item).lines.append(primitives.strokes(ends, items.shade(item), mark.width))
+        items.put_up(stage)
 
 
 def _show_rings(stage: Stage, mark: marks.Rings) -> None:
-    things = _Things(mark, len(mark.centres))
-    for _, some in things.instants():
-        for thing in (thing for thing in some if np.isfinite(mark.centres[thing]).all()):
-            ring = mark.centres[thing] + mark.radii[thing] * _RING
-            things.entity(thing).lines.append(primitives.line(ring, things.shade(thing), mark.width))
-        things.put_up(stage)
+    items = _ItemEntities(mark, len(mark.centres))
+    for _, some in items.instants():
+        for item in (item for item in some if np.isfinite(mark.centres[item]).all()):
+            ring = mark.centres[item] + mark.radii[item] * _RING
+            items.entity(item).lines.append(primitives.line(ring, items.shade(item), mark.width))
+        items.put_up(stage)
 
 
 def _show_curves(stage: Stage, mark: marks.Curves) -> None:

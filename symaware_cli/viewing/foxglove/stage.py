@@ -1,4 +1,4 @@
-"""What is up in Foxglove, and the messages that say so, in the order of time."""
+"""The entities shown in Foxglove, and the messages that update them, in the order of time."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from symaware_cli.viewing.foxglove.primitives import timestamp
 
 
 class Stage:
-    """Gathers what marks of a stretch of time have to say, and says it in the order of time.
+    """Collects the messages for an interval of time, and writes them in the order of time.
 
-    Entities are up until they are replaced or taken down. Every message of a topic holds all that is up on it then, so
-    that whoever jumps into the middle sees everything.
+    Entities are shown until they are replaced or removed. Every scene update of a topic contains all its entities, so
+    that any instant can be shown after a jump.
 
     Attributes:
-        kept: What showing a mark has to remember until the next of its path.
+        kept: State that showing a mark keeps until the next mark of the same path.
     """
 
     def __init__(self, output: Output) -> None:
-        """Begin with nothing up."""
+        """Start without entities."""
         self.kept: dict[Any, Any] = {}
         self._output = output
         self._said: list[tuple[int, str, Message | None, Mapping[str, str]]] = []
-        #: By time and topic, and then by path, what is put up.
+        #: The new entities, by time and topic, and then by path.
         self._changes: dict[tuple[int, str], dict[str, list[SceneEntity]]] = {}
         self._up: dict[str, dict[str, list[SceneEntity]]] = {}
 
     def say(self, time: int, topic: str, message: Message, metadata: Mapping[str, str] | None = None) -> None:
-        """Write a message of an instant [ns], with what there is to say of its channel."""
+        """Add a message at an instant [ns], with metadata of its channel."""
         self._said.append((time, topic, message, metadata or {}))
 
     def put_up(self, time: int, topic: str, path: str, entities: Iterable[SceneEntity]) -> None:
-        """Replace what is up of a path on a topic, from an instant [ns] on."""
+        """Replace the entities of a path on a topic, from an instant [ns] on."""
         self._changes.setdefault((time, topic), {})[path] = list(entities)
 
     def flush(self) -> None:
-        """Write what was gathered.
+        """Write the collected messages.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: They cannot be written.
         """
         self._said += [(time, topic, None, {}) for time, topic in self._changes]
         for time, topic, message, metadata in sorted(self._said, key=lambda said: said[0]):
@@ -55,7 +55,7 @@ class Stage:
         self._said, self._changes = [], {}
 
     def _update(self, time: int, topic: str) -> SceneUpdate | None:
-        """All that is up on a topic from an instant on; None if nothing is, nor was."""
+        """Return all entities on a topic from an instant on; None if there are none, before or after."""
         up = self._up.setdefault(topic, {})
         before = {made.id for entities in up.values() for made in entities}
         up.update(self._changes[time, topic])

@@ -1,1 +1,1 @@
-"""Plots of a log: figures for papers and for a quick look."""
+"""Plots of logs with matplotlib: figures for papers and for quick inspection."""

@@ -1,4 +1,4 @@
-"""The content of a plot: the panels that a request and a log amount to, made of the marks of a scene."""
+"""Builds the content of a plot: the panels for a request, from the marks of a scene."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from symaware_cli.viewing.views import RunView, run_view_of
 
 Array = NDArray[np.float64]
 
-#: The most panels of one plot, and how many there are at most before parts that were not asked for are left out.
+#: Maximum number of panels of a plot, and above which optional panels are omitted.
 _MOST_PANELS, _MOST_UNASKED = 16, 8
 
-#: More agents than this have a curve each instead of their shares.
+#: With more agents than this, each has a curve instead of stacked shares.
 _MOST_SHARES = 4
 
-#: Fields that change gradually; all others, such as inputs and readings, hold until the next value.
+#: Fields that change gradually; others, such as inputs and readings, are constant until the next value.
 _GRADUAL = ("state", "world", "intent", "uncertainty")
 
 
 def gather(log: Log, request: PlotRequest) -> Content:
-    """Read from a log what a request asks for.
+    """Read the content of a plot from a log.
 
     Raises:
-        LogError: There is nothing to plot, or the log does not have what was asked for.
+        LogError: There is nothing to plot, or the log does not have what was requested.
     """
     run_view = run_view_of(log)
     request.require_known(name for group_view in run_view.group_views.values() for name in group_view.signals)
@@ -51,7 +51,7 @@ def gather(log: Log, request: PlotRequest) -> Content:
     if not panels:
         raise LogError(f"{log.path} holds nothing to plot")
     if len(panels) > _MOST_PANELS:
-        raise LogError(f"that makes {len(panels)} panels, and {_MOST_PANELS} fit; name the columns to be shown")
+        raise LogError(f"the plot would have {len(panels)} panels, more than {_MOST_PANELS}; name the columns to show")
     return Content(
         name=run_view.name,
         seed=run_view.seed,
@@ -64,10 +64,10 @@ def gather(log: Log, request: PlotRequest) -> Content:
 
 
 def choose(run_view: RunView, names: Sequence[str] = ()) -> Chosen:
-    """Choose agents and groups by name, or all agents if there are no names.
+    """Choose agents and groups by name, or all agents if no names are given.
 
     Raises:
-        UnknownNameError: There is no such agent or group.
+        UnknownNameError: An agent or group does not exist.
     """
     wanted = set()
     for name in names:
@@ -87,7 +87,7 @@ def choose(run_view: RunView, names: Sequence[str] = ()) -> Chosen:
     colours = [run_view.group_views[name].colours[some] for name, some in rows.items()]
     count = sum(len(some) for some in rows.values())
     if count <= DISTINCT < run_view.agent_count:
-        # A few out of many are told apart, unlike in a replay.
+        # With few chosen agents, each has its own colour, unlike in a replay.
         colours = agent_colours([len(some) for some in rows.values()])
     taken: set[str] = set()
     members: dict[str, list[LineStyle]] = {}
@@ -101,7 +101,7 @@ def choose(run_view: RunView, names: Sequence[str] = ()) -> Chosen:
 
 
 class _Gathering:
-    """Makes the panels of one request, of the marks of a scene with the topics that these take."""
+    """Builds the panels of a request from the marks of a scene, which is drawn from the required topics."""
 
     def __init__(self, log: Log, run_view: RunView, request: PlotRequest) -> None:
         self._log = log
@@ -117,7 +117,7 @@ class _Gathering:
         self._marks = self._read(topics)
 
     def panels(self) -> list[Panel]:
-        """The panels that the request asks for by name, or those that suit the log if it asks for nothing."""
+        """Build the requested panels, or by default those for which the log has data."""
         asked, found = self._request.show, list[Panel]()
         for name in self._names:
             panels = self._named(name)
@@ -143,7 +143,7 @@ class _Gathering:
     # ---- from the log to marks
 
     def _topics(self, name: str) -> Iterable[str]:
-        """The topics that the panels of a name take."""
+        """Return the topics that the panels of a name require."""
         views = [self._run_view.group_views[group] for group in self.chosen.members]
         places = [view.whereabouts for view in views]
         places += [f"/world/{obstacle}/state" for obstacle in self._run_view.obstacle_views]
@@ -163,13 +163,13 @@ class _Gathering:
                 return [self._log.series_topic(group, field) for group in having]
 
     def _read(self, topics: Iterable[str]) -> Mapping[str, Sequence[Any]]:
-        """The marks of all topics up to the end of the window, by path.
+        """Read the marks of the topics up to the end of the window, by path.
 
         Raises:
-            LogError: The log cannot be read, or its messages do not fit together.
+            LogError: The log cannot be read, or its messages are inconsistent.
         """
         recorded = {topic for topic in topics if topic in self._log.topics}
-        # Plots show bodies and obstacles as their outlines, whatever else is known of how they look.
+        # Plots show bodies and obstacles as their outlines, even if their figures are known.
         flat = replace(
             self._run_view,
             group_views={name: replace(view, figure=None) for name, view in self._run_view.group_views.items()},
@@ -180,7 +180,7 @@ class _Gathering:
         focus = tuple(
             dict.fromkeys(line.name for _, lines in [("", self.chosen.lines), *self._series] for line in lines)
         )
-        detail = Detail(focus=focus, labels=False, minds=True, curves=True, trail=0.0, single=False, words="")
+        detail = Detail(focus=focus, labels=False, awareness=True, curves=True, trail=0.0, single=False, words="")
         scene, found = Scene(flat, detail, PLOTTED), dict[str, list[Mark]]()
         messages = self._log.messages(recorded, end=self.window.end + 1) if recorded else ()
         for chunk in scene.chunk_reader().chunks(messages):
@@ -196,7 +196,7 @@ class _Gathering:
     # ---- from marks to panels
 
     def _named(self, name: str) -> Sequence[Panel]:
-        """The panels of a name; none where the log has nothing for it."""
+        """Build the panels of a name; none if the log has no data for it."""
         motion, shown = self._motion, self.chosen.lines
         match name:
             case "trajectories":
@@ -230,7 +230,7 @@ class _Gathering:
         goals: dict[str, list[Array]] = {}
         for name, position in _standing([mark for mark in marks if isinstance(mark, Crosses)], at):
             goals.setdefault(name, []).append(position)
-        paths = [mark for mark in marks if isinstance(mark, Lines) and mark.path.startswith("minds/")]
+        paths = [mark for mark in marks if isinstance(mark, Lines) and mark.path.startswith("awareness/")]
         begun = [
             (name.split(" "), position)
             for mark in marks
@@ -264,7 +264,7 @@ class _Gathering:
         return [Distances(among, from_obstacles, (motion.names, obstacles.names), self._sampled(motion))]
 
     def _sampled(self, motion: Motion) -> float | None:
-        """The usual time between two records where that is more than a step of the world [s]; None elsewhere."""
+        """Return the usual time between two records, if it is more than a step of the world [s]; otherwise None."""
         step = self._log.manifest.get("time_step")
         if len(motion.times) < 3 or not step:
             return None
@@ -285,7 +285,7 @@ class _Gathering:
         return [each for each in found if each is not None]
 
     def _shares(self, field: str) -> list[PlottedCurves]:
-        """A panel for each agent with a field that is drawn as bars, where there are few and no number is negative."""
+        """Build a panel for each agent with a field drawn as bars, if agents are few and no number is negative."""
         if len(self.chosen.lines) > _MOST_SHARES:
             return []
         found = []
@@ -296,21 +296,21 @@ class _Gathering:
         return [] if any((each.values < 0).any() for each in found) else found
 
     def _recorded(self, field: str) -> list[PlottedCurves]:
-        """A panel for each column of a field, with the agents that have it."""
+        """Build a panel for each column of a field, with the agents that have it."""
         found = curves.together(
             [each for group, lines in self.chosen.members.items() for each in self._columns(group, field, lines)]
         )
         if field in (part.name for part in PARTS):
             return found
-        # A column of a control input may have the name of the speed, and one of a part of awareness any name.
+        # A column of a control input may have the name of the speed, and one of a part of awareness may have any name.
         return [replace(each, name=f"{field} {each.name}".replace(f"{field} {field}", field)) for each in found]
 
     def _by_name(self) -> list[PlottedCurves]:
-        """Panels of the series that were asked for by name; those of one column and unit share one.
+        """Build panels of the series requested by name; those with the same column and unit share a panel.
 
         Raises:
-            LogError: The log has no values of one.
-            UnknownNameError: There is no such column.
+            LogError: The log has no values of a series.
+            UnknownNameError: A column does not exist.
         """
         found: list[tuple[str, PlottedCurves]] = []
         for name, lines in self._series:
@@ -330,7 +330,7 @@ class _Gathering:
         return curves.columns(mark, lines, self.window, stepwise=field not in _GRADUAL) if mark else []
 
     def _numbers(self, owner: str, field: str) -> Numbers | None:
-        """The table of a field of a group or entity; None if it was not recorded, or if there is no such field."""
+        """Return the table of a field of a group or entity; None if it was not recorded or does not exist."""
         marks = self._marks.get(self._log.series_topic(owner, field).strip("/")) if self._has(owner, field) else None
         return joined(marks) if marks else None
 
@@ -350,21 +350,21 @@ class _Gathering:
         return self._run_view.place[name.owner][0] if name.owner in self._run_view.place else name.owner
 
     def _lines(self, name: SeriesName) -> tuple[LineStyle, ...]:
-        """The styles of the curves of a series.
+        """Return the styles of the curves of a series.
 
         Raises:
-            LogError: It is that of a group without a chosen agent.
-            UnknownNameError: There is no such agent, group or entity.
+            LogError: It belongs to a group without a chosen agent.
+            UnknownNameError: The agent, group or entity does not exist.
         """
         owner, run_view = name.owner, self._run_view
         if owner in run_view.obstacle_views:
             return (LineStyle(owner, hexadecimal(SCENERY)),)
         if owner in run_view.group_views:
             if owner not in self.chosen.members:
-                raise LogError(f"no agent of {owner!r} is among those that were chosen")
+                raise LogError(f"no agent of {owner!r} was chosen")
             return self.chosen.members[owner]
         if owner in run_view.place:
-            # It is shown because it is asked for, whichever agents were chosen; in its own colour where it has one.
+            # A requested agent is shown even if it was not chosen; in its own colour where it has one.
             single = [each.owner for each in self._request.series if each.owner in run_view.place]
             known = self.chosen if owner in self.chosen.agents and not self.chosen.many else choose(run_view, single)
             return (known.lines[known.agents.index(owner)],)
@@ -374,7 +374,7 @@ class _Gathering:
 
 
 def _standing(marks: Sequence[Crosses | Lines], at: int) -> Iterable[tuple[str, Array]]:
-    """The name and the points (m, 2) of each cross or line that is up at an instant [ns]."""
+    """Yield the name and the points (m, 2) of each cross or line that is shown at an instant [ns]."""
     up = {mark.path: mark for mark in marks if mark.times[0] <= at}
     for mark in up.values():
         instant = int(np.searchsorted(mark.times, at, side="right")) - 1
@@ -389,7 +389,7 @@ def _standing(marks: Sequence[Crosses | Lines], at: int) -> Iterable[tuple[str, 
 
 
 def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurves]:
-    """Curves that share a panel and are of several fields, with the field in the name and every other one dashed."""
+    """Distinguish curves of several fields that share a panel: by name, and by dashes for every second field."""
     told = []
     for field, curve in parts:
         fields = list(
@@ -403,15 +403,15 @@ def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurve
     return told
 
 
-#: The panels of every log that has them.
+#: The default panels.
 _DEFAULT = ("trajectories", "separation", "specifications", "risk", "speed", "altitude")
 
 _REASONS = {
-    "specifications": "its scenario has none of these agents, or leaves out their intervals",
+    "specifications": "its scenario has none for these agents, or without intervals",
     "trajectories": "no states were recorded",
-    "separation": "it takes two agents, or an agent and an obstacle, whose states were recorded",
-    "risk": "no component told a risk, or it was not recorded",
-    "speed": "it takes states at two instants at least",
-    "altitude": "nobody moves in space",
-    "control": "the control input that was applied was not recorded (--series NAME:control_requested)",
+    "separation": "it requires two agents, or an agent and an obstacle, with recorded states",
+    "risk": "no component computed a risk, or it was not recorded",
+    "speed": "it requires states at two instants at least",
+    "altitude": "no agent moves in space",
+    "control": "the applied control input was not recorded (--series NAME:control_requested)",
 }

@@ -18,7 +18,7 @@ from symaware_cli.viewing.scene.marks import Curves, Numbers
 
 Array = NDArray[np.float64]
 
-#: [ns] Speed is the mean over this time before and after, which averages out the noise of single steps.
+#: [ns] Speed is averaged over this time before and after, to reduce the noise of single steps.
 _AROUND = 250_000_000
 
 
@@ -28,15 +28,15 @@ class PlottedCurves:
 
     Attributes:
         name: The quantity.
-        unit: Its unit; empty if the log does not tell.
+        unit: Its unit; empty if unknown.
         times: (k,) simulated time [ns].
-        values: (k, n); NaN where it is not known.
+        values: (k, n); NaN where unknown.
         lines: (n,) the style of each curve.
-        stepwise: Whether it jumps from one value to the next, as inputs do.
-        note: How it was obtained, where it was not recorded as it is.
-        dots: Whether each value stands by itself, as the entries of a table do; then times may repeat.
-        level: The height of a line to compare with; None for none.
-        stacked: Whether values are shares of a whole, such as probabilities, which are drawn on top of one another.
+        stepwise: Whether values are constant until the next one, as inputs are.
+        note: How it was derived, if it was not recorded directly.
+        dots: Whether values are separate points, as the entries of a table are; times may then repeat.
+        level: The height of a reference line; None for none.
+        stacked: Whether values are shares of a whole, such as probabilities, which are stacked.
     """
 
     name: str
@@ -52,11 +52,11 @@ class PlottedCurves:
 
     @property
     def many(self) -> bool:
-        """Whether the curves are too many to tell one from another."""
+        """Whether there are too many curves to tell them apart."""
         return len(self.lines) > DISTINCT
 
     def facts(self) -> dict[str, Any]:
-        """Return the extremes, or the mean and the greatest of each share, as plain data."""
+        """Return the extremes, or mean and maximum of each share, as plain data."""
         if self.stacked:
             return {"panel": self.name, "shares": self._shares()}
         facts: dict[str, Any] = {"panel": self.name, "unit": self.unit, "curves": len(self.lines)}
@@ -86,7 +86,7 @@ class PlottedCurves:
 
 
 def speed(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None:
-    """Return the speed of each body, from positions a little before and after; None without two instants."""
+    """Return the speed of each body, from positions before and after; None with fewer than two instants."""
     times = motion.times
     if len(times) < 2:
         return None
@@ -99,7 +99,7 @@ def speed(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None:
 
 
 def altitude(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None:
-    """Return the third coordinate of those bodies that have a line; None if there are none."""
+    """Return the third coordinate of the bodies that have a line; None if there are none."""
     if not lines:
         return None
     rows = [motion.names.index(line.name) for line in lines]
@@ -107,7 +107,7 @@ def altitude(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None
 
 
 def specification(mark: Curves, styles: Mapping[str, LineStyle], window: Window) -> PlottedCurves | None:
-    """Return the curves of a mark that have a style; None if nothing is known of them in the window."""
+    """Return the curves of a mark that have a style; None if they have no values in the window."""
     rows = [number for number, name in enumerate(mark.names) if name in styles]
     some = (mark.times >= window.start) & (mark.times <= window.end)
     values = mark.values[some][:, rows]
@@ -129,7 +129,7 @@ def specification(mark: Curves, styles: Mapping[str, LineStyle], window: Window)
 def specification_styles(
     names: Sequence[tuple[str, Sequence[str]]], lines: Sequence[LineStyle]
 ) -> dict[str, LineStyle]:
-    """Return the style of each curve of a specification: that of its agent, if it concerns one only.
+    """Return the style of each curve of a specification: that of its agent, if it concerns only one.
 
     Args:
         names: The name of each curve, and the agents that it concerns.
@@ -143,7 +143,7 @@ def specification_styles(
 
 
 def columns(mark: Numbers, lines: Sequence[LineStyle], window: Window, *, stepwise: bool) -> list[PlottedCurves]:
-    """Return a quantity for each column of a table, with a curve for each row that has a line; none without values."""
+    """Return a quantity for each column of a table, with a curve for each row that has a line; empty without values."""
     row_of = {name: row for row, name in enumerate(mark.names)}
     rows = [row_of[line.name] for line in lines]
     if mark.separate:
@@ -162,7 +162,7 @@ def columns(mark: Numbers, lines: Sequence[LineStyle], window: Window, *, stepwi
 
 
 def shares(mark: Numbers, part: str, agents: Sequence[str], window: Window) -> list[PlottedCurves]:
-    """Return the shares of each agent that has values, one for each column of a table."""
+    """Return the shares of each agent that has values, with a curve for each column of a table."""
     times, values = _windowed(mark, window)
     colours = (hexadecimal(AGENTS[number % len(AGENTS)]) for number in range(len(mark.columns)))
     lines = tuple(LineStyle(name, colour) for (name, _), colour in zip(mark.columns, colours, strict=True))
@@ -172,7 +172,7 @@ def shares(mark: Numbers, part: str, agents: Sequence[str], window: Window) -> l
 
 
 def _windowed(mark: Numbers, window: Window) -> tuple[NDArray[np.int64], Array]:
-    """The times and values in a window, which begins with the value that holds then."""
+    """Return the times and values in a window, beginning with the value valid at its start."""
     if not len(mark.times) or mark.times[0] > window.end:
         return np.empty(0, np.int64), np.empty((0, *mark.values.shape[1:]))
     edges = np.array([max(window.start, int(mark.times[0])), window.end], np.int64)

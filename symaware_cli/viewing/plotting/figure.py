@@ -1,4 +1,4 @@
-"""The figure: panels side by side, one style, and a file that is the same whenever it is drawn."""
+"""Draws the figure of a plot: arrangement of panels, style, legends, and reproducible output files."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
 from symaware_cli.viewing.plotting.request import PlotRequest
 from symaware_cli.viewing.plotting.time import DASHES, draw_curves, draw_separation
 
-#: Inches: the plane at most, a panel over time, a line of the foot, and how wide a character of the foot is.
+#: Sizes in inches: maximum of the plane, a panel over time, a line of the foot, and the width of a character there.
 _PLANE, _PANEL, _LINE, _CHARACTER = (6.2, 7.0), (5.6, 2.1), 0.19, 0.071
 
-#: Inches: what surrounds a plane, from its title down to its label, and what surrounds all panels.
+#: Sizes in inches: the space around a plane, for title and labels, and around all panels.
 _AROUND, _MARGINS = 0.6, 1.2
 
-#: A plane this much wider than high goes above the other panels.
+#: Aspect ratio of the plane above which it is placed above the other panels.
 _WIDE = 2.2
 
-#: More entries than this are no help in a legend.
+#: Maximum number of entries of a legend.
 _ENTRIES = 32
 
 
@@ -53,12 +53,12 @@ def draw(content: Content, request: PlotRequest, path: Path) -> None:
     """Draw a figure into a file.
 
     Args:
-        content: What to show.
+        content: The content of the figure.
         request: Title, size and resolution.
-        path: The file; its suffix says the format.
+        path: The file; its suffix determines the format.
 
     Raises:
-        LogError: The title cannot be written with the font, or the panels do not fit.
+        LogError: The font does not have the characters of the title, or the panels do not fit.
         OSError: The file cannot be written.
     """
     layout, size, scale = _arranged(content, request)
@@ -74,7 +74,7 @@ def draw(content: Content, request: PlotRequest, path: Path) -> None:
 
 
 def _arranged(content: Content, request: PlotRequest) -> tuple[_Layout, tuple[float, float], float]:
-    """Where panels go, how large the figure is [inch], and how large type is relative to that of its natural size."""
+    """Return the layout, the size of the figure [inch], and the font scale relative to the natural size."""
     plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
     layout = _Layout.of(_ratio(plane) if plane else None, len(content.panels) - (plane is not None))
     width, height = request.size or layout.size
@@ -83,10 +83,10 @@ def _arranged(content: Content, request: PlotRequest) -> tuple[_Layout, tuple[fl
 
 
 def _figure(content: Content, layout: _Layout, size: tuple[float, float], title: str | None) -> Figure:
-    """Draw the panels, and below them what explains them."""
+    """Draw the panels, and below them legends and caption."""
     plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
     others = [panel for panel in content.panels if not isinstance(panel, Trajectories)]
-    # The panels, then two legends and the caption, whose height is known only when everything is drawn.
+    # The panels, two legends and the caption, whose heights are only known when everything is drawn.
     engine = ConstrainedLayoutEngine(rect=(0.008, 0.004, 0.984, 0.988), w_pad=0.06, h_pad=0.05, hspace=0.0)
     figure = Figure(figsize=size, layout=engine)
     whole = figure.add_gridspec(4, 1)
@@ -121,14 +121,14 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where panels go: the plane, if there is one, to the left of the panels over time or above them.
+    """The arrangement of panels: the plane, if any, to the left of the panels over time or above them.
 
     Attributes:
-        plane: How wide and high the plane is [inch]; nothing without one.
-        panels: How wide and high the panels over time are together [inch]; nothing without any.
+        plane: Width and height of the plane [inch]; zeros without one.
+        panels: Width and height of all panels over time [inch]; zeros without any.
         above: Whether the plane is above.
-        columns: How many columns the panels over time have.
-        rows: How many rows.
+        columns: Number of columns of panels over time.
+        rows: Number of rows of panels over time.
     """
 
     plane: tuple[float, float]
@@ -139,7 +139,7 @@ class _Layout:
 
     @classmethod
     def of(cls, ratio: float | None, count: int) -> _Layout:
-        """Arrange a plane that is so much wider than high, if there is one, and so many panels over time."""
+        """Arrange a plane with an aspect ratio, if there is one, and a number of panels over time."""
         above = ratio is not None and ratio > _WIDE and count > 0
         columns = min(count, 3) if above else -(-count // 4)
         rows = -(-count // columns) if count else 0
@@ -152,13 +152,13 @@ class _Layout:
 
     @property
     def size(self) -> tuple[float, float]:
-        """How wide and high the figure is to be [inch]."""
+        """Width and height of the figure [inch]."""
         (width, height), (across, down) = self.plane, self.panels
         both = (max(width, across), height + down) if self.above else (width + across, max(height, down))
         return max(both[0], 1.3 * _PANEL[0]), both[1] + _MARGINS
 
     def places(self, whole: SubplotSpec, count: int) -> list[SubplotSpec]:
-        """Divide a place among the plane, if there is one, and so many panels over time, in this order."""
+        """Divide a grid cell among the plane, if there is one, and a number of panels over time, in this order."""
         if not count:
             return [whole]
         plane: list[SubplotSpec] = []
@@ -175,7 +175,7 @@ class _Layout:
 
 
 def _ratio(plane: Trajectories) -> float:
-    """How much wider than high the plane is."""
+    """Return the aspect ratio of the plane."""
     low, high = extent(plane)
     wide, tall = high - low
     return float(wide / tall)
@@ -185,13 +185,13 @@ def _title(content: Content, title: str | None) -> str:
     if title is not None:
         require_writable(title)
         return title
-    count, everybody = len(content.chosen.lines), content.agent_count
-    agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {everybody:,}" if count < everybody else "")
+    count, total = len(content.chosen.lines), content.agent_count
+    agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {total:,}" if count < total else "")
     return f"{content.name}: {agents}, seed {content.seed}"
 
 
 def _owners(content: Content) -> list[Line2D | Patch]:
-    """What a legend says of whose a line is: the agents where they can be told apart, else the groups."""
+    """Return the legend of line colours: agents if they can be told apart, otherwise groups."""
     lines: dict[LineStyle, None] = {}
     for panel in content.panels:
         if isinstance(panel, Distances) or (isinstance(panel, PlottedCurves) and panel.stacked):
@@ -206,7 +206,7 @@ def _owners(content: Content) -> list[Line2D | Patch]:
 
 
 def _explained(figure: Figure, place: SubplotSpec, handles: Sequence[Line2D | Patch]) -> float:
-    """Write a legend, in as few lines as fit, and return how high it is [inch]."""
+    """Draw a legend in as few lines as possible, and return its height [inch]."""
     if not 0 < len(handles) <= _ENTRIES:
         return 0.0
     lengths = [len(str(handle.get_label())) for handle in handles]
@@ -229,12 +229,12 @@ def _explained(figure: Figure, place: SubplotSpec, handles: Sequence[Line2D | Pa
 
 
 def _width(lengths: Sequence[int], columns: int) -> float:
-    """How wide a legend of labels of these lengths is in so many columns, which are filled one by one [inch]."""
+    """Return the width of a legend with labels of these lengths in a number of columns, filled one by one [inch]."""
     return sum(_CHARACTER * max(column, default=0) + 0.62 for column in np.array_split(lengths, columns))
 
 
 def _captioned(figure: Figure, place: SubplotSpec, said: Sequence[str]) -> float:
-    """Write the caption, and return how high it is [inch]."""
+    """Draw the caption, and return its height [inch]."""
     text = textwrap.wrap(
         " ".join(dict.fromkeys(said)), max(20, int((figure.get_figwidth() - 0.3) / _CHARACTER / type_scale()))
     )

@@ -1,4 +1,4 @@
-"""The colour and the dashes of each agent's lines in a plot, and the agents that were chosen."""
+"""Line styles of the agents in a plot, and the choice of agents."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from symaware_cli.viewing.palette import DISTINCT
 
 @dataclass(frozen=True)
 class LineStyle:
-    """How the lines of one agent are drawn.
+    """The style of the lines of an agent.
 
     Attributes:
-        name: The agent, or what else the line belongs to.
+        name: The agent, or the name of another curve.
         colour: As ``#rrggbb``.
         dashed: Whether lines are dashed, because another name has the same colour.
     """
@@ -26,10 +26,10 @@ class LineStyle:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The agents that a plot is about.
+    """The agents chosen for a plot.
 
     Attributes:
-        members: The style of each chosen agent, by group; groups without one are left out.
+        members: The style of each chosen agent, by group; groups without one are omitted.
     """
 
     members: Mapping[str, tuple[LineStyle, ...]]
@@ -46,7 +46,7 @@ class Chosen:
 
     @property
     def many(self) -> bool:
-        """Whether they are too many to tell one from another."""
+        """Whether there are too many agents to tell them apart."""
         return len(self.lines) > DISTINCT
 
     @property

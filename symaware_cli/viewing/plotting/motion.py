@@ -1,4 +1,4 @@
-"""The motion of bodies and obstacles at common instants, from marks of a whole run."""
+"""Motion of bodies and obstacles at common instants, assembled from marks."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Motion:
     """The motion of n bodies.
 
     Attributes:
-        names: (n,) of the bodies.
+        names: (n,) names of the bodies.
         times: (k,) simulated time [ns].
-        positions: (k, n, 3) [m]; NaN where it is not known.
+        positions: (k, n, 3) [m]; NaN where unknown.
         headings: (k, n) [rad].
-        shapes: (n,) seen from above; None for points.
-        nosed: (n,) whether a body has a heading that is to be seen.
+        shapes: (n,) outlines; None for points.
+        nosed: (n,) whether the heading of a body is drawn.
     """
 
     names: tuple[str, ...]
@@ -71,7 +71,7 @@ class Obstacles:
     """The motion of m obstacles, at the instants of a `Motion`.
 
     Attributes:
-        names: (m,) of the obstacles.
+        names: (m,) names of the obstacles.
         pieces: (m,) the convex pieces of each, relative to its position.
         colours: (m,) as ``#rrggbb``.
         positions: (k, m, 3) [m].
@@ -110,7 +110,7 @@ def instants(times: Sequence[Times], start: int, end: int) -> Times:
 
 
 def held(times: Times, values: Array, at: Times) -> Array:
-    """Return the values (k, ...), set at times (k,), that hold at other times (m,): (m, ...), NaN before the first."""
+    """Return the values (k, ...), set at times (k,), valid at other times (m,): (m, ...), NaN before the first."""
     index = np.searchsorted(times, at, side="right") - 1
     stood = values[np.maximum(index, 0)]
     stood[index < 0] = np.nan

@@ -1,4 +1,4 @@
-"""The panels of a plot: trajectories, separation and curves, made of marks."""
+"""The panels of a plot: trajectories, separation and curves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from symaware_cli.viewing.scene.marks import Solid
 
 Array = NDArray[np.float64]
 
-#: Points of paths beyond which instants are left out.
+#: Maximum number of points of all paths; with more, instants are omitted.
 _POINTS = 120_000
 
 
@@ -33,12 +33,12 @@ class Trajectories:
         chosen: Their styles, in the same order.
         obstacles: The motion of the obstacles.
         goals: The goals of each agent (m, 2) [m].
-        intents: The path that each agent intends at the instant that is shown (m, 2) [m].
-        contacts: (m, 2) the points where contacts began [m]; NaN where that is not known.
+        intents: The intended path of each agent at the instant shown (m, 2) [m].
+        contacts: (m, 2) the points where contacts began [m]; NaN where unknown.
         regions: Areas of the ground.
         time: The instant at which bodies are shown [ns].
         spatial: Whether bodies move in space.
-        believed: Groups whose true states were not recorded; their beliefs stand in for these.
+        believed: Groups whose true states were not recorded, so that their beliefs are shown.
     """
 
     motion: Motion
@@ -77,11 +77,11 @@ class Trajectories:
         }
 
     def notes(self) -> list[str]:
-        """Return what was replaced or left out, as sentences."""
+        """Return notes on replaced and omitted data, as sentences."""
         notes = []
         if self.believed:
             who = ", ".join(self.believed)
-            notes.append(f"The states are what {who} believed, as the true ones were not recorded.")
+            notes.append(f"The states of {who} are believed, as the true ones were not recorded.")
         if len(self.steps) < len(self.motion.times):
             notes.append(f"Paths are drawn through {len(self.steps):,} of {len(self.motion.times):,} instants.")
         return notes
@@ -92,10 +92,10 @@ class Distances:
     """The separation of bodies.
 
     Attributes:
-        agents: Of two agents; None if there is only one.
-        obstacles: Of an agent and an obstacle; None if there are none.
+        agents: Between two agents; None if there is only one.
+        obstacles: Between an agent and an obstacle; None if there are none.
         names: The names of the agents and of the obstacles, by index.
-        sampled: The time between two records, where the world made steps in between [s]; None if each was recorded.
+        sampled: The time between two records, if the world made steps in between [s]; None if each step was recorded.
     """
 
     agents: LeastSeparation | None
@@ -106,7 +106,7 @@ class Distances:
     name = "separation"
 
     def who(self, separation: LeastSeparation) -> tuple[str, str]:
-        """Return the names of the two bodies of the least separation."""
+        """Return the names of the two bodies with the least separation."""
         one, other = separation.pair[separation.lowest].tolist()
         return self.names[0][one], self.names[separation is self.obstacles][other]
 
@@ -135,11 +135,11 @@ class Distances:
         return {**least, "instants": len(separation.times)}
 
     def notes(self) -> list[str]:
-        """Return what was left out, as sentences."""
+        """Return notes on omitted data, as sentences."""
         every = max(each.every for each in (self.agents, self.obstacles) if each)
-        notes = [f"Separation is looked at in 1 of {every} instants."] if every > 1 else []
+        notes = [f"Separation is evaluated in 1 of {every} instants."] if every > 1 else []
         if self.sampled is not None:
-            notes.append(f"Recorded every {self.sampled:g} s only: between these, bodies may have been closer.")
+            notes.append(f"Recorded only every {self.sampled:g} s: in between, bodies may have been closer.")
         return notes
 
 
@@ -148,16 +148,16 @@ Panel: TypeAlias = Trajectories | Distances | PlottedCurves
 
 @dataclass(frozen=True)
 class Content:
-    """Everything that a plot shows.
+    """The content of a plot.
 
     Attributes:
         name: The scenario's name.
         seed: The seed of the run.
-        agent_count: How many agents the run has.
-        chosen: The agents that it is about.
-        window: The stretch of time.
-        panels: In the order in which they are drawn.
-        moment: Whether bodies are shown at a time that was asked for.
+        agent_count: Number of agents of the run.
+        chosen: The chosen agents.
+        window: The interval of time.
+        panels: The panels, in order.
+        moment: Whether bodies are shown at a requested time.
     """
 
     name: str
@@ -182,5 +182,5 @@ class Content:
 
     @property
     def notes(self) -> list[str]:
-        """What was replaced or left out, as sentences."""
+        """Notes on replaced and omitted data, as sentences."""
         return [note for panel in self.panels if isinstance(panel, Trajectories | Distances) for note in panel.notes()]

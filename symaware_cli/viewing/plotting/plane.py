@@ -1,4 +1,4 @@
-"""The panel of trajectories: the plane from above, paths that grow darker with time, bodies at one moment."""
+"""Draws the panel of trajectories: the plane from above, paths that darken with time, and bodies at an instant."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from symaware_cli.viewing.plotting.time import DASHES, INK
 
 Array = NDArray[np.float64]
 
-#: In so many strokes a path grows darker.
+#: Number of shades of a path.
 _STROKES = 12
 
-#: Round numbers, but for a power of ten.
+#: Round intervals, up to a power of ten.
 _INTERVALS = (1.0, 2.0, 5.0, 10.0)
 
-#: How much farther than the agents obstacles are shown, relative to the extent of the paths.
+#: Margin around the agents in which obstacles are shown, relative to the extent of the paths.
 _AROUND = 0.5
 
-#: Beyond so many agents paths grow thinner.
+#: Number of agents above which paths get thinner.
 _CROWD = 20
 
-#: Beyond so many points paths are pixels even in a file of vectors, which would be too large otherwise.
+#: Number of points above which paths are rasterised even in vector formats, whose files would be too large otherwise.
 _PIXELS = 20_000
 
 
@@ -46,19 +46,19 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
     """Draw the plane.
 
     Args:
-        axes: Where.
-        content: What.
-        moment: Whether the bodies are shown at a time that was asked for.
+        axes: The axes to draw on.
+        content: The content of the panel.
+        moment: Whether the bodies are shown at a requested time.
 
     Returns:
-        What a legend is to explain, and what a caption is to say.
+        The entries of the legend, and the sentences of the caption.
     """
     low, high = extent(content)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal", anchor="N")
     axes.grid(False)
     wide, tall = (high - low).tolist()
     for axis, span in ((axes.xaxis, wide), (axes.yaxis, tall)):
-        # The same ticks on both, unless one of them would have hardly any.
+        # The same tick interval on both axes, unless one of them would have hardly any ticks.
         axis.set_major_locator(MultipleLocator(min(round_interval(max(wide, tall)), round_interval(span, 4))))
     _draw_regions(axes, content)
     handles = _draw_obstacles(axes, content)
@@ -70,13 +70,13 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
     view = " from above" if content.spatial else ""
     axes.set_title(f"trajectories{view}, bodies at {at:.6g} s", loc="left")
     if moment:
-        said += ["Dotted: what came after."] * (content.at < len(content.motion.times) - 1)
-        said += ["Broad bands: where each means to go."] * bool(content.intents)
+        said += ["Dotted: later positions."] * (content.at < len(content.motion.times) - 1)
+        said += ["Broad bands: intents."] * bool(content.intents)
     return handles, said
 
 
 def extent(content: Trajectories) -> tuple[Array, Array]:
-    """The corners of what is shown, (2,) each [m]: the paths, the goals, and the obstacles near them."""
+    """Return the corners of the area shown, (2,) each [m]: the paths, the goals, and the obstacles near them."""
     radius = max((shape.radius for shape in content.motion.shapes if shape), default=0.0)
     positions = content.motion.positions[..., :2].reshape(-1, 2)
     points = np.concatenate([positions[~np.isnan(positions[:, 0])], *content.goals.values()])
@@ -89,13 +89,13 @@ def extent(content: Trajectories) -> tuple[Array, Array]:
                 low = np.minimum(low, np.maximum(box.min, points.min(axis=0) - room))
                 high = np.maximum(high, np.minimum(box.max, points.max(axis=0) + room))
     margin = 0.04 * float((high - low).max()) or 1.0
-    # A path along a line still has a panel of some height.
+    # A straight path still has a panel of some height.
     thin = np.maximum(0.12 * float((high - low).max()) - (high - low), 0.0) / 2
     return low - margin - thin, high + margin + thin
 
 
 def round_interval(span: float, count: int = 8) -> float:
-    """Choose a round interval of which about so many make up a stretch."""
+    """Choose a round interval that divides a span into about `count` parts."""
     if span <= 0:
         return 1.0
     scale = 10.0 ** np.floor(np.log10(span / count))
@@ -103,7 +103,7 @@ def round_interval(span: float, count: int = 8) -> float:
 
 
 def _outlined(pieces: Sequence[Piece]) -> list[tuple[Array, float]]:
-    """Return the corners of each piece, or the centre and the radius of one that is round [m]."""
+    """Return the corners of each piece, or centre and radius of a round one [m]."""
     return [
         (np.array(core), radius) if len(core) == 1 else (outline, 0.0)
         for (core, radius), outline in zip(pieces, outlines(pieces), strict=True)
@@ -111,20 +111,20 @@ def _outlined(pieces: Sequence[Piece]) -> list[tuple[Array, float]]:
 
 
 def _body(pieces: Iterable[tuple[Array, float]], position: Array, heading: float) -> list[Circle | Polygon]:
-    """Pieces where they are, from above; round ones as circles, which stay round however large they are drawn."""
+    """Return placed pieces from above; round ones as circles, which stay round at any size."""
     there = [(placed(corners, position, heading)[:, :2], radius) for corners, radius in pieces]
     return [Circle(tuple(corners[0]), radius) if radius else Polygon(corners) for corners, radius in there]
 
 
 def _obstacle(content: Trajectories, number: int, step: int) -> list[Circle | Polygon]:
-    """Return the pieces of an obstacle where it is at an instant."""
+    """Return the pieces of an obstacle at its pose at an instant."""
     obstacles = content.obstacles
     pieces = _outlined(obstacles.pieces[number])
     return _body(pieces, obstacles.positions[step, number], obstacles.headings[step, number])
 
 
 def _draw_regions(axes: Axes, content: Trajectories) -> None:
-    """Draw areas with their labels, which are clipped at the edge of the panel."""
+    """Draw areas with their labels, clipped to the panel."""
     for mark in content.regions:
         colour, index = hexadecimal(mark.colour), max(0, int(np.searchsorted(mark.times, content.time, "right")) - 1)
         position, heading = mark.positions[index], float(yaws(mark.orientations[index : index + 1])[0])
@@ -156,14 +156,14 @@ def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
 
 
 def _draw_paths(axes: Axes, content: Trajectories) -> list[str]:
-    """Draw the paths, light at first and darker later, with dots at regular times where they can be seen."""
+    """Draw the paths, which get darker with time, with dots at regular times where visible."""
     lines, positions = content.chosen.lines, content.motion.positions
     steps, ahead = content.steps[content.steps <= content.at], content.steps[content.steps >= content.at]
     bounds = np.linspace(0, max(len(steps) - 1, 0), _STROKES + 1).round().astype(int)
     strokes: list[Array] = []
     shades: list[tuple[float, float, float]] = []
     styles: list[object] = []
-    # Stroke by stroke, so that what comes later is drawn later, whoever it belongs to.
+    # Shade by shade, so that later parts are drawn above earlier ones of any agent.
     for number, (first, last) in enumerate(pairwise(bounds)):
         for agent, line in enumerate(lines):
             points = _known(positions[steps[first : last + 1], agent])
@@ -210,7 +210,7 @@ def _draw_dots(axes: Axes, content: Trajectories, steps: NDArray[np.intp], inter
 
 
 def _known(positions: Array) -> Array:
-    """The positions from above that are known; (m, 2)."""
+    """Return the known positions from above; (m, 2)."""
     points: Array = positions[~np.isnan(positions[:, 0]), :2]
     return points
 
@@ -227,7 +227,7 @@ def _draw_goals(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
 
 
 def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D | Patch]:
-    """Draw where everybody started, and the bodies at the moment, large enough to be seen."""
+    """Draw the initial positions, and the bodies at the instant shown, large enough to be visible."""
     motion, chosen, at = content.motion, content.chosen, content.at
     kinds = {shape: (_outlined(shape.pieces), _inner_radius(shape)) for shape in dict.fromkeys(motion.shapes) if shape}
     starts: dict[str, Array] = {}
@@ -266,7 +266,7 @@ def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D 
 
 
 def _by_colour(lines: Iterable[LineStyle], points: Mapping[str, Array]) -> dict[str, Array]:
-    """The points (m, 2) of agents, together with those of all that have the same colour."""
+    """Group the points (m, 2) of agents by colour."""
     found: dict[str, list[Array]] = {}
     for line in lines:
         if line.name in points:
@@ -275,7 +275,7 @@ def _by_colour(lines: Iterable[LineStyle], points: Mapping[str, Array]) -> dict[
 
 
 def _inner_radius(shape: Shape) -> float:
-    """The radius of the largest circle around the position that the shape holds; negative if it is outside [m]."""
+    """Return the radius of the largest circle around the position inside the shape; negative if it is outside [m]."""
     pieces = Pieces.of(shape.pieces)
     offsets = pieces.offsets.min(axis=1)
     return float((np.where(np.isinf(offsets), 0.0, offsets) + pieces.rounding).max())
@@ -291,12 +291,12 @@ def _draw_contacts(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
 
 
 def _mark(marker: str, colour: str, size: float) -> dict[str, Any]:
-    """What makes a line one of marks alone."""
+    """Return the properties of a line that consists only of markers."""
     edge = min(1.4, size / 4.0)
     return {"marker": marker, "color": colour, "linestyle": "none", "markersize": size, "markeredgewidth": edge}
 
 
-#: An arrowhead that shows where a body of radius 1 looks.
+#: An arrowhead that shows the heading of a body of radius 1.
 _NOSE: Array = np.array([[0.7, 0.0], [-0.4, 0.42], [-0.15, 0.0], [-0.4, -0.42]])
 
 

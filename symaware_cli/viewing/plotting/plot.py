@@ -1,4 +1,4 @@
-"""Plots: from a log to one figure in a file."""
+"""Plots a log as one figure in a file."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def plot(log: Log, path: str | os.PathLike[str], request: PlotRequest | None = N
 
     Args:
         log: The log.
-        path: The file; its suffix says the format, one of `FORMATS`.
-        request: What to show; None for what suits the log.
+        path: The file; its suffix, one of `FORMATS`, determines the format.
+        request: The content of the figure; None for the default panels.
 
     Returns:
-        What was drawn.
+        The content that was drawn.
 
     Raises:
-        LogError: There is nothing to plot, the log does not have what is asked for, or matplotlib is not installed.
+        LogError: There is nothing to plot, the log does not have what was requested, or matplotlib is not installed.
         OutputError: The file cannot be written.
     """
     path, request = Path(path), request or PlotRequest()

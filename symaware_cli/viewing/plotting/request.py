@@ -1,4 +1,4 @@
-"""What a plot is asked to show, and what is wrong with the question."""
+"""Requests for plots: panels, series, agents, window and size, and their validation."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from symaware_cli.core import nanoseconds, seconds
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import Log
 
-#: The panels that can be asked for by name, beside parts of awareness, in the order in which they are drawn.
+#: The panels that can be requested by name, besides parts of awareness, in order.
 PANELS = ("trajectories", "separation", "specifications", "risk", "speed", "altitude", "control")
 
-#: The formats that a plot can be saved in, by suffix.
+#: The output formats, by suffix.
 FORMATS = (".png", ".svg", ".pdf")
 
-#: [inch]
+#: Minimum and maximum size [inch].
 _LEAST, _MOST = 1.5, 60.0
 
-#: More make files and memory burst.
+#: Maximum number of pixels, which limits file size and memory.
 _PIXELS = 200_000_000
 
 
@@ -39,14 +39,14 @@ class SeriesName:
 
     @classmethod
     def parse(cls, text: str) -> SeriesName:
-        """Take ``NAME:FIELD`` or ``NAME:FIELD:COLUMN`` apart.
+        """Parse ``NAME:FIELD`` or ``NAME:FIELD:COLUMN``.
 
         Raises:
-            LogError: It is not of that form.
+            LogError: The text does not have this form.
         """
         parts = text.split(":")
         if len(parts) not in (2, 3) or not all(parts):
-            raise LogError(f"a series is called NAME:FIELD or NAME:FIELD:COLUMN, such as robot.0:state:x, not {text!r}")
+            raise LogError(f"a series is NAME:FIELD or NAME:FIELD:COLUMN, such as robot.0:state:x, not {text!r}")
         return cls(*parts)
 
     def __str__(self) -> str:
@@ -55,19 +55,19 @@ class SeriesName:
 
 @dataclass(frozen=True)
 class PlotRequest:
-    """What a plot is asked to show.
+    """A request for a plot.
 
     Attributes:
-        show: Which of `PANELS` and of the parts of awareness in the log; empty for those that suit the log, unless
-            there are `series`.
-        series: Series to show, each in a panel with those that measure the same.
-        agents: The agents and groups that it is about; empty for all.
+        show: Some of `PANELS` and of the parts of awareness in the log; empty for the default panels, unless there are
+            `series`.
+        series: Series to show; those of the same quantity share a panel.
+        agents: Agents and groups to show; empty for all.
         start: The first simulated time [s]; None for the beginning.
         end: The last simulated time [s]; None for the end.
-        at: When the bodies are shown [s]; None for the last time.
-        title: What stands above; None for the scenario's name.
-        size: Width and height [inch]; None for what suits the panels.
-        dpi: Dots for each inch.
+        at: The time at which bodies are shown [s]; None for the last time.
+        title: The title; None for the scenario's name.
+        size: Width and height [inch]; None for the natural size.
+        dpi: Dots per inch.
     """
 
     show: tuple[str, ...] = ()
@@ -81,13 +81,13 @@ class PlotRequest:
     dpi: int = 150
 
     def require_known(self, parts: Iterable[str]) -> None:
-        """Insist on panels that there are.
+        """Check that the requested panels exist.
 
         Args:
-            parts: The names of the parts of awareness that the log has.
+            parts: The names of the parts of awareness in the log.
 
         Raises:
-            UnknownNameError: There is no panel of a name.
+            UnknownNameError: A panel does not exist.
         """
         known = list(dict.fromkeys([*PANELS, *parts]))
         for name in self.show:
@@ -97,12 +97,12 @@ class PlotRequest:
 
 @dataclass(frozen=True)
 class Window:
-    """The stretch of simulated time that a plot is about.
+    """The interval of simulated time of a plot.
 
     Attributes:
         start: The first instant [ns].
         end: The last instant [ns].
-        at: When the bodies are shown [ns].
+        at: The instant at which bodies are shown [ns].
     """
 
     start: int
@@ -111,10 +111,10 @@ class Window:
 
     @classmethod
     def of(cls, log: Log, request: PlotRequest) -> Window:
-        """Find the stretch of a log that is asked for.
+        """Determine the requested interval of a log.
 
         Raises:
-            LogError: The log has nothing there.
+            LogError: The log has no values in the interval.
         """
         first, last = log.start_time, log.end_time
         if first is None or last is None:
@@ -131,7 +131,7 @@ class Window:
                 else f"from {request.start:g} s on"
             )
             span = f"{seconds(first):g} to {seconds(last):g} s"
-            raise LogError(f"there is nothing to plot {asked}: {log.path} goes from {span}")
+            raise LogError(f"there is nothing to plot {asked}: {log.path} covers {span}")
         at = end if request.at is None else nanoseconds(request.at)
         if not start <= at <= end:
             raise LogError(
@@ -141,17 +141,15 @@ class Window:
 
 
 def check_output(path: Path, request: PlotRequest) -> None:
-    """Make sure that a figure can be drawn into a file, before there is any effort.
+    """Check that a figure can be written to a file, before drawing it.
 
     Raises:
-        UnknownNameError: Its suffix stands for no format that can be drawn.
-        LogError: It would be too small to show anything, or too large for memory.
+        UnknownNameError: The suffix is not one of `FORMATS`.
+        LogError: The figure is too small to show anything, or too large for memory.
     """
     if path.suffix.lower() not in FORMATS:
         what = f"the suffix {path.suffix!r}" if path.suffix else "a name without a suffix"
-        message = (
-            f"cannot draw {path}: {what} says no format that is known; use {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
-        )
+        message = f"cannot draw {path}: {what} is not a known format; use {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
         raise UnknownNameError(message, path.suffix.lower(), FORMATS)
     if request.size is None:
         return

@@ -1,7 +1,7 @@
-"""The separation of bodies over time: the least distance between two outlines at each instant.
+"""Separation of bodies over time: the least distance between two outlines at each instant.
 
-Two bodies touch where it is 0 and overlap where it is negative. As in the world, round agents are balls, and agents
-with corners are seen from above once the balls around them meet; obstacles are seen from above.
+It is 0 where two bodies touch, and negative where they overlap. As in the world, round agents are balls, and agents
+with corners are compared from above once their bounding balls meet; obstacles are compared from above.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from symaware_cli.viewing.plotting.motion import Motion, Obstacles
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Agents times instants beyond which instants are left out; this takes some seconds.
+#: Maximum number of agents times instants, which takes some seconds; with more, instants are omitted.
 _WORK = 2_000_000
 
 
@@ -28,11 +28,11 @@ class LeastSeparation:
 
     Attributes:
         times: (m,) simulated time [ns].
-        least: (m,) the least of all pairs, from outline to outline; negative where they overlap [m].
-        pair: (m, 2) the indices of the two: an agent, and another agent or an obstacle.
-        centres: (m,) between the centres of these two [m]; NaN for obstacles.
+        least: (m,) the minimum over all pairs, between outlines; negative where they overlap [m].
+        pair: (m, 2) the indices of that pair: an agent, and another agent or an obstacle.
+        centres: (m,) the distance between the centres of that pair [m]; NaN for obstacles.
         typical: (m,) the median over agents of the separation from the nearest other agent [m]; NaN for obstacles.
-        every: One of how many recorded instants was evaluated.
+        every: One in this number of recorded instants was evaluated.
     """
 
     times: NDArray[np.int64]
@@ -44,17 +44,17 @@ class LeastSeparation:
 
     @property
     def lowest(self) -> int:
-        """The index of the instant of the least separation of all."""
+        """The index of the instant of the minimum separation."""
         return int(np.nanargmin(self.least))
 
 
 def among(motion: Motion) -> LeastSeparation | None:
-    """Return the separation between agents; None where there are no two."""
+    """Return the separation between agents; None with fewer than two agents."""
     count = motion.positions.shape[1]
     if count < 2:
         return None
     steps, every = _instants(motion, count)
-    everybody, rows = _bodies(motion), len(steps)
+    all_bodies, rows = _bodies(motion), len(steps)
     least, centres, typical = np.full(rows, np.nan), np.full(rows, np.nan), np.full(rows, np.nan)
     pair = np.zeros((rows, 2), np.intp)
     for row, step in enumerate(steps.tolist()):
@@ -62,7 +62,7 @@ def among(motion: Motion) -> LeastSeparation | None:
         present = np.flatnonzero(~np.isnan(positions[:, 0]))
         if len(present) < 2:
             continue
-        bodies = everybody if len(present) == count else everybody.some(present)
+        bodies = all_bodies if len(present) == count else all_bodies.some(present)
         gap, other = bodies.nearest_to_each(positions[present], motion.headings[step, present])
         one = int(gap.argmin())
         pair[row] = present[one], present[other[one]]
@@ -74,7 +74,7 @@ def among(motion: Motion) -> LeastSeparation | None:
 
 
 def from_obstacles(motion: Motion, obstacles: Obstacles) -> LeastSeparation | None:
-    """Return the separation of agents from obstacles; None where there are none of these."""
+    """Return the separation of agents from obstacles; None if there are none."""
     agents, count = motion.positions.shape[1], len(obstacles.names)
     if not agents or not count:
         return None
@@ -96,11 +96,11 @@ def from_obstacles(motion: Motion, obstacles: Obstacles) -> LeastSeparation | No
         points = everywhere[present]
         outside = np.maximum(np.maximum(low - points[:, None], points[:, None] - high), 0.0)
         inside = np.maximum(np.minimum(points[:, None] - low, high - points[:, None]).min(axis=2), 0.0)
-        # A body is at least as far from a piece as the ball around it is from the rectangle around the piece.
+        # A body is at least as far from a piece as its bounding ball is from the bounding rectangle of the piece.
         bound = np.hypot(outside[..., 0], outside[..., 1]) - inside - bodies.radii[present, None]
         one, piece = (np.array([place]) for place in divmod(int(bound.argmin()), len(owner)))
         first = separation(bodies.placed(present[one], everywhere, headings), placed.take(piece)).distance
-        one, piece = np.nonzero(bound <= first[0] + 1e-9)  # so that rounding leaves at least that pair
+        one, piece = np.nonzero(bound <= first[0] + 1e-9)  # so that at least that pair is kept despite rounding
         gaps = separation(bodies.placed(present[one], everywhere, headings), placed.take(piece)).distance
         best = int(gaps.argmin())
         least[row], pair[row] = gaps[best], (present[one[best]], owner[piece[best]])
@@ -115,7 +115,7 @@ def _bodies(motion: Motion) -> BodyOutlines:
 
 
 def _instants(motion: Motion, work: int) -> tuple[Indices, int]:
-    """Return the indices of the instants to evaluate, given the work in each, and one of how many these are."""
+    """Return the indices of the instants to evaluate, given the work for each, and the stride between them."""
     every = max(1, -(-len(motion.times) * work // _WORK))
     last = len(motion.times) - 1
     return np.unique(np.append(np.arange(0, last + 1, every), last)), every

@@ -1,4 +1,4 @@
-"""The panels over time: a curve for each agent where there are few, bands of quantiles where there are many."""
+"""Draws the panels over time: a curve for each agent, or bands of quantiles for many agents."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ DASHES = (0, (4, 1.5))
 _ALARM = hexadecimal(RISK)
 _TYPICAL = hexadecimal(AGENTS[0])
 
-#: The band of many curves holds the middle of them.
+#: The quantiles of the band and the line for many curves.
 _BAND = (0.1, 0.5, 0.9)
 
-#: So many characters of the remark above a panel fit in at its full size.
+#: Number of characters of the remark above a panel that fit at full size.
 _REMARK = 46
 
 
@@ -34,7 +34,7 @@ def draw_curves(axes: Axes, curves: PlottedCurves) -> tuple[list[Line2D | Patch]
     """Draw a quantity over time.
 
     Returns:
-        What a legend is to explain, and what a caption is to say.
+        The entries of the legend, and the sentences of the caption.
     """
     if curves.stacked:
         _draw_shares(axes, curves)
@@ -79,7 +79,7 @@ def _draw_dots(axes: Axes, curves: PlottedCurves, times: Array, values: Array) -
 
 
 def _draw_bands(axes: Axes, curves: PlottedCurves, times: Array, values: Array) -> list[str]:
-    """Draw the median and the middle of the curves of each colour, which is that of a group."""
+    """Draw the median and the middle 80 % of the curves of each colour, which is that of a group."""
     colours = np.array([line.colour for line in curves.lines])
     kinds = list(dict.fromkeys(colours.tolist()))
     step: Literal["post"] | None = "post" if curves.stepwise else None
@@ -100,7 +100,7 @@ def _draw_bands(axes: Axes, curves: PlottedCurves, times: Array, values: Array) 
 
 
 def _draw_shares(axes: Axes, shares: PlottedCurves) -> None:
-    """Fill the panel from below, one share on top of the other."""
+    """Fill the panel from below, with the shares stacked."""
     values = shares.values.copy()
     values[np.isnan(values).any(axis=1)] = 0.0
     tops = np.cumsum(values, axis=1)
@@ -113,10 +113,10 @@ def _draw_shares(axes: Axes, shares: PlottedCurves) -> None:
 
 
 def draw_separation(axes: Axes, distances: Distances) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw how far bodies were apart, down to where they touch and overlap.
+    """Draw the separation of bodies, down to negative values where they overlap.
 
     Returns:
-        What a legend is to explain, and what a caption is to say.
+        The entries of the legend, and the sentences of the caption.
     """
     agents, obstacles = distances.agents, distances.obstacles
     handles: list[Line2D | Patch] = []
@@ -149,6 +149,6 @@ def draw_separation(axes: Axes, distances: Distances) -> tuple[list[Line2D | Pat
 
 
 def _remark(axes: Axes, text: str, colour: str) -> None:
-    """Write above a panel, on the right, what the point in it is."""
+    """Write a remark about the marked point above a panel, on the right."""
     size = 0.9 * mpl.rcParams["font.size"] * min(1.0, _REMARK / len(text))
     axes.set_title(text, loc="right", fontsize=size, color=colour)

@@ -1,1 +1,1 @@
-"""Marks in Rerun: columns of archetypes."""
+"""Shows marks in Rerun, as columns of archetypes."""

@@ -1,4 +1,4 @@
-"""Bodies in Rerun: shapes that move, with their labels and noses."""
+"""Bodies in Rerun: moving shapes with labels and headings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NOSE = np.array((240, 240, 240), np.uint8)
 
 
 def show_bodies(columns: Columns, mark: Bodies) -> None:
-    """Show bodies as what their shape is, each with its label and its nose."""
+    """Show bodies as their shapes, with labels and headings."""
     import rerun as rr
 
     path, shape = f"{mark.path}/body", mark.shape
@@ -51,7 +51,7 @@ def show_bodies(columns: Columns, mark: Bodies) -> None:
         _discs(columns, path, mark, positions, shape.radius)
     else:
         if new:
-            # Points without a size are so many pixels wide.
+            # The radius of points without a size is in pixels.
             static(path, rr.Points3D.from_fields(radii=[shape.radius] if shape else rr.Radius.ui_points([4.0])))
         columns.send(path, times, rr.Points3D.columns(positions=flat(positions), colors=colours), counts)
     _show_labels(columns, mark, positions, new=new)
@@ -94,7 +94,7 @@ def _show_labels(columns: Columns, mark: Bodies, positions: Array, *, new: bool)
         radii = rr.Radius.ui_points([0.0])
         columns.static(path, rr.Points3D.from_fields(labels=labels, show_labels=True, radii=radii))
     if rows:
-        # Below the bodies as the view shows them, so that it hides none.
+        # Below the bodies in the view, so that labels hide none.
         below = np.array([0.0, 0.0, -mark.extent] if mark.spatial else [0.0, -mark.extent, 0.0])
         places = positions[:, rows] + below
         colours = packed(np.broadcast_to(mark.label_colours[rows], places.shape))
@@ -102,7 +102,7 @@ def _show_labels(columns: Columns, mark: Bodies, positions: Array, *, new: bool)
 
 
 def _show_noses(columns: Columns, mark: Bodies, radius: float, *, new: bool) -> None:
-    """Show a line from each middle outward, where a body faces."""
+    """Show headings as lines outward from the centres."""
     import rerun as rr
 
     path = f"{mark.path}/heading"
@@ -118,7 +118,7 @@ def _show_noses(columns: Columns, mark: Bodies, radius: float, *, new: bool) -> 
 
 
 def _top(mark: Bodies) -> float:
-    """How far bodies reach up [m]."""
+    """Return the height of bodies above their centres [m]."""
     shape = mark.shape
     if shape is None or not mark.spatial or not (shape.box or shape.cylinder):
         return shape.radius if shape else 0.0

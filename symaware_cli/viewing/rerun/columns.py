@@ -1,4 +1,4 @@
-"""Columns of a Rerun recording."""
+"""Sends columns of values to a Rerun recording."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 TIMELINE = "time"
-"""The name of the timeline: simulated time."""
+"""The name of the timeline of simulated time."""
 
 
 class Columns:
-    """Sends columns to a recording; in what follows k is a number of instants.
+    """Sends columns to a recording; below, k is a number of instants.
 
     Attributes:
-        recording: Where everything goes.
+        recording: The recording.
     """
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self.recording = recording
-        # Simulated time is the only time there is.
+        # Simulated time is the only timeline.
         recording.set_log_time_enabled(False)
         recording.set_log_tick_enabled(False)
         self._begun: set[str] = set()
 
     def static(self, path: str, *archetypes: rr.AsComponents) -> None:
-        """Put something up for all times."""
+        """Log archetypes that are valid at all times."""
         for archetype in archetypes:
             self.recording.log(path, archetype, static=True, strict=True)
 
     def is_new(self, path: str) -> bool:
-        """Whether this is asked of a path for the first time: then what does not change is put up there."""
+        """Whether this is the first call for a path, so that its static components must be logged."""
         new = path not in self._begun
         self._begun.add(path)
         return new
@@ -50,8 +50,8 @@ class Columns:
         Args:
             path: The Rerun entity.
             times: (k,) [ns].
-            columns: As some archetype of Rerun makes them.
-            counts: (k,) how many of the values belong to each instant; None for one.
+            columns: The columns of a Rerun archetype.
+            counts: (k,) number of values of each instant; None for one each.
         """
         import rerun as rr
 
@@ -70,8 +70,8 @@ class Columns:
             path: The Rerun entity.
             times: (k,) [ns].
             points: (sum of lengths, 3) [m].
-            lengths: (m,) points of each line.
-            counts: (k,) how many of the m lines belong to each instant.
+            lengths: (m,) number of points of each line.
+            counts: (k,) number of lines of each instant.
             colours: (m, 3).
         """
         import pyarrow
@@ -85,28 +85,28 @@ class Columns:
 
 
 def flat(points: Array) -> NDArray[np.float32]:
-    """Points (..., 3) as (m, 3)."""
+    """Reshape points (..., 3) to (m, 3)."""
     return np.ascontiguousarray(points, np.float32).reshape(-1, 3)
 
 
 def turns(orientations: Array) -> NDArray[np.float32]:
-    """Quaternions (..., 4) as (m, 4)."""
+    """Reshape quaternions (..., 4) to (m, 4)."""
     return np.ascontiguousarray(orientations, np.float32).reshape(-1, 4)
 
 
 def each(points: Array) -> list[int]:
-    """As many for each of k instants; (k, n, 3)."""
+    """Return the number of points of each of k instants; (k, n, 3)."""
     return [points.shape[1]] * len(points)
 
 
 def shades(colours: ArrayLike, transparency: ArrayLike, count: int) -> Colours:
-    """The colours (count, 3) of transparent things, mixed with the background: Rerun's are not transparent."""
+    """Return colours (count, 3), mixed with the background in place of transparency, which Rerun does not support."""
     own = np.broadcast_to(np.asarray(colours, np.uint8), (count, 3))
     share = np.asarray(transparency, float)
     return faded(own, share) if share.any() else own
 
 
 def packed(colours: Colours) -> NDArray[np.uint32]:
-    """Colours (..., 3) as 0xRRGGBBAA, (m,)."""
+    """Convert colours (..., 3) to 0xRRGGBBAA, (m,)."""
     red, green, blue = np.moveaxis(colours.reshape(-1, 3).astype(np.uint32), -1, 0)
     return (red << 24 | green << 16 | blue << 8 | 0xFF).astype(np.uint32)

@@ -1,4 +1,4 @@
-"""Bodies of links and joints in Rerun: each surface once, in as many places as there are bodies."""
+"""Bodies of links and joints in Rerun: each surface once, with an instance for each body."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from symaware_cli.viewing.rerun.columns import Columns, each, flat, turns
 from symaware_cli.viewing.scene.marks import Figures, Ground
 from symaware_cli.viewing.tessellation import tessellated
 
-#: The ground, how far it reaches [m], and how far below its height it lies, so that lines on it are seen [m].
+#: Colour and half extent of the ground [m], and its offset below its height, so that lines on it are visible [m].
 _GROUND = (30, 33, 41)
 _GROUND_REACH = 500.0
 _BELOW = 2e-3
@@ -32,7 +32,7 @@ def show_figures(columns: Columns, mark: Figures) -> None:
             columns.static(path, _surface(visual, mark.colour, mark.surfaces))
         positions = np.concatenate([placed[number][0] for number in look], axis=1)
         orientations = np.concatenate([placed[number][1] for number in look], axis=1)
-        # With each instant: Rerun takes no scales that are static where places are not.
+        # Sent at each instant: Rerun does not combine static scales with poses that change.
         scales = None
         if visual.kind == "mesh" and set(visual.size) != {1.0}:
             scales = flat(np.broadcast_to(visual.size, positions.shape))
@@ -47,7 +47,7 @@ def show_ground(columns: Columns, mark: Ground) -> None:
     import rerun as rr
 
     corners = _GROUND_REACH * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    # Without a direction in which it faces, light does not fall on it.
+    # With zero normals, the plane is not shaded by light.
     surface = rr.Mesh3D(
         vertex_positions=np.column_stack([corners, np.full(4, mark.height - _BELOW)]),
         triangle_indices=[(0, 1, 2), (0, 2, 3)],

@@ -1,4 +1,4 @@
-"""Lines in Rerun, which can neither be transparent nor change their colour on the way."""
+"""Lines in Rerun, which supports neither transparency nor a colour gradient along a line."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from symaware_cli.viewing.scene.marks import Colours, Crosses, Lines
 
 Array = NDArray[np.float64]
 
-#: A fading line has so many pieces at most.
+#: Maximum number of pieces of a fading line.
 _PIECES = 12
-#: How much of the background the first and the last piece of a fading line have.
+#: Share of the background in the first and the last piece of a fading line.
 _FADED = (0.05, 0.8)
 _STROKES = np.array([[[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]], [[-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]])
 
@@ -50,10 +50,11 @@ def show_crosses(columns: Columns, mark: Crosses) -> None:
 
 
 def _fading(points: Array, lengths: NDArray[np.int64], colours: Colours) -> tuple[Array, NDArray[np.int64], Colours]:
-    """Cut lines into straight pieces, each fainter than the one before.
+    """Split lines into straight pieces, each fainter than the one before.
 
     Returns:
-        Both ends of each piece, (2 p, 3); how many pieces each line has (m,); and the colours of the pieces, (p, 3).
+        Both ends of each piece, (2 p, 3); the number of pieces of each line (m,); and the colours of the pieces, (p,
+        3).
     """
     kinds = np.unique(lengths)
     if len(kinds) == 1:
@@ -71,7 +72,7 @@ def _fading(points: Array, lengths: NDArray[np.int64], colours: Colours) -> tupl
 
 
 def _alike(points: Array, colours: Colours) -> tuple[Array, Colours]:
-    """The pieces (m, p, 2, 3) of lines (m, length, 3), and their colours (m, p, 3)."""
+    """Return the pieces (m, p, 2, 3) of lines (m, length, 3), and their colours (m, p, 3)."""
     length = points.shape[1]
     chosen = points[:, np.linspace(0, length - 1, min(length, _PIECES + 1)).round().astype(np.intp)]
     shares = np.linspace(*_FADED, chosen.shape[1] - 1)

@@ -1,7 +1,7 @@
-"""Marks in a Rerun recording, whole columns at a time.
+"""Shows marks in a Rerun recording, whole columns at a time.
 
-Logging row by row costs Rerun some 100 us a row, a column less than half a microsecond (benchmarks/RESULTS.md), so
-nothing here is ever called for a single row.
+Logging a single row takes Rerun about 100 us, in a column less than half a microsecond (benchmarks/RESULTS.md), so no
+function here is called for single rows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from symaware_cli.viewing.scene import marks
 if TYPE_CHECKING:
     import rerun as rr
 
-#: The colour of level lines, and of the ring around a place.
+#: The colours of level lines, and of the ring of an agent's perception range.
 _LEVEL = CONTACT
 _REACH = faded(np.array([180, 180, 190], np.uint8), 0.5)
 _LEVELS = {"DEBUG": "DEBUG", "INFO": "INFO", "WARNING": "WARN", "ERROR": "ERROR"}
@@ -36,22 +36,22 @@ class RerunOutput:
         self._columns = Columns(recording)
 
     def show(self, mark: marks.Mark) -> None:
-        """Show a mark, if Rerun has something for its kind."""
+        """Show a mark, if Rerun supports its kind."""
         shown = _SHOWN.get(type(mark))
         if shown is not None:
             shown(self._columns, mark)
 
     def document(self, path: str, text: str) -> None:
-        """Put up a text in Markdown for all times."""
+        """Log a Markdown text that is valid at all times."""
         import rerun as rr
 
         self._columns.static(path, rr.TextDocument(text, media_type="text/markdown"))
 
     def flush(self) -> None:
-        """Wait until everything has left this process.
+        """Wait until all data have left this process.
 
         Raises:
-            RuntimeError: It could not be written or sent.
+            RuntimeError: They could not be written or sent.
         """
         self._columns.recording.flush()
 
@@ -95,7 +95,7 @@ def _show_ellipsoids(columns: Columns, mark: marks.Ellipsoids) -> None:
 
 
 def _show_place(columns: Columns, mark: marks.FocusPoint) -> None:
-    """Put up something without a size, since an eye follows only what there is something of, and move it."""
+    """Move an invisible point, since the camera can only follow an entity that is drawn."""
     import rerun as rr
 
     if columns.is_new(mark.path):
@@ -108,7 +108,7 @@ def _show_place(columns: Columns, mark: marks.FocusPoint) -> None:
 
 
 def _show_rays(columns: Columns, mark: marks.Rays) -> None:
-    """Show where rays ended."""
+    """Show the ends of rays."""
     flatten = np.array([1.0, 1.0, float(mark.spatial)])
     found = [flatten * hits(*each) for each in zip(mark.angles, mark.distances, mark.poses, strict=True)]
     lengths = [len(points) for points in found]
@@ -146,7 +146,7 @@ def _show_curves(columns: Columns, mark: marks.Curves) -> None:
         given: dict[str, Any] = {"path": f"{mark.path}/level", "times": mark.times, "names": [name]}
         values = np.full((len(mark.times), 1), height)
         _show_curves(columns, marks.Curves(values=values, colours=[_LEVEL], width=1.0, **given))
-    # What is infinite leaves a gap: no axis reaches so far.
+    # Infinite values leave a gap, since no axis extends that far.
     shown = np.where(np.isfinite(mark.values), mark.values, np.nan)
     counts = [mark.values.shape[1]] * len(mark.values)
     columns.send(mark.path, mark.times, rr.Scalars.columns(scalars=shown.ravel()), counts)

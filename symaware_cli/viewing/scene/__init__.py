@@ -1,1 +1,1 @@
-"""From a log to marks: what is to be seen, one kind of thing in each module."""
+"""Converts logs to marks, with a module for each kind of content."""

@@ -1,4 +1,4 @@
-"""Arrows as lines that bow to the right of their way: in a row they lie side by side, and so do there and back."""
+"""Arrows as lines that curve to the right, so that arrows in both directions of a link do not coincide."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: How far from the straight line an arrow is in its middle, in lengths of that line.
+#: Distance of the middle of an arrow from the straight line, in lengths of that line.
 _BOW = 0.16
-#: How many pieces a bow has.
+#: Number of pieces of a curve.
 _PIECES = 6
-#: How wide half a head is, in lengths of it.
+#: Half the width of a head, in lengths of the head.
 _SPREAD = 0.45
-#: How many points an arrow has, and one that breaks off.
+#: Number of points of an arrow, and of an interrupted one.
 POINTS, BROKEN_POINTS = _PIECES + 4, _PIECES + 6
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 def arrows(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Array) -> Array:
-    """Arrows on the ways between points, each a line: a bow, and a head of two strokes.
+    """Return arrows between points as lines: a curve, and a head of two strokes.
 
     Args:
-        origins: Where the ways begin, (m, 3) [m].
-        targets: Where they end, (m, 3) [m].
-        begins: At which share of its way each arrow begins, (m,).
-        ends: At which share it ends, (m,).
-        sizes: How long the heads are, (m,) [m].
+        origins: Start points, (m, 3) [m].
+        targets: End points, (m, 3) [m].
+        begins: Share of the distance at which each arrow begins, (m,).
+        ends: Share of the distance at which it ends, (m,).
+        sizes: Lengths of the heads, (m,) [m].
 
     Returns:
         (m, POINTS, 3) [m].
@@ -38,7 +38,7 @@ def arrows(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Ar
 
 
 def broken(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Array) -> Array:
-    """Ways that break off, with a cross where they do; as `arrows`.
+    """Return interrupted arrows that end at a cross; arguments as for `arrows`.
 
     Returns:
         (m, BROKEN_POINTS, 3) [m].
@@ -51,11 +51,11 @@ def broken(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Ar
 
 
 def _bows(origins: Array, targets: Array, begins: Array, ends: Array) -> tuple[Array, Array, Array]:
-    """Parabolas over the ways.
+    """Return parabolas between points.
 
     Returns:
-        Their points (m, pieces + 1, 3) [m], and where each points at its end and what is level to the right of that,
-        both of length 1, (m, 3).
+        Their points (m, pieces + 1, 3) [m], their directions at the end, and the horizontal directions to the right of
+        these, both of length 1, (m, 3).
     """
     way = targets - origins
     right = _right(way)
@@ -68,9 +68,9 @@ def _bows(origins: Array, targets: Array, begins: Array, ends: Array) -> tuple[A
 
 
 def _right(way: Array) -> Array:
-    """What is level to the right of some directions, of length 1; (m, 3)."""
+    """Return the horizontal directions to the right of some directions, of length 1; (m, 3)."""
     right = np.cross(way, _UP)
     length = np.linalg.norm(right, axis=1)[:, None]
-    # Who goes straight up or down has no right.
+    # For vertical directions, the choice is arbitrary.
     upright = length <= 1e-9 * np.linalg.norm(way, axis=1)[:, None]
     return np.where(upright, [1.0, 0.0, 0.0], right / np.where(upright, 1.0, length))

@@ -1,4 +1,4 @@
-"""Numbers that share a whole, such as probabilities, as bars beside the agents."""
+"""Shares of a whole, such as probabilities, as bars beside the agents."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
 
-#: How high a bar of 1 is at least [m], where bodies are small or points.
+#: Minimum height of a bar of 1 [m], for small bodies and points.
 _LEAST = 0.8
-#: How far the bars stand from the middle of a body, how high a bar of 1 is, how far apart they are, and how thick;
-#: in multiples of what the body extends to.
+#: Distance of the bars from the centre of a body, height of a bar of 1, distance between bars, and thickness, in
+#: multiples of the extent of the body.
 _AWAY, _HEIGHT, _APART, _THICK = 1.5, 2.0, 0.45, 0.17
 
 
 class Bars(Drawing):
-    """What is drawn as bars, of all whose minds are shown."""
+    """Draws parts of awareness and signals as bars, for agents whose awareness is shown."""
 
     def marks(self, chunk: Chunk) -> Iterator[Lines]:
-        """A mark for each part or signal of a group."""
+        """Yield a mark for each part or signal of a group."""
         for group_view in self.run_view.group_views.values():
             rows, places = self.shown_rows(group_view), chunk.frames.get(group_view.whereabouts)
             for number, (name, topic) in enumerate(group_view.drawn("bars")):
                 series = chunk.strips.get(topic)
-                # The numbers of a vector, or the first ones of a series.
+                # The values of a vector, or the first values of a series.
                 shares = chunk.frames.get(topic) if series is None else series.firsts
                 if shares is None or places is None or not rows:
                     continue
@@ -41,7 +41,7 @@ class Bars(Drawing):
                 count, columns = bars.shape[1:3]
                 colours = np.array([AGENTS[column % len(AGENTS)] for column in range(columns)], np.uint8)
                 yield Lines(
-                    path=f"minds/{group_view.name}/{name}",
+                    path=f"awareness/{group_view.name}/{name}",
                     layer=f"{name}/{group_view.name}",
                     times=times,
                     counts=[count * columns] * len(times),
@@ -54,11 +54,11 @@ class Bars(Drawing):
                 )
 
     def _bars(self, group_view: GroupView, number: int, positions: Array, shares: Array) -> Array:
-        """Both ends of each bar, (k, n, columns, 2, 3) [m]."""
+        """Return both ends of each bar, (k, n, columns, 2, 3) [m]."""
         size, columns = _size(group_view), shares.shape[2]
         across = np.array([1.0, 0.0, 0.0])
         up = np.array([0.0, 0.0, 1.0] if self.run_view.is_spatial else [0.0, 1.0, 0.0])
-        # The next part stands to the right of this one.
+        # Each further part is to the right of the previous one.
         aside = (_AWAY + _APART * (np.arange(columns) + number * (columns + 1))) * size
         feet = positions[:, :, None] - 0.5 * _HEIGHT * size * up + aside[:, None] * across
         tops = feet + _HEIGHT * size * np.clip(shares, 0.0, 1.0)[..., None] * up
@@ -66,7 +66,7 @@ class Bars(Drawing):
 
 
 def legend(run_view: RunView) -> Iterator[tuple[str, str]]:
-    """The name of each part that is drawn as bars, and what its bars stand for."""
+    """Yield the name of each part that is drawn as bars, and the meaning of its bars."""
     shown = {
         name: group_view.signals[name]
         for group_view in run_view.group_views.values()
@@ -76,5 +76,5 @@ def legend(run_view: RunView) -> Iterator[tuple[str, str]]:
 
 
 def _size(group_view: GroupView) -> float:
-    """What the bars of a group are measured by [m]."""
+    """Return the unit of length of the bars of a group [m]."""
     return max(group_view.extent, _LEAST / _HEIGHT)

@@ -1,4 +1,4 @@
-"""What all drawings have in common: each makes marks of what one kind of thing is in a log."""
+"""Base class of drawings: each draws one kind of content of a log as marks."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 
 
 class Drawing(ABC):
-    """Makes marks of one kind of thing that a log tells of.
+    """Draws one kind of content of a log as marks.
 
     Attributes:
-        run_view: Who takes part.
-        detail: How much to show.
+        run_view: The run to draw.
+        detail: The level of detail.
     """
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
@@ -30,14 +30,14 @@ class Drawing(ABC):
 
     @abstractmethod
     def marks(self, chunk: Chunk) -> Iterable[Mark]:
-        """What is to be seen of a stretch of the log; called in the order of time."""
+        """Yield the marks of a chunk; called in the order of time."""
 
     def shown_rows(self, group_view: GroupView) -> list[int]:
-        """The rows of those whose intents and the like are shown: all, or in a crowd those in focus."""
-        return [row for row, id in enumerate(group_view.agents) if self.detail.minds or id in self.detail.focus]
+        """Return the rows of the agents whose awareness is shown: all, or with many agents those in focus."""
+        return [row for row, id in enumerate(group_view.agents) if self.detail.awareness or id in self.detail.focus]
 
     def places(self, who: str, times: NDArray[np.int64], chunk: Chunk) -> Array:
-        """Where somebody or something is at some instants of a chunk; (len(times), 3) [m], NaN if unknown."""
+        """Return positions of an agent or entity at some instants of a chunk; (len(times), 3) [m], NaN if unknown."""
         if who in self.run_view.place:
             group, row = self.run_view.place[who]
             group_view = self.run_view.group_views[group]
@@ -54,10 +54,10 @@ class Drawing(ABC):
         return np.where(np.isnan(known), unknown, known)
 
     def postures(self, who: GroupView | ObstacleView, times: NDArray[np.int64], chunk: Chunk) -> tuple[Array, Array]:
-        """Where the bodies of a group, or an entity, are at some instants of a chunk, and how they are turned.
+        """Return the poses of the bodies of a group, or of an entity, at some instants of a chunk.
 
         Returns:
-            Positions (k, n, 3) [m] and quaternions x, y, z, w (k, n, 4); NaN of agents where they are not known.
+            Positions (k, n, 3) [m] and quaternions x, y, z, w (k, n, 4); NaN for agents where unknown.
         """
         poses = chunk.frames.get(f"/world/{who.name}/pose")
         if poses is not None and poses.before.shape[1] == 7:

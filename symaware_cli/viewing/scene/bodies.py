@@ -1,4 +1,4 @@
-"""The agents' bodies where they truly are, tinted by risk."""
+"""Bodies of agents at their true poses, tinted by risk."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
 
-#: How far above the ground rings lie at least, so that they are seen [m].
+#: Minimum height of rings above the ground, so that they are visible [m].
 _ABOVE = 5e-3
 
 
 class Agents(Drawing):
-    """Every agent in its shape, or with a ring around it where more is known of how it looks."""
+    """Draws every agent as its shape, or as a ring if its figure is drawn."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
         self._shown: set[str] = set()
 
     def marks(self, chunk: Chunk) -> Iterator[Bodies]:
-        """A mark for each group whose agents are somewhere."""
+        """Yield a mark for each group with known positions."""
         for group_view in self.run_view.group_views.values():
             frames = chunk.frames.get(group_view.whereabouts)
             times = frames.times if frames else np.empty(0, np.int64)
             if group_view.name not in self._shown:
                 self._shown.add(group_view.name)
                 if not len(times) or times[0] > chunk.start:
-                    # What has a size and no place would be shown at the origin.
+                    # A body with a size but without a position would be drawn at the origin.
                     nowhere = np.full((1, len(group_view.agents), 7), np.nan)
                     yield self._mark(group_view, np.array([chunk.start]), nowhere[..., :3], nowhere[..., 3:], chunk)
             if len(times):
@@ -56,7 +56,7 @@ class Agents(Drawing):
             shape=group_view.shape,
             labels=self._labels(group_view),
             label_colours=group_view.colours,
-            nosed=group_view.heading is not None and bool(group_view.radius) and self.detail.minds,
+            nosed=group_view.heading is not None and bool(group_view.radius) and self.detail.awareness,
             ring=(figure.middle, group_view.extent) if figure else None,
             floor=-np.inf if ground is None else ground + _ABOVE,
             extent=group_view.extent,
@@ -64,7 +64,7 @@ class Agents(Drawing):
         )
 
     def _labels(self, group_view: GroupView) -> dict[int, str]:
-        """The ids of those who have a label, or what tells them from the others where there is one group only."""
+        """Return the labels by row: ids, without the name of the group if there is only one group."""
         prefix = f"{group_view.name}." if len(self.run_view.group_views) == 1 else ""
         return {
             row: id.removeprefix(prefix)

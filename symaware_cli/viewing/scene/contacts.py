@@ -1,4 +1,4 @@
-"""Contacts: a ring that flashes where two bodies begin to touch, and goes with them while they do."""
+"""Contacts: a ring that flashes at the beginning and follows the bodies during a contact."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from symaware_cli.viewing.views import RunView, in_space
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-#: How large a ring is at which time after its beginning [ns], in radii of the smaller body.
+#: Radius of a ring at times after its beginning [ns], in radii of the smaller body.
 _FLASH_TIMES = np.array([0, 80_000_000, 160_000_000, 240_000_000], np.int64)
 _FLASH_SIZES = np.array([2.4, 2.0, 1.6, 1.3])
 _RING = in_space(circle(corners=24))
-#: The size of a contact of things without a size [m].
+#: Size of a contact of bodies without a size [m].
 _POINT = 0.2
 
 
 @dataclass(frozen=True)
 class _Touch:
-    """Two that touch.
+    """A contact between two bodies.
 
     Attributes:
-        pair: Who.
-        point: Where they began to (3,) [m]; None if the log does not say.
-        since: When they began to [ns].
-        until: When they ceased to [ns]; None if they have not yet.
+        pair: The two bodies.
+        point: The point where it began (3,) [m]; None if unknown.
+        since: When it began [ns].
+        until: When it ended [ns]; None if it has not yet.
     """
 
     pair: tuple[str, str]
@@ -46,17 +46,17 @@ class _Touch:
 
 
 class Contacts(Drawing):
-    """All contacts between agents, and of agents with entities of the environment."""
+    """Draws all contacts between agents, and between agents and entities of the environment."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
-        #: Those that touch at the end of the last chunk, and how far the place is from the middle of the two (3,).
+        #: The contacts at the end of the last chunk, each with its offset from the middle of the two bodies (3,).
         self._touching: dict[tuple[str, str], tuple[_Touch, Array]] = {}
-        #: Up to which instant rings are drawn [ns].
+        #: The last instant up to which rings have been drawn [ns].
         self._drawn = -1
 
     def marks(self, chunk: Chunk) -> Iterator[Lines]:
-        """The rings of all who touch."""
+        """Yield the rings of all contacts."""
         entries = [logged_events.contact(time, message) for time, message in chunk.entries.get("/contacts", ())]
         touches = self._touches(entries, chunk)
         drawn, self._drawn = self._drawn, chunk.end
@@ -81,7 +81,7 @@ class Contacts(Drawing):
             )
         which, all_rings = np.concatenate(instants), np.concatenate(rings)
         counts = np.bincount(which, minlength=len(moments))
-        # Where nobody touches any more, that has to be said once.
+        # When the last contact ends, an instant without rings must be drawn.
         said = (counts > 0) | (np.concatenate([[len(_RING)], counts[:-1]]) > 0)
         order = np.argsort(which, kind="stable")
         yield Lines(
@@ -98,13 +98,13 @@ class Contacts(Drawing):
         )
 
     def _touches(self, entries: Sequence[logged_events.LoggedContact], chunk: Chunk) -> list[tuple[_Touch, Array]]:
-        """All that touch at some time in a chunk, each with the place's distance from the middle of the two."""
+        """Return all contacts during a chunk, each with its offset from the middle of the two bodies."""
         touches = []
         for entry in entries:
             pair = entry.a, entry.b
             if entry.stage == "BEGIN":
                 if not all(who in self.run_view.place or who in self.run_view.obstacle_views for who in pair):
-                    # The ground, on which everybody stands.
+                    # The ground, with which all bodies are in contact.
                     continue
                 point = in_space(np.array(entry.point)) if len(entry.point) in (2, 3) else None
                 middle = self._middle(pair, np.array([entry.time]), chunk)[0]
@@ -117,7 +117,7 @@ class Contacts(Drawing):
         return [*touches, *self._touching.values()]
 
     def _middle(self, pair: tuple[str, str], times: Times, chunk: Chunk) -> Array:
-        """The middle between two that touch, or the one that is an agent; (len(times), 3) [m]."""
+        """Return the middle of the two bodies, or the position of the agent if only one is; (len(times), 3) [m]."""
         agents = [who for who in pair if who in self.run_view.place] or list(pair)
         middle: Array = np.mean([self.places(who, times, chunk) for who in agents], axis=0)
         return middle
@@ -130,10 +130,10 @@ class Contacts(Drawing):
 
 
 class ContactPoints(Drawing):
-    """A point where each contact began."""
+    """Draws a point where each contact began."""
 
     def marks(self, chunk: Chunk) -> Iterator[Points]:
-        """The contacts that begin in a chunk; the position is NaN where the log does not tell it."""
+        """Yield the contacts that begin in a chunk; positions are NaN where unknown."""
         entries = [logged_events.contact(time, message) for time, message in chunk.entries.get("/contacts", ())]
         begun = [entry for entry in entries if entry.stage == "BEGIN"]
         if begun:

@@ -1,4 +1,4 @@
-"""Curves over time: separation, all that the agents in focus are aware of, and tables of all numbers."""
+"""Curves over time: separation and awareness; and tables of all numbers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NEVER = np.empty(0, np.int64)
 
 
 class SeparationCurve(Drawing):
-    """The least distance between the outlines of any two agents, and 0, where bodies touch."""
+    """Draws the least distance between the outlines of two agents, with a line at 0, where bodies touch."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
@@ -36,7 +36,7 @@ class SeparationCurve(Drawing):
         self._bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes], counts)
 
     def marks(self, chunk: Chunk) -> Iterator[Curves]:
-        """The distance, and 0."""
+        """Yield the distance with its line at 0."""
         if self.run_view.agent_count < 2:
             return
         found = {
@@ -68,7 +68,7 @@ class SeparationCurve(Drawing):
         )
 
     def _smallest(self, places: Array, headings: Array) -> float:
-        """The least separation at an instant of those who are there; infinite where there are no two."""
+        """Return the least separation of the agents present at an instant; infinity with fewer than two."""
         present = np.flatnonzero(np.isfinite(places).all(axis=1))
         bodies = self._bodies if len(present) == len(places) else self._bodies.some(present)
         found = bodies.nearest(places[present], headings[present], Proximity())
@@ -76,10 +76,10 @@ class SeparationCurve(Drawing):
 
 
 class AwarenessCurves(Drawing):
-    """Control input, parts of awareness and signals of each agent in focus, with names and units."""
+    """Draws control input, parts of awareness and signals of each agent in focus, with names and units."""
 
     def marks(self, chunk: Chunk) -> Iterator[Curves]:
-        """The curves of all who are in focus."""
+        """Yield the curves of the agents in focus."""
         for agent in self.detail.focus:
             group, row = self.run_view.place[agent]
             group_view = self.run_view.group_views[group]
@@ -110,7 +110,7 @@ class AwarenessCurves(Drawing):
     def _by_unit(self, agent: str, topic: str, field: str, times: NDArray[np.int64], values: Array) -> Iterator[Curves]:
         quantities = self.run_view.quantities_of(topic, field, values.shape[1])
         for path, columns in unit_paths(agent, topic, [unit for _, unit in quantities]).items():
-            # Each path has a view of its own, whose name says the unit.
+            # Each path has a separate view, whose name contains the unit.
             yield from _curves(path, times, [quantities[column][0] for column in columns], values[:, columns])
 
 
@@ -122,10 +122,10 @@ def _curves(path: str, times: NDArray[np.int64], names: Sequence[str], values: A
 
 
 class Everything(Drawing):
-    """Tables of the numbers of all agents except paths, from which a person chooses what to plot."""
+    """Makes tables of the numbers of all agents except paths, from which users choose what to plot."""
 
     def marks(self, chunk: Chunk) -> Iterator[Numbers]:
-        """A table for each topic of numbers."""
+        """Yield a table for each topic of numbers."""
         for group_view in self.run_view.group_views.values():
             topics = [f"/world/{group_view.name}/{field}" for field in ("state", "control")]
             topics.append(f"/agents/{group_view.name}/control")
@@ -134,7 +134,7 @@ class Everything(Drawing):
                 yield from self._numbers(topic, "value", group_view.agents, chunk)
 
     def _numbers(self, topic: str, field: str, names: Sequence[str], chunk: Chunk) -> Iterator[Numbers]:
-        """The table of a topic; the name of the field is that of columns without one."""
+        """Yield the table of a topic; unnamed columns get the name of the field."""
         series = chunk.strips.get(topic)
         frames = chunk.frames.get(topic) if series is None else series.firsts
         if frames is not None and len(frames.times):
@@ -144,10 +144,10 @@ class Everything(Drawing):
 
 
 class RecordedNumbers(Everything):
-    """Tables of all numbers in a chunk, those of entities included, and of the table signals of agents in focus."""
+    """Makes tables of all numbers in a chunk, including those of entities and the table signals of agents in focus."""
 
     def marks(self, chunk: Chunk) -> Iterator[Numbers]:
-        """A table for each topic."""
+        """Yield a table for each topic."""
         for topic in sorted({*chunk.frames, *chunk.strips}):
             _, _, owner, *_, field = topic.split("/")
             view = self.run_view.group_views.get(owner)
@@ -158,7 +158,7 @@ class RecordedNumbers(Everything):
                     yield from self._entries(group_view, group_view.topic(name), chunk)
 
     def _entries(self, group_view: GroupView, topic: str, chunk: Chunk) -> Iterator[Numbers]:
-        """The entries of the tables of a signal, one after another."""
+        """Yield the concatenated entries of the tables of a signal."""
         names = [agent for agent in group_view.agents if agent in self.detail.focus]
         place = {group_view.agents.index(agent): number for number, agent in enumerate(names)}
         found = [
@@ -179,22 +179,22 @@ class RecordedNumbers(Everything):
 
 
 def plotted(group_view: GroupView) -> list[tuple[str, str]]:
-    """The parts and signals that an agent's tab has curves of, with their topics: all numbers but those of paths."""
+    """Return the parts and signals with curves in an agent's tab, with their topics: all numbers except paths."""
     signals = group_view.signals.items()
     drawn = (name for name, signal in signals if signal.kind != "table" and signal.drawn not in (None, "path"))
     return [(name, group_view.topic(name)) for name in drawn]
 
 
 def unit_paths(agent: str, topic: str, units: Sequence[str]) -> dict[str, list[int]]:
-    """Where the numbers of a signal are drawn: a path for each unit, as 10 m/s^2 would hide 0.1 rad/s.
+    """Return the paths at which the columns of a signal are drawn: one per unit, as scales may differ (m/s^2, rad/s).
 
     Args:
-        agent: Whose.
-        topic: The signal's.
-        units: Of its columns.
+        agent: The id of the agent.
+        topic: The topic of the signal.
+        units: The units of its columns.
 
     Returns:
-        By path, which columns.
+        The indices of columns, by path.
     """
     apart, place = list(dict.fromkeys(units)), topic.split("/", 3)[3]
     return {
@@ -206,7 +206,7 @@ def unit_paths(agent: str, topic: str, units: Sequence[str]) -> dict[str, list[i
 def _deviations(
     group_view: GroupView, quantities: Sequence[tuple[str, str]], values: Array
 ) -> tuple[Sequence[tuple[str, str]], Array]:
-    """Standard deviations where covariances are given; nothing of samples, which are drawn as ways."""
+    """Replace covariances by standard deviations, and omit samples, which are drawn as paths."""
     names = [name for name, _ in quantities]
     variances = [f"cov_{name}_{name}" for name, _ in group_view.state]
     if all(name in names for name in variances):

@@ -1,4 +1,4 @@
-"""Bodies of links and joints, meshes, and whatever else stands and falls in a world of space, as it truly looks."""
+"""Figures: bodies of links, joints and meshes in spatial worlds, with their true poses."""
 
 from __future__ import annotations
 
@@ -18,28 +18,27 @@ from symaware_cli.viewing.views import GroupView, ObstacleView, RunView
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-#: What those look like of whom nothing is said: agents, and entities that move or stay.
+#: Default colours: of agents, and of entities at rest.
 _PLAIN = (205, 205, 210)
 _STILL = tuple(int(part) for part in faded(np.array(SCENERY, np.uint8), 0.3))
 
 
 class Appearances(Drawing):
-    """Groups and entities of which the log has the geometry.
+    """Draws groups and entities whose geometry is in the log.
 
-    What a body of some kind looks like is there once, however many of that kind there are: Rerun draws it in as many
-    places. Entities without meshes have paths of their own.
+    Each kind of body is drawn once, with an instance for each body. Entities without meshes have separate paths.
     """
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
         self._begun = False
         users: dict[int, list[GroupView | ObstacleView]] = {}
-        everybody: list[GroupView | ObstacleView] = [*run_view.group_views.values(), *run_view.obstacle_views.values()]
-        figures = {each.figure.number: each.figure for each in everybody if each.figure}
-        for each in everybody:
+        every: list[GroupView | ObstacleView] = [*run_view.group_views.values(), *run_view.obstacle_views.values()]
+        figures = {each.figure.number: each.figure for each in every if each.figure}
+        for each in every:
             if each.figure:
                 users.setdefault(each.figure.number, []).append(each)
-        #: Where it is drawn, what is drawn there, and who looks like that.
+        #: Path, figure, and the groups and entities with that figure.
         self._shown: list[tuple[str, Figure, Sequence[GroupView | ObstacleView]]] = []
         for number, like in sorted(users.items()):
             figure = figures[number]
@@ -49,7 +48,7 @@ class Appearances(Drawing):
                 self._shown += [(f"world/scenery/{each.name}", figure, [each]) for each in like]
 
     def marks(self, chunk: Chunk) -> Iterator[Figures]:
-        """Where they are, whenever one moves."""
+        """Yield the poses of the figures, whenever one of them moves."""
         for path, figure, like in self._shown:
             moments = [self._moments(each, chunk) for each in like]
             times = np.unique(np.concatenate(moments))
@@ -80,7 +79,7 @@ class Appearances(Drawing):
         return np.concatenate([np.empty(0, np.int64), *found])
 
     def _joints(self, who: GroupView | ObstacleView, times: Times, chunk: Chunk) -> Array:
-        """How the joints of somebody stand at some instants; (k, n, joints), 0 where the log does not say."""
+        """Return joint positions at some instants; (k, n, joints), 0 where the log does not have them."""
         assert who.figure
         count = len(who.figure.articulation.joints)
         frames = chunk.frames.get(f"/world/{who.name}/joints")

@@ -1,4 +1,4 @@
-"""Where agents are to go, as far as their knowledge tells."""
+"""Goals and waypoints of agents, from their knowledge."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from symaware_cli.viewing.views import GroupView, RunView, in_space
 Array = NDArray[np.float64]
 
 
-#: What goals and waypoints are called in knowledge databases.
+#: Names of goals and waypoints in knowledge databases.
 _NAMES = ("goal", "target", "waypoint", "waypoints")
 
 
 class Goals(Drawing):
-    """Goals as crosses, waypoints as crosses joined by lines, each in its agent's colour.
+    """Draws goals as crosses, and waypoints as crosses joined by lines, in the colours of the agents.
 
-    They are what the knowledge calls ``goal``, ``target``, ``waypoint`` or ``waypoints``.
+    They are the knowledge entries ``goal``, ``target``, ``waypoint`` and ``waypoints``.
     """
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
@@ -35,7 +35,7 @@ class Goals(Drawing):
         }
 
     def marks(self, chunk: Chunk) -> Iterator[Crosses | Lines]:
-        """The goals, each time that any became known."""
+        """Yield the goals, each time that any changed."""
         for group_view in self.run_view.group_views.values():
             told = chunk.entries.get(f"/agents/{group_view.name}/knowledge", ())
             for place, (time, message) in enumerate(told):
@@ -82,16 +82,16 @@ class Goals(Drawing):
 
 
 def known_ways(knowledge: Any, group_view: GroupView) -> list[Array]:
-    """The goal and the waypoints in a knowledge database, each (m, 3); none where they are something else."""
+    """Return the goals and waypoints in a knowledge database, each (m, 3); other values are ignored."""
     ways, dimension = [], len(group_view.position)
     for name in _NAMES:
         try:
             points = np.atleast_2d(np.array(knowledge.get(name, []), float))
         except (ValueError, TypeError, OverflowError):
-            # Whoever writes a component may know something else by that name.
+            # A component may use the name for something else.
             continue
         if points.ndim == 2 and points.shape[1] >= dimension and np.isfinite(points).all():
-            # A goal may be a whole state.
+            # A goal may be a whole state; its position is extracted.
             is_state = points.shape[1] == len(group_view.state)
             ways.append(in_space(points[:, list(group_view.position if is_state else range(dimension))]))
     return ways

@@ -1,4 +1,4 @@
-"""Who knows what is told around: a dot on everybody who was told, or told others."""
+"""Agents informed by a spreading message: a dot on each agent that received it, or sent it to others."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Points
 from symaware_cli.viewing.views import RunView
 
-#: The event that says so, and what in its data names who told it.
+#: The event of receiving it, and the entry in its data that names the sender.
 _EVENT, _TELLER = "informed", "other"
-#: How large the dots are: those who are points themselves are hidden by them, and so change their colour [pixels].
+#: Size of the dots: they hide agents that are drawn as points, which thus change colour [pixels].
 _POINT = 4.5
 _NEVER = np.iinfo(np.int64).max
 
 
 class Informed(Drawing):
-    """Marks agents from the event ``informed`` on, as gossip records it."""
+    """Marks agents from the event ``informed`` on, which components such as gossip emit."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
@@ -31,12 +31,12 @@ class Informed(Drawing):
         }
 
     def marks(self, chunk: Chunk) -> Iterator[Points]:
-        """A dot on each of those who know by then."""
+        """Yield a dot on each agent that is informed."""
         moments = []
         for time, message in chunk.entries.get("/events", ()):
             if message.name == _EVENT:
                 event = logged_events.event(time, message)
-                # The source of an event is a component: agents.<agent>.<component>.
+                # The source of the event is a component: agents.<agent>.<component>.
                 told = event.source.removeprefix("agents.").rpartition(".")[0]
                 for agent in (told, event.data.get(_TELLER)):
                     if isinstance(agent, str) and agent in self.run_view.place:

@@ -1,4 +1,4 @@
-"""What agents intend: the ways that they mean to go, fading with time."""
+"""Intents of agents: intended paths that fade with time."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from symaware_cli.viewing.views import GroupView, in_space
 
 Array = NDArray[np.float64]
 
-#: What the drawings of parts are switched on and off by, where that is not their name.
+#: Layers of parts of awareness, where they differ from the name of the part.
 LAYERS = {"intent": "intents", "uncertainty": "uncertainties"}
 
 
 class Intents(Drawing):
-    """The ways that agents mean to go."""
+    """Draws the intended paths of agents."""
 
     def marks(self, chunk: Chunk) -> Iterator[Lines]:
-        """A line for each agent that is shown."""
+        """Yield the lines of each group."""
         for group_view in self.run_view.group_views.values():
             for name, topic in group_view.drawn("path"):
                 series, rows = chunk.strips.get(topic), self.shown_rows(group_view)
                 if series is not None and rows:
-                    path, layer = f"minds/{group_view.name}/{name}", f"{LAYERS.get(name, name)}/{group_view.name}"
+                    path, layer = f"awareness/{group_view.name}/{name}", f"{LAYERS.get(name, name)}/{group_view.name}"
                     yield from ways(path, layer, group_view, name, series, rows)
 
 
@@ -40,16 +40,16 @@ def ways(
     rows: Sequence[int],
     width: float = 1.5,
 ) -> Iterator[Lines]:
-    """Lines that fade, through the positions in some series of a group; none where these are no positions.
+    """Yield fading lines through the positions in the series of a group; nothing if these are not positions.
 
     Args:
-        path: What the mark is called.
-        layer: What it is switched on and off by.
-        group_view: Whose they are.
-        name: Which of their parts of awareness or signals.
+        path: The path of the mark.
+        layer: Its layer.
+        group_view: The group.
+        name: The name of the part of awareness or signal.
         series: Its values.
-        rows: Of whom.
-        width: How thick lines are [pixels].
+        rows: The rows to draw.
+        width: Width of the lines [pixels].
     """
     columns = path_columns(group_view, name, series.values.shape[1])
     if columns is None:
@@ -74,10 +74,10 @@ def ways(
 def pieces(
     series: SeriesFrames, rows: Sequence[int], columns: Sequence[int]
 ) -> tuple[NDArray[np.intp], NDArray[np.int64], Array]:
-    """The series of some rows, instant by instant, of some columns.
+    """Extract the series of some rows and columns, instant by instant.
 
     Returns:
-        Of each series the row (m,) and the length (m,); and their points (sum of lengths, columns).
+        For each series the row (m,) and the length (m,); and their points (sum of lengths, columns).
     """
     chosen = np.asarray(rows, np.intp)
     lengths = series.lengths[:, chosen]
@@ -91,13 +91,13 @@ def pieces(
 
 
 def position_columns(group_view: GroupView, names: Sequence[str]) -> list[int] | None:
-    """Where the elements of the position stand among named columns; None if any is missing."""
+    """Return the indices of the position among named columns; None if any is missing."""
     wanted = [group_view.state[index][0] for index in group_view.position]
     return [names.index(name) for name in wanted] if all(name in names for name in wanted) else None
 
 
 def path_columns(group_view: GroupView, name: str, columns: int) -> list[int] | None:
-    """Where the position stands among the numbers of a path; where nobody names them they are states, or positions."""
+    """Return the indices of the position in the columns of a path; unnamed columns are states, or positions."""
     named = position_columns(group_view, group_view.signals[name].column_names)
     if named:
         return named

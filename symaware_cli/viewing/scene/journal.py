@@ -1,4 +1,4 @@
-"""What happened: events as lines of a log, and the modes that agents are in."""
+"""Events as lines of a text log, and the modes of agents over time."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from symaware_cli.viewing.views import RunView
 
 
 class Events(Drawing):
-    """The events as a log; those of each agent in focus also as what it did last."""
+    """Draws events as a text log, and the last event of each agent in focus as its mode."""
 
     def marks(self, chunk: Chunk) -> Iterator[Journal | Modes]:
-        """The lines, and the modes."""
+        """Yield the lines, and the modes."""
         events = [logged_events.event(time, message) for time, message in chunk.entries.get("/events", ())]
         yield Journal(
             path="log/events",
@@ -32,21 +32,21 @@ class Events(Drawing):
             texts=[event.text for event in events],
             levels=[event.level for event in events],
         )
-        # The source of an event is a component: agents.<agent>.<component>.
+        # The source of an event of an agent is a component: agents.<agent>.<component>.
         focus = {f"agents.{agent}": agent for agent in self.detail.focus}
         sources = [(focus.get(event.source.rpartition(".")[0]), event) for event in events]
         yield from _modes([(agent, event.time, event.name) for agent, event in sources if agent])
 
 
 class Knowledge(Drawing):
-    """What agents know that is a mode: words and yes or no, over time."""
+    """Draws texts and truth values in the knowledge of agents as modes over time."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
         self._known: dict[str, str] = {}
 
     def marks(self, chunk: Chunk) -> Iterator[Modes]:
-        """What changed, of each agent in focus."""
+        """Yield the changes for each agent in focus."""
         changes = []
         for group_view in self.run_view.group_views.values():
             focus = {row: agent for row, agent in enumerate(group_view.agents) if agent in self.detail.focus}
@@ -64,7 +64,7 @@ class Knowledge(Drawing):
 
 
 def _modes(changes: Iterable[tuple[str, int, str]]) -> Iterator[Modes]:
-    """A mark for each path, of changes: path, time [ns] and mode, each path's in the order of time."""
+    """Yield a mark for each path from changes: path, time [ns] and mode, ordered by time for each path."""
     found: defaultdict[str, list[tuple[int, str]]] = defaultdict(list)
     for path, time, mode in changes:
         found[path].append((time, mode))

@@ -1,7 +1,7 @@
-"""Marks: what is to be seen, as arrays. Whose it is, and what it means, is known only to whoever makes them.
+"""Marks: what is drawn, as arrays, without reference to agents or their meaning.
 
-A mark is up at its path from each of its instants until the next, and replaces what was there. Backends show marks, and
-leave out kinds that they have no means for.
+A mark is shown at its path from each of its instants until the next, and replaces the previous one. Backends show
+marks, and ignore kinds that they do not support.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ Colours = NDArray[np.uint8]
 
 @dataclass(frozen=True, kw_only=True)
 class _Mark:
-    """What all marks have; in what follows k is a number of instants.
+    """The common attributes of marks; below, k is a number of instants.
 
     Attributes:
-        path: What it is called, such as ``minds/robot/intent``; unique, and what views are composed of.
+        path: Its unique path, such as ``awareness/robot/intent``; views select marks by path.
         times: (k,) ascending [ns].
-        layer: What is switched on and off together, where a backend has layers; the path if empty.
+        layer: Marks of a layer are switched on and off together, in backends with layers; the path if empty.
     """
 
     path: str
@@ -40,14 +40,14 @@ class _Mark:
 
 @dataclass(frozen=True, kw_only=True)
 class _Items(_Mark):
-    """Things of which each instant has a number of its own.
+    """A mark with a number of items at each instant.
 
     Attributes:
-        counts: (k,) how many of the m things belong to each instant.
+        counts: (k,) number of the m items at each instant.
         colours: (m, 3), or one for all (3,).
-        transparency: How much of the background shines through, from 0 to 1; (m,), or one for all.
-        names: What things can be told apart by.
-        who: (m,) the name of each, by index; None where they have none.
+        transparency: From 0 (opaque) to 1; (m,), or one for all.
+        names: Names of items.
+        who: (m,) the index in `names` of each item; None if items have no names.
     """
 
     counts: ArrayLike
@@ -63,13 +63,13 @@ class Lines(_Items):
 
     Attributes:
         points: (sum of lengths, 3) [m].
-        lengths: (m,) points of each line.
-        width: How thick they are [pixels].
-        thickness: The same [m]; 0 for `width`.
-        fades: Whether each grows fainter from its beginning to its end.
-        lasting: How long each stays up, whatever comes after [s]; 0 for until the next instant.
-        begins: (m,) whether a line is new at its instant, rather than one that was there before and has moved. Only new
-            ones are shown, for `lasting`, by a backend with lifetimes. None if lines are not told apart like this.
+        lengths: (m,) number of points of each line.
+        width: Width [pixels].
+        thickness: Thickness [m]; 0 to use `width`.
+        fades: Whether each line gets fainter from its beginning to its end.
+        lasting: How long each line is shown [s]; 0 for until the next instant.
+        begins: (m,) whether a line is new at its instant, rather than a moved earlier one. Backends with lifetimes show
+            only new lines, for `lasting`. None if lines are not distinguished like this.
     """
 
     points: Array
@@ -87,7 +87,7 @@ class Points(_Items):
 
     Attributes:
         positions: (m, 3) [m]; those that are not finite are not shown.
-        size: How large they are [pixels].
+        size: Size [pixels].
     """
 
     positions: Array
@@ -96,12 +96,12 @@ class Points(_Items):
 
 @dataclass(frozen=True, kw_only=True)
 class Crosses(_Items):
-    """Crosses that lie level.
+    """Horizontal crosses.
 
     Attributes:
-        positions: (m, 3) of their middles [m].
-        size: How far they reach along each axis [m].
-        width: How thick their strokes are [pixels].
+        positions: (m, 3) centres [m].
+        size: Half extent along each axis [m].
+        width: Width of the strokes [pixels].
     """
 
     positions: Array
@@ -111,12 +111,12 @@ class Crosses(_Items):
 
 @dataclass(frozen=True, kw_only=True)
 class Rings(_Items):
-    """Level circles.
+    """Horizontal circles.
 
     Attributes:
         centres: (m, 3) [m].
         radii: (m,) [m].
-        width: How thick they are [pixels].
+        width: Width of the lines [pixels].
     """
 
     centres: Array
@@ -130,9 +130,9 @@ class Ellipsoids(_Items):
 
     Attributes:
         centres: (m, 3) [m].
-        half_sizes: (m, 3) [m]; 0 for those that are not known.
+        half_sizes: (m, 3) [m]; 0 where unknown.
         orientations: (m, 4) quaternions x, y, z, w.
-        width: How thick their lines are [pixels].
+        width: Width of the lines [pixels].
     """
 
     centres: Array
@@ -143,22 +143,22 @@ class Ellipsoids(_Items):
 
 @dataclass(frozen=True, kw_only=True)
 class Bodies(_Mark):
-    """Bodies of one shape that move.
+    """Moving bodies of one shape.
 
     Attributes:
-        names: (n,) what they are called, which is what a frame that moves with them is called, too.
-        positions: (k, n, 3) [m]; not finite where one is nowhere.
+        names: (n,) names of the bodies, and of the frames attached to them.
+        positions: (k, n, 3) [m]; not finite where unknown.
         orientations: (k, n, 4) quaternions x, y, z, w.
         colours: (k, n, 3).
         shape: Their outline; None for points.
-        labels: What stands beside each, by number.
+        labels: Labels beside bodies, by index.
         label_colours: (n, 3).
         nosed: Whether their x axes are shown.
-        ring: Where a ring around them lies, relative to a body (3,) [m], with its radius [m], instead of a body; None
-            for a body.
-        floor: How low that ring is at least [m].
-        extent: How far they reach from their middles [m].
-        spatial: Whether the world has a third dimension, or is seen from above.
+        ring: Centre relative to a body (3,) [m] and radius [m] of a ring to show instead of the body; None for the
+            body.
+        floor: Minimum height of the ring [m].
+        extent: Radius of the bodies around their centres [m].
+        spatial: Whether the world is spatial rather than planar.
     """
 
     names: Sequence[str]
@@ -177,18 +177,18 @@ class Bodies(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Solid(_Mark):
-    """A body that stands upright over its outline, or an area of the ground.
+    """A body that extends upright over its outline, or an area of the ground.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         pieces: Its convex pieces, relative to its position.
-        low: Where it begins, relative to its position [m].
-        high: Where it ends [m]; flat if that is the same.
+        low: Its lower end, relative to its position [m].
+        high: Its upper end [m]; equal to `low` if flat.
         colour: Red, green and blue.
-        transparency: How much of the background shines through, from 0 to 1.
-        faded: How much of the background of a replay is mixed into its colour, from 0 to 1.
+        transparency: From 0 (opaque) to 1.
+        faded: Share of the background of a replay in its colour, from 0 to 1.
         label: Its label.
-        label_at: Where that is, relative to its position [m].
+        label_at: Position of the label, relative to its position [m].
         positions: (k, 3) [m].
         orientations: (k, 4) quaternions x, y, z, w.
     """
@@ -213,16 +213,16 @@ class Solid(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Figures(_Mark):
-    """Bodies of links and joints that look the same.
+    """Bodies of links and joints with the same figure.
 
     Attributes:
-        figure: What they look like.
+        figure: Their figure.
         surfaces: The files of meshes, by name.
-        colour: Of what says no colour of its own.
-        owners: What the bodies belong to, and what each is called, in order.
-        positions: (k, n, 3) of their bases [m].
+        colour: The colour of visuals without one.
+        owners: The groups or entities they belong to, each with the names of its bodies, in order.
+        positions: (k, n, 3) positions of their bases [m].
         orientations: (k, n, 4) quaternions x, y, z, w.
-        joints: (k, n, joints) positions of the joints [rad] or [m].
+        joints: (k, n, joints) joint positions [rad] or [m].
     """
 
     figure: Figure
@@ -236,10 +236,10 @@ class Figures(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Ground(_Mark):
-    """A level plane.
+    """A horizontal plane.
 
     Attributes:
-        height: [m].
+        height: Its height [m].
     """
 
     height: float
@@ -247,11 +247,11 @@ class Ground(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class FocusPoint(_Mark):
-    """A place that an eye can follow.
+    """A point that the camera can follow.
 
     Attributes:
         positions: (k, 3) [m].
-        reach: The radius of a ring around it [m]; None for none.
+        reach: Radius of a ring around it [m]; None for none.
     """
 
     positions: Array
@@ -260,17 +260,17 @@ class FocusPoint(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Rays(_Mark):
-    """Where rays from a sensor ended; those of one instant may be of several sensors.
+    """The ends of rays from sensors; several sensors may share an instant.
 
     Attributes:
         times: (k,) not descending [ns].
-        names: (k,) whose sensor it is.
+        names: (k,) name of the sensor.
         colours: (k, 3).
-        angles: (k,) of the rays, counter-clockwise from the heading of the sensor [rad].
-        distances: (k,) how far each ray goes [m]; not finite where it ends nowhere.
+        angles: (k,) angles of the rays, counter-clockwise from the heading of the sensor [rad].
+        distances: (k,) lengths of the rays [m]; not finite if a ray hits nothing.
         poses: (k, 4) x, y, z and heading of the sensor [m], [rad].
-        size: How large a point is [pixels].
-        spatial: Whether the world has a third dimension.
+        size: Size of a point [pixels].
+        spatial: Whether the world is spatial.
     """
 
     names: Sequence[str]
@@ -284,15 +284,15 @@ class Rays(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Images(_Mark):
-    """What a camera saw.
+    """Images of a camera.
 
     Attributes:
-        kind: Whether pixels are colours, or depths.
-        files: (k,) PNG each.
-        frame: What a frame that moves with the camera is called.
-        positions: (k, 3) where the camera was [m].
-        targets: (k, 3) what it looked at [m].
-        fields_of_view: (k,) from the lower to the upper edge [rad].
+        kind: Colour or depth.
+        files: (k,) PNG files.
+        frame: Name of the frame attached to the camera.
+        positions: (k, 3) positions of the camera [m].
+        targets: (k, 3) points at the centre of the image [m].
+        fields_of_view: (k,) vertical fields of view [rad].
     """
 
     kind: Literal["colour", "depth"]
@@ -310,11 +310,10 @@ class Curves(_Mark):
     Attributes:
         values: (k, m).
         names: (m,).
-        colours: (m, 3); None for any.
-        width: How thick they are [pixels].
-        keep: Which extremes are kept where more instants than pixels are to be drawn. A mean would hide that a number
-            was large for a moment.
-        level: The name and the height of a level line to compare with; None for none.
+        colours: (m, 3); None for default colours.
+        width: Width of the lines [pixels].
+        keep: The extremes to keep if there are more instants than pixels; a mean would hide short peaks.
+        level: Name and height of a reference line; None for none.
     """
 
     values: Array
@@ -327,13 +326,13 @@ class Curves(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Numbers(_Mark):
-    """A table of numbers over time, for backends that let a person choose what to plot.
+    """A table of numbers over time, for backends in which users choose what to plot.
 
     Attributes:
         values: (k, n, m).
-        names: (n,) of the rows.
-        columns: (m,) the name and the unit of each.
-        separate: Whether each instant stands by itself, so that times may repeat; otherwise values hold until the next.
+        names: (n,) names of the rows.
+        columns: (m,) name and unit of each column.
+        separate: Whether instants are separate entries, so that times may repeat; otherwise values hold until the next.
     """
 
     values: Array
@@ -344,13 +343,13 @@ class Numbers(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Journal(_Mark):
-    """Lines of a log.
+    """Lines of a text log.
 
     Attributes:
         times: (k,) not descending [ns].
-        kinds: (k,) what happened.
-        sources: (k,) where.
-        texts: (k,) in words.
+        kinds: (k,) names of the events.
+        sources: (k,) their origins.
+        texts: (k,) descriptions.
         levels: (k,) DEBUG, INFO, WARNING or ERROR.
     """
 
@@ -362,10 +361,10 @@ class Journal(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Modes(_Mark):
-    """Which mode something is in.
+    """Discrete modes over time.
 
     Attributes:
-        modes: (k,).
+        modes: (k,) names of modes.
     """
 
     modes: Sequence[str]
@@ -389,7 +388,7 @@ Mark: TypeAlias = (
     | Journal
     | Modes
 )
-"""Anything that is to be seen."""
+"""Any mark."""
 
 Joinable = TypeVar("Joinable", Bodies, Solid, Curves, Numbers)
 

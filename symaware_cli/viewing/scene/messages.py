@@ -1,4 +1,4 @@
-"""Messages between agents: lines of a log, and for a moment an arrow from the sender to the receiver."""
+"""Messages between agents: lines of a text log, and temporary arrows from sender to receiver."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from symaware_cli.viewing.views import RunView
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: How long an arrow is to be seen [ns], and how much of it has faded by then.
+#: Time for which an arrow is shown [ns], and its transparency at the end of it.
 _SEEN = 300_000_000
 _FADED = 0.75
-#: How often arrows are drawn anew, as those at their ends move [ns]; in a crowd, and otherwise.
+#: Interval at which arrows are redrawn, as their ends move [ns]; with many agents, and otherwise.
 _CROWD_STEP, _STEP = 100_000_000, 50_000_000
-#: Where on its way a message breaks off that is lost.
+#: Share of the distance at which the arrow of a lost message ends.
 _LOSS_AT = 0.45
-#: How long a head is, from above and from aslant, and how far arrows keep from points; in widths of the scene.
+#: Length of a head in planar and in spatial views, and gap between arrows and points; in widths of the scene.
 _HEAD, _ASLANT_HEAD, _GAP = 0.016, 0.025, 0.006
-#: How much of its way an arrow leaves out at each end at most.
+#: Maximum share of the distance that an arrow leaves out at each end.
 _OUT = 0.3
-#: Longer messages are cut in the log.
+#: Maximum length of a message in the text log.
 _LONGEST = 240
 
 
 class Messages(Drawing):
-    """Messages as they are sent, delivered and dropped; each arrow goes with those at its ends until it has faded."""
+    """Draws messages that are sent, delivered and dropped; arrows follow the agents at their ends until they fade."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
@@ -49,14 +49,14 @@ class Messages(Drawing):
         self._rows = np.array([row for _, row in group_views], np.intp)
         self._sizes = np.array([group_view.extent for group_view, _ in group_views])
         self._step = _STEP if run_view.agent_count <= MANY else _CROWD_STEP
-        #: The arrows still to be seen after the last chunk: time [ns], sender, receiver, whether it was lost; (m, 4).
+        #: The arrows still shown after the last chunk: time [ns], sender, receiver, whether it was lost; (m, 4).
         self._left = np.empty((0, 4), np.int64)
         #: The number of the last instant at which arrows were drawn.
         self._drawn = -1
         self._width = 0.0
 
     def marks(self, chunk: Chunk) -> Iterator[Journal | Lines]:
-        """The lines of the log, and the arrows."""
+        """Yield the lines of the text log, and the arrows."""
         entries = [
             entry
             for topic in logged_events.MESSAGES
@@ -87,12 +87,12 @@ class Messages(Drawing):
         counts = np.maximum(np.minimum(last, now) - begin + 1, 0)
         which = np.repeat(np.arange(len(told)), counts)
         instants = begin[which] + np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
-        # Where there is no arrow any more, that has to be said once.
+        # When an arrow disappears, an instant without it must be drawn.
         gone = last[(last >= drawn) & (last < now) & (last >= first)] + 1
         yield from self._arrows(np.unique(np.concatenate([instants, gone])), told[which], instants, chunk)
 
     def _arrows(self, moments: Integers, told: Integers, instants: Integers, chunk: Chunk) -> Iterator[Lines]:
-        """Arrows, each at its instant; both counted in steps."""
+        """Yield arrows, each at its instant; `moments` and `instants` are counted in steps."""
         if not len(moments):
             return
         order = np.argsort(instants, kind="stable")
@@ -124,10 +124,10 @@ class Messages(Drawing):
     def _lines(
         self, told: Integers, origins: Array, targets: Array, ways: Array, scene: float
     ) -> tuple[Array, NDArray[np.int64]]:
-        """The lines of arrows, from rim to rim.
+        """Return the lines of arrows, between the outlines of the bodies.
 
         Returns:
-            All their points (p, 3) [m], and how many of these each has (m,).
+            All their points (p, 3) [m], and the number of points of each (m,).
         """
         sizes = self._sizes[told[:, 1:3]]
         if not self.run_view.is_spatial:
@@ -146,7 +146,7 @@ class Messages(Drawing):
         return points, lengths
 
     def _ends(self, agents: Integers, times: Integers, chunk: Chunk) -> Array:
-        """Where each of some agents is, each at its time; (m, 3) [m], NaN if unknown."""
+        """Return the positions of agents, each at its time; (m, 3) [m], NaN if unknown."""
         places = np.full((len(agents), 3), np.nan)
         groups = self._groups[agents]
         for name, group_view in self.run_view.group_views.items():
@@ -157,7 +157,7 @@ class Messages(Drawing):
         return places
 
     def _scene(self, chunk: Chunk) -> float:
-        """How wide the scene is, as it is when the first message is drawn [m]."""
+        """Return the width of the scene when the first message is drawn [m]."""
         if not self._width:
             corners = [
                 np.empty((0, 3)),
@@ -174,7 +174,7 @@ class Messages(Drawing):
 
 
 def _stays(told: Integers, step: int) -> tuple[Integers, Integers]:
-    """The first and the last instant at which each arrow is seen, counted in steps; of a link only its latest is."""
+    """Return the first and last instant of each arrow, in steps; the next arrow of the same link replaces it."""
     times, senders, receivers = told[:, :3].T
     first, last = -(-times // step), -(-(times + _SEEN) // step) - 1
     order = np.lexsort((times, receivers, senders))

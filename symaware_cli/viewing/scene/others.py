@@ -1,4 +1,4 @@
-"""What the agents in focus believe of others: ghosts where these are believed to be, and how sure that is."""
+"""Beliefs of the agents in focus about others: rings at believed positions, ellipses, and believed intents."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
 
-#: The age at which a belief has lost half of what it loses of its strength at most [s], and how much that is.
+#: Half-life of a belief's fading with age [s], and its maximum transparency.
 _FADING = 1.0
 _LOSS = 0.55
-#: How big a ghost without a body is [m].
+#: Diameter of the ring for an agent without a body [m].
 _POINT = 0.2
-#: A ghost is a ring just wider than the body, so that both are seen where they coincide.
+#: Rings are a little wider than the body, so that both are visible where they coincide.
 _RING = 1.3
-#: How thick lines are [pixels].
+#: Widths of lines [pixels].
 _THIN, _THICK = 1.0, 1.75
 
 
 class Others(Drawing):
-    """The world as each agent in focus believes it to be, in a place of its own: as/<agent>."""
+    """Draws the world as each agent in focus believes it to be, at the path as/<agent>."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
-        """Look up who is in focus, and what others look like."""
+        """Collect the agents in focus, and the colours and sizes of others."""
         super().__init__(run_view, detail)
         self._focus: dict[str, list[tuple[str, int]]] = {}
         for agent in detail.focus:
             group, row = run_view.place[agent]
             self._focus.setdefault(group, []).append((agent, row))
-        looks = [self._looks(name) for name in run_view.roster]
-        #: Of each in the roster.
+        looks = [self._appearance(name) for name in run_view.roster]
+        #: For each index in the roster.
         self._colours = np.array([colour for colour, _ in looks], np.uint8).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in looks])
         self._heights = np.array([self._height(name) for name in run_view.roster])
-        #: The parts of awareness that are ways ahead, of any group.
+        #: The parts of awareness, of any group, that are drawn as paths.
         self._paths = sorted({name for view in run_view.group_views.values() for name, _ in view.drawn("path")})
 
     def marks(self, chunk: Chunk) -> Iterator[Mark]:
-        """What they believe, and what they mean to do themselves."""
+        """Yield the beliefs of the agents in focus, and their own intents."""
         for group, agents in self._focus.items():
             group_view = self.run_view.group_views[group]
             frames = chunk.frames.get(group_view.whereabouts)
@@ -68,20 +68,20 @@ class Others(Drawing):
             entries = chunk.entries.get(f"/agents/{group}/awareness", ())
             for name in self._paths:
                 for agent, row in agents:
-                    yield from self._ways(name, agent, row, entries)
+                    yield from self._intents(name, agent, row, entries)
             states = [(time, each) for time, each in entries if each.has_states]
             if states:
                 rows, dimension = [row for _, row in agents], len(group_view.position)
                 beliefs = read_beliefs(states, len(group_view.agents), rows, dimension)
                 for agent, row in agents:
-                    yield from self._ghosts(agent, row, beliefs)
+                    yield from self._beliefs(agent, row, beliefs)
 
-    def _ghosts(self, agent: str, row: int, beliefs: Beliefs) -> Iterator[Rings | Ellipsoids]:
+    def _beliefs(self, agent: str, row: int, beliefs: Beliefs) -> Iterator[Rings | Ellipsoids]:
         times, counts, mine = beliefs.of(row)
         who = beliefs.who[mine]
         centres = beliefs.places[mine] + self._heights[who, None] * np.array([0.0, 0.0, 1.0])
         ages = beliefs.ages[mine]
-        # The older, the fainter.
+        # Beliefs fade with age.
         given: dict[str, Any] = {"times": times, "counts": counts, "centres": centres, "names": self.run_view.roster}
         given |= {"who": who, "transparency": _LOSS * (1.0 - 0.5 ** (ages / _FADING))}
         colours, radii = self._colours[who], _RING * self._radii[who]
@@ -90,10 +90,12 @@ class Others(Drawing):
             half_sizes, orientations = ellipsoids(beliefs.covariances[mine])
             given |= {"half_sizes": half_sizes, "orientations": orientations, "width": _THIN}
             given["transparency"] = 1.0 - 0.85 * (1.0 - given["transparency"])
-            yield Ellipsoids(path=f"as/{agent}/doubts", colours=colours, **given)
+            yield Ellipsoids(path=f"as/{agent}/uncertainties", colours=colours, **given)
 
-    def _ways(self, part: str, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]) -> Iterator[Lines]:
-        """The ways that others mean to go, as far as an agent knows them."""
+    def _intents(
+        self, part: str, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]
+    ) -> Iterator[Lines]:
+        """Yield the intended paths of others, as believed by an agent."""
         times, counts = [], []
         lines: list[Array] = []
         owners: list[int] = []
@@ -125,7 +127,7 @@ class Others(Drawing):
             )
 
     def _way(self, part: str, who: int, values: Array) -> Array | None:
-        """The points of a way of somebody in the roster, (k, 3); None where it is none."""
+        """Return the points of the path of an agent in the roster, (k, 3); None if there is none."""
         place = self.run_view.place.get(self.run_view.roster[who])
         if place is None or len(values) < 2:
             return None
@@ -134,8 +136,8 @@ class Others(Drawing):
         columns = path_columns(group_view, part, values.shape[1]) if is_path else None
         return None if columns is None else in_space(values[:, columns], group_view.height)
 
-    def _looks(self, name: str) -> tuple[Sequence[int], float]:
-        """The colour of somebody and the radius [m]."""
+    def _appearance(self, name: str) -> tuple[Sequence[int], float]:
+        """Return the colour and the radius [m] of an agent or entity."""
         if name not in self.run_view.place:
             return self.run_view.obstacle_views[name].colour, self.run_view.obstacle_views[name].shape.radius
         group, row = self.run_view.place[name]
@@ -143,5 +145,5 @@ class Others(Drawing):
         return group_view.colours[row].tolist(), group_view.extent or _POINT
 
     def _height(self, name: str) -> float:
-        """At which height somebody is whose position is one in a plane [m]."""
+        """Return the height of an agent whose position is two-dimensional [m]."""
         return self.run_view.group_views[self.run_view.place[name][0]].height if name in self.run_view.place else 0.0

@@ -1,4 +1,4 @@
-"""What components hand out as points: where they found something, or where they mean to look."""
+"""Point signals of components, such as detections or planned viewpoints."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
 
-#: How large points are, in the scene and in the tab of the agent [pixels].
+#: Size of points, in the scene and in the tab of the agent [pixels].
 _POINT, _NEAR_POINT = 3.0, 4.0
 
 
 class Found(Drawing):
-    """The points of all agents in the scene, unless they are a crowd, and in tabs one's own."""
+    """Draws the points of all agents in the scene, unless there are many, and in each agent's tab."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
-        #: By topic, what was said last of each row.
+        #: For each topic, the last table of each row.
         self._known: dict[str, list[Array]] = {}
 
     def marks(self, chunk: Chunk) -> Iterator[Points]:
-        """The points of each instant until the next."""
+        """Yield the points of each instant, which are shown until the next."""
         for group_view in self.run_view.group_views.values():
             for name, topic in group_view.drawn("points"):
                 found = list(self._found(group_view, name, topic, chunk))
-                if found and self.detail.minds:
+                if found and self.detail.awareness:
                     layer = f"{name}/{group_view.name}"
-                    yield self._mark(f"minds/{group_view.name}/{name}", layer, found, group_view, _POINT)
+                    yield self._mark(f"awareness/{group_view.name}/{name}", layer, found, group_view, _POINT)
                 for agent in self.detail.focus:
                     own = [dots for dots in found if group_view.agents[dots[1]] == agent]
                     if own:
@@ -44,7 +44,7 @@ class Found(Drawing):
     def _mark(
         self, path: str, layer: str, found: Sequence[tuple[int, int, Array]], group_view: GroupView, size: float
     ) -> Points:
-        """The points of some agents, from each instant until the next: time [ns], row and points (m, 3) [m]."""
+        """Return a mark of the points of some agents: time [ns], row and points (m, 3) [m]."""
         flat = np.array([1.0, 1.0, float(self.run_view.is_spatial)])
         moments, which = np.unique([time for time, _, _ in found], return_inverse=True)
         sizes = np.array([len(points) for _, _, points in found])
@@ -62,7 +62,7 @@ class Found(Drawing):
         )
 
     def _found(self, group_view: GroupView, name: str, topic: str, chunk: Chunk) -> Iterator[tuple[int, int, Array]]:
-        """The points of every agent at each instant at which any were said."""
+        """Yield the points of every agent at each instant at which any were recorded."""
         known = self._known.setdefault(topic, [np.empty((0, 0))] * len(group_view.agents))
         names, whereabouts = group_view.signals[name].column_names, chunk.frames.get(group_view.whereabouts)
         for time, tables in self._said(topic, chunk):
@@ -78,7 +78,7 @@ class Found(Drawing):
                 yield time, row, places(names, table, positions[row], heading) if len(table) else np.empty((0, 3))
 
     def _said(self, topic: str, chunk: Chunk) -> Iterator[tuple[int, Iterable[tuple[int, Array]]]]:
-        """What is said at each instant, and of which rows."""
+        """Yield the tables recorded at each instant, with their rows."""
         frames = chunk.frames.get(topic)
         if frames is not None:
             for time, values in zip(frames.times.tolist(), frames.values, strict=True):
@@ -88,7 +88,7 @@ class Found(Drawing):
 
 
 def tables_of(message: object) -> Iterable[tuple[int, Array]]:
-    """Return the row of each agent that a message has a table of, and the table; none of other messages."""
+    """Return the row and the table of each agent in a message; empty for messages of other types."""
     if not isinstance(message, wire.TableRows):
         return ()
     rows = range(len(message.lengths)) if message.rows is None else message.rows.tolist()
@@ -96,16 +96,16 @@ def tables_of(message: object) -> Iterable[tuple[int, Array]]:
 
 
 def places(names: Sequence[str], table: Array, position: Array, heading: float) -> Array:
-    """Where points are in the world.
+    """Return the positions of points in the world.
 
     Args:
-        names: Of the columns: `x`, `y` and perhaps `z`; or `distance`, `bearing` and perhaps `elevation`.
+        names: Names of the columns: `x`, `y` and optionally `z`; or `distance`, `bearing` and optionally `elevation`.
         table: (m, columns) [m] or [rad].
-        position: Where the body is; (3,) [m].
-        heading: Where it points [rad].
+        position: Position of the body; (3,) [m].
+        heading: Its heading [rad].
 
     Returns:
-        (k, 3) [m], those that are known.
+        (k, 3) [m], those that are finite.
     """
 
     def column(name: str, default: float) -> Array:
@@ -125,5 +125,5 @@ def places(names: Sequence[str], table: Array, position: Array, heading: float) 
 
 
 def lighter(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Colours (..., 3) a little lighter than those of bodies, to stand out from the walls that points lie on."""
+    """Lighten colours (..., 3), so that points stand out from bodies and walls."""
     return colours // 4 * 3 + 63

@@ -19,15 +19,15 @@ from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]
 
-#: How far below the ground regions lie in a plane, so that bodies are seen above them [m].
+#: Offset of regions below a planar world, so that bodies are drawn above them [m].
 _BELOW = -0.5
-#: By how much a smaller region lies above a larger one [m].
+#: Offset of a smaller region above a larger one [m].
 _STEP = 0.01
 _TRANSPARENCY = 0.7
 
 
 def region_pieces(region: RegionShape, regions: Mapping[str, Region]) -> list[Piece]:
-    """Return the primitives that a region is the union of; intersections and complements have none."""
+    """Return the primitives whose union is a region; empty for intersections and complements."""
     if region.box is not None:
         if len(region.box) < 4:
             return []
@@ -42,23 +42,23 @@ def region_pieces(region: RegionShape, regions: Mapping[str, Region]) -> list[Pi
 
 
 def _size(pieces: list[Piece]) -> float:
-    """Return the larger side of the box around pieces [m]."""
+    """Return the longer side of the bounding box of pieces [m]."""
     return float(np.ptp(np.concatenate(outlines(pieces)), axis=0).max())
 
 
 class RegionsDrawing(Drawing):
-    """The regions of a scenario."""
+    """Draws the regions of a scenario."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
         found = {name: region_pieces(region, run_view.regions) for name, region in run_view.regions.items()}
-        # The largest lies lowest, so that each is seen.
+        # The largest is drawn lowest, so that all are visible.
         drawn = sorted((name for name in found if found[name]), key=lambda name: _size(found[name]), reverse=True)
         self._found = {name: found[name] for name in drawn}
         self._begun = False
 
     def marks(self, chunk: Chunk) -> Iterator[Solid]:
-        """Those that rest at the beginning, and those that move wherever they are."""
+        """Yield static regions at the beginning, and moving ones at each instant."""
         for name, found in self._found.items():
             region = self.run_view.regions[name]
             if region.around is None:

@@ -1,4 +1,4 @@
-"""Risk: the redder a body the higher its risk, and a curve for each agent or quantiles of a group."""
+"""Risk: the tint of bodies, and curves for each agent or quantiles of a group."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _SHADES = (AGENTS[3], AGENTS[2], RISK)
 
 
 class RiskCurves(Drawing):
-    """The risk of each agent over time, or its quantiles over a group."""
+    """Draws the risk of each agent over time, or its quantiles over a group."""
 
     def marks(self, chunk: Chunk) -> Iterator[Curves]:
-        """A mark for each group."""
+        """Yield a mark for each group."""
         for group_view in self.run_view.group_views.values():
             series = chunk.strips.get(_topic(group_view))
             if series is None or not series.values.shape[1]:
@@ -38,7 +38,7 @@ class RiskCurves(Drawing):
 
 
 def tinted_by_risk(group_view: GroupView, times: NDArray[np.int64], chunk: Chunk) -> NDArray[np.uint8]:
-    """The colours of agents at some instants of a chunk, the redder the higher their risk; (len(times), n, 3)."""
+    """Return the colours of agents at some instants of a chunk, redder with risk; (len(times), n, 3)."""
     series = chunk.strips.get(_topic(group_view))
     if series is None or not series.before.shape[1]:
         return tinted(group_view.colours, np.zeros((len(times), len(group_view.agents))))
@@ -50,9 +50,9 @@ def _topic(group_view: GroupView) -> str:
 
 
 def _quantiles(values: Array, shares: Sequence[float]) -> Array:
-    """Quantiles of what is known at each of k instants, linear in between; (k, n) to (k, shares), NaN without any.
+    """Return quantiles of the known values at each of k instants, interpolated; (k, n) to (k, shares), NaN without any.
 
-    As `numpy.nanquantile`, which goes from instant to instant, but for all of them at once.
+    Like `numpy.nanquantile`, but vectorised over the instants.
     """
     ordered = np.sort(values, axis=1)
     last = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0)[:, None]

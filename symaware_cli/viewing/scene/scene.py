@@ -1,4 +1,4 @@
-"""The scene: everything that a log tells, as marks."""
+"""The scene: converts a log to marks, with the list of all drawings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from symaware_cli.viewing.scene.trails import Trails
 from symaware_cli.viewing.scene.uncertainties import Uncertainties
 from symaware_cli.viewing.views import RunView
 
-#: What there is to be seen in the world, and what happened.
+#: The drawings of the world and of events.
 SCENE: tuple[type[Drawing], ...] = (
     SceneryDrawing,
     RegionsDrawing,
@@ -51,10 +51,10 @@ SCENE: tuple[type[Drawing], ...] = (
     Events,
     Knowledge,
 )
-#: Curves for those who see what was chosen for them, and tables for those who choose themselves what to plot.
+#: Curves of selected quantities, and tables from which users choose what to plot.
 CURVES: tuple[type[Drawing], ...] = (SpecificationCurves, RiskCurves, SeparationCurve, AwarenessCurves)
 TABLES: tuple[type[Drawing], ...] = (Everything,)
-#: What plots show of a whole run.
+#: The drawings for plots of a whole run.
 PLOTTED: tuple[type[Drawing], ...] = (
     SceneryDrawing,
     RegionsDrawing,
@@ -68,21 +68,21 @@ PLOTTED: tuple[type[Drawing], ...] = (
 
 
 class Scene:
-    """Makes marks of a log, chunk by chunk."""
+    """Converts a log to marks, chunk by chunk."""
 
     def __init__(self, run_view: RunView, detail: Detail, drawings: Sequence[type[Drawing]] = SCENE) -> None:
-        """Begin with nothing to be seen.
+        """Create the drawings.
 
         Args:
-            run_view: Who takes part.
-            detail: How much to show.
-            drawings: Of what.
+            run_view: The run to draw.
+            detail: The level of detail.
+            drawings: The classes of drawings.
         """
         self._run_view = run_view
         self._drawings = [drawing(run_view, detail) for drawing in drawings]
 
     def chunk_reader(self) -> ChunkReader:
-        """What puts messages together to chunks for this scene."""
+        """Create a reader that groups messages into chunks for this scene."""
         counts = {
             topic: len(group_view.agents)
             for group_view in self._run_view.group_views.values()
@@ -95,10 +95,10 @@ class Scene:
         return ChunkReader(counts, self._run_view.place)
 
     def marks(self, chunk: Chunk) -> Iterator[Mark]:
-        """What is to be seen of a stretch of the log; in the order of time."""
+        """Yield the marks of a chunk; chunks must be ordered by time."""
         for drawing in self._drawings:
             yield from drawing.marks(chunk)
 
 
-#: What is so of a group.
+#: Fields of the true state of a group.
 _TRUTHS = ("state", "control", "pose", "joints")

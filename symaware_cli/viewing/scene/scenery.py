@@ -1,4 +1,4 @@
-"""The entities of the environment, and the ground."""
+"""Scenery: the entities of the environment, and the ground."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from symaware_cli.viewing.views import ObstacleView, RunView
 
 Array = NDArray[np.float64]
 
-#: How high obstacles without a height are drawn in space [m].
+#: Height of obstacles without a height in spatial worlds [m].
 _HEIGHT = 2.0
-#: How much of the background is mixed into the colour of obstacles that do not move.
+#: Share of the background in the colour of obstacles that do not move.
 _FADED = 0.45
 
 
 class SceneryDrawing(Drawing):
-    """Walls, boxes and the like as solid bodies, flat in a plane and upright in space; and the ground."""
+    """Draws walls, boxes and other obstacles as solid bodies, flat in planar worlds; and the ground."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
         self._begun = False
 
     def marks(self, chunk: Chunk) -> Iterator[Solid | Ground]:
-        """Where those are of which an outline alone is known: at the beginning, and whenever one moves."""
+        """Yield obstacles without a figure: at the beginning, and whenever one moves."""
         start = np.array([chunk.start])
         if not self._begun and self.run_view.ground is not None:
             yield Ground(path="world/ground", times=start, height=self.run_view.ground)
@@ -62,7 +62,7 @@ class SceneryDrawing(Drawing):
         )
 
     def _extent(self, obstacle_view: ObstacleView) -> tuple[float, float]:
-        """Where it begins and ends, upwards [m]; a plane's scenery lies just below the agents."""
+        """Return the lower and upper end of an obstacle [m]; in planar worlds it is just below the agents."""
         if not self.run_view.is_spatial:
             return -0.05, -0.05
         height = _HEIGHT

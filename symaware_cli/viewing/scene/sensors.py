@@ -1,4 +1,4 @@
-"""What sensors measured: the scans of lidars as points in the world, and the images of cameras."""
+"""Sensor readings: scans of lidars as points in the world, and images of cameras."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from symaware_cli.viewing.views import GroupView
 
 Array = NDArray[np.float64]
 
-#: How large the points of scans are, in the scene and in the tab of the agent [pixels].
+#: Size of the points of scans, in the scene and in the tab of the agent [pixels].
 _POINT, _NEAR_POINT = 2.0, 2.5
-#: The kinds of images that are shown.
+#: The kinds of images that are drawn.
 _KINDS: dict[int, Literal["colour", "depth"]] = {v1.Image.COLOUR: "colour", v1.Image.DEPTH: "depth"}
-#: How far the pyramid of a camera reaches [m].
+#: Height of the pyramid of a camera [m].
 _PYRAMID = 0.3
 
 
 class Scans(Drawing):
-    """Where the rays of lidars end: in the scene those of all agents, unless they are a crowd, in tabs one's own."""
+    """Draws the ends of lidar rays: in the scene for all agents, unless there are many, and in each agent's tab."""
 
     def marks(self, chunk: Chunk) -> Iterator[Rays]:
-        """The rays of each scan from when it became known until the next."""
+        """Yield the rays of each scan, which are shown until the next."""
         for group_view, sensor, entries in _sensed(self.run_view.group_views.values(), chunk, SCAN):
             try:
                 found = [scan for time, message in entries for scan in scans(time, message, sensor, group_view.agents)]
             except ValueError as error:
                 raise LogError(f"the scans of {sensor} of {group_view.name} do not fit together: {error}") from error
-            if self.detail.minds:
+            if self.detail.awareness:
                 yield self._rays(f"world/agents/{group_view.name}/scan/{sensor}", sensor, found, group_view, _POINT)
             for agent in self.detail.focus:
                 own = [scan for scan in found if scan.agent == agent]
@@ -63,25 +63,25 @@ class Scans(Drawing):
 
 
 class Cameras(Drawing):
-    """What cameras saw, and where they look: ``cameras/<agent>/<sensor>``, a 2-D view each."""
+    """Draws camera images, at ``cameras/<agent>/<sensor>``, and the fields of view of cameras."""
 
     def marks(self, chunk: Chunk) -> Iterator[Images | Lines]:
-        """Each image from when it became known until the next."""
+        """Yield each image, which is shown until the next."""
         for group_view, sensor, entries in _sensed(self.run_view.group_views.values(), chunk, IMAGE):
             for row, agent in enumerate(group_view.agents):
                 for kind, word in _KINDS.items():
                     own = [(time, image) for time, image in entries if image.row == row and image.kind == kind]
                     if own:
                         yield _images(f"cameras/{agent}/{sensor}/{word}", f"{agent}/{sensor}", word, own)
-                    if own and word == "colour" and self.detail.minds:
+                    if own and word == "colour" and self.detail.awareness:
                         path = f"world/agents/{group_view.name}/camera/{sensor}/{agent}"
                         yield self._pyramids(path, own, group_view.colours[row])
 
     def _pyramids(self, path: str, images: Sequence[tuple[int, Any]], colour: NDArray[np.uint8]) -> Lines:
-        """Lines from the camera to the corners of what it sees, a little before it."""
+        """Return lines from the camera to the corners of its field of view, at a short distance."""
         corners = np.array([_pyramid(image) for _, image in images])
         if not self.run_view.is_spatial:
-            corners[..., 2] = 0.0  # the plane is seen from above
+            corners[..., 2] = 0.0  # planar worlds are shown from above
         count = len(images)
         return Lines(
             path=path,
@@ -110,7 +110,7 @@ def _images(path: str, frame: str, kind: Literal["colour", "depth"], images: Seq
 
 
 def _pyramid(image: Any) -> Array:
-    """Two lines of five points, which together are the edges that leave a camera and the rim of its image; (10, 3)."""
+    """Return two lines of five points that together form the edges of the pyramid of a camera; (10, 3)."""
     position = np.array(image.position)
     aside, above, ahead = line_of_sight(position, image.target)
     width, height = png.size(image.data)
@@ -124,7 +124,7 @@ def _pyramid(image: Any) -> Array:
 
 
 def _sensed(group_views: Any, chunk: Chunk, word: str) -> Iterator[tuple[GroupView, str, list[tuple[int, Any]]]]:
-    """The readings of one kind in a chunk, by group and sensor."""
+    """Yield the readings of one kind in a chunk, by group and sensor."""
     for group_view in group_views:
         for sensor, topic in sensors(chunk.entries, group_view.name, word).items():
             yield group_view, sensor, chunk.entries[topic]

@@ -1,4 +1,4 @@
-"""Specifications: how their robustness is bounded over time, and a ring around those who violate one."""
+"""Specifications: bounds of the robustness over time, and a ring around agents that violate one."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]
 
-#: A ring around somebody who violates a specification, in radii of the body.
+#: Radius of the ring around an agent that violates a specification, in radii of the body.
 _REACH = 1.8
 
 
 class SpecificationCurves(Drawing):
-    """A curve for each agent or pair: the upper bound of the robustness, and finally the robustness.
+    """Draws a curve for each agent or pair: the upper bound of the robustness, and finally the robustness.
 
     Attributes:
-        most: A specification with more rows than these has one curve, the least of them.
+        most: Maximum number of rows with a curve each; with more, only the least is drawn.
     """
 
     most = 8
@@ -36,7 +36,7 @@ class SpecificationCurves(Drawing):
         self._upper = {name: np.full(len(rows), np.nan) for name, rows in run_view.specifications.items()}
 
     def marks(self, chunk: Chunk) -> Iterator[Curves]:
-        """A mark for each specification."""
+        """Yield a mark for each specification."""
         for name, rows in self.run_view.specifications.items():
             told = [(time, each) for time, each in chunk.entries.get(f"/specifications/{name}", ()) if each.upper]
             if not told:
@@ -60,21 +60,21 @@ class SpecificationCurves(Drawing):
 
 
 class EverySpecificationCurve(SpecificationCurves):
-    """A curve for each agent or pair, however many there are."""
+    """Draws a curve for each agent or pair, however many there are."""
 
     most = sys.maxsize
 
 
 class Violations(Drawing):
-    """A ring around each agent from when it violates a specification."""
+    """Draws a ring around each agent from when it violates a specification."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
-        #: Since when each agent violates one [ns].
+        #: When each agent first violated a specification [ns].
         self._since: dict[str, int] = {}
 
     def marks(self, chunk: Chunk) -> Iterator[Rings]:
-        """A mark for each agent that does."""
+        """Yield a mark for each of these agents."""
         for time, message in chunk.entries.get("/events", ()):
             if message.name == "violated":
                 for agent in logged_events.event(time, message).data.get("agents", ()):

@@ -1,4 +1,4 @@
-"""Where everybody came from."""
+"""Trails: the past positions of agents."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Lines
 from symaware_cli.viewing.views import RunView
 
-#: How often a trail has a point [ns], for those of all and those of a crowd.
+#: Minimum interval between two points of a trail [ns], and with many agents.
 _STEP, _CROWD_STEP = 100_000_000, 300_000_000
 
 
 class Trails(Drawing):
-    """A piece of line for each moment, of which the last ones stay up."""
+    """Draws a line segment for each instant, which is shown for some time."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
         self._last: dict[str, tuple[int, NDArray[np.float64]]] = {}
 
     def marks(self, chunk: Chunk) -> Iterator[Lines]:
-        """The ways between the moments."""
+        """Yield the segments between the instants."""
         step = _STEP if self.run_view.agent_count <= MANY else _CROWD_STEP
         for group_view in self.run_view.group_views.values():
             frames = chunk.frames.get(group_view.whereabouts)
@@ -50,13 +50,13 @@ class Trails(Drawing):
                 transparency=0.45 if self.run_view.agent_count <= FEW else 0.65,
                 names=group_view.agents,
                 who=np.tile(np.arange(count), len(times)),
-                width=1.5 if self.detail.minds else 1.0,
+                width=1.5 if self.detail.awareness else 1.0,
                 lasting=self.detail.trail,
             )
 
 
 def _spaced(times: NDArray[np.int64], step: int, last: int | None) -> NDArray[np.intp]:
-    """Which of some times to take so that they are at least a step apart."""
+    """Return the indices of times that are at least a step apart."""
     chosen = []
     for place, time in enumerate(times.tolist()):
         if last is None or time - last >= step:

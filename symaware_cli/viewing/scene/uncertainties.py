@@ -1,4 +1,4 @@
-"""How sure agents are of where they are: ellipses of 95 %, and fans of samples."""
+"""Uncertainties of agents about their own states: ellipses of 95 %, and fans of samples."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from symaware_cli.viewing.views import GroupView, in_space
 
 Array = NDArray[np.float64]
 
-#: How many deviations an ellipse or ellipsoid reaches that holds 95 % of a normal distribution: the root of the 95 %
-#: quantile of the chi-square distribution with 2 or 3 degrees of freedom.
+#: Number of standard deviations of an ellipse or ellipsoid that contains 95 % of a normal distribution: the root of the
+#: 95 % quantile of the chi-square distribution with 2 or 3 degrees of freedom.
 DEVIATIONS = {2: 2.4477, 3: 2.7955}
 
 
 class Uncertainties(Drawing):
-    """How far the truth may be from what agents believe of themselves, and what else they hold possible."""
+    """Draws the uncertainty of agents about their own positions, and their samples of the future."""
 
     def marks(self, chunk: Chunk) -> Iterator[Ellipsoids | Lines]:
-        """Ellipses and samples of all who are shown."""
+        """Yield ellipses and samples of the agents that are shown."""
         for group_view in self.run_view.group_views.values():
             believed, rows = chunk.frames.get(f"/agents/{group_view.name}/state"), self.shown_rows(group_view)
             for name, topic in group_view.drawn("ellipse"):
                 series, names = chunk.strips.get(topic), group_view.signals[name].column_names
                 if series is None or not rows:
                     continue
-                path, layer = f"minds/{group_view.name}/{name}", f"{LAYERS.get(name, name)}/{group_view.name}"
+                path, layer = f"awareness/{group_view.name}/{name}", f"{LAYERS.get(name, name)}/{group_view.name}"
                 covariance, samples = covariance_columns(group_view, names), sample_columns(group_view, names)
                 if covariance is not None and believed is not None:
                     centres = group_view.positions(believed.at(series.times))[:, rows].reshape(-1, 3)
@@ -64,12 +64,12 @@ def _fans(
     rows: Sequence[int],
     columns: NDArray[np.intp],
 ) -> Lines:
-    """The ways of all samples; columns (samples, d)."""
+    """Return lines through all samples; columns (samples, d)."""
     which, lengths, points = pieces(series, rows, columns.ravel().tolist())
     samples, dimension = columns.shape
     long = lengths > 1
     points = points[np.repeat(long, lengths)].reshape(-1, samples, dimension)
-    # Sample by sample within each series, whose points come one after another.
+    # Sorted by sample within each series, in which the samples of a point are adjacent.
     owner = np.repeat(np.arange(long.sum()), lengths[long])
     order = np.lexsort((np.tile(np.arange(samples), len(points)), np.repeat(owner, samples)))
     return Lines(
@@ -88,21 +88,21 @@ def _fans(
 
 
 def ellipsoids(covariances: Array) -> tuple[Array, Array]:
-    """The ellipses or ellipsoids that hold 95 % of normal distributions.
+    """Compute the ellipses or ellipsoids that contain 95 % of normal distributions.
 
     Args:
         covariances: (m, d, d) of positions in the plane or in space [m^2].
 
     Returns:
-        Half sizes (m, 3) [m] and quaternions (m, 4), x, y, z, w; those of a plane are flat. Where a covariance is not
-        known (NaN), the half sizes are 0.
+        Half sizes (m, 3) [m] and quaternions (m, 4), x, y, z, w; planar ones are flat. Where a covariance is unknown
+        (NaN), the half sizes are 0.
     """
     dimension = covariances.shape[-1]
     known = np.asarray(np.isfinite(covariances).all(axis=(-1, -2)))
     sound = np.where(known[:, None, None], covariances, 0.0)
     half_sizes, quaternions = np.zeros((len(sound), 3)), np.zeros((len(sound), 4))
     if dimension == 2:
-        # In closed form, some ten times faster than for any dimension.
+        # In closed form, about ten times as fast as the general case.
         (first, mixed), (_, second) = np.moveaxis(sound, 0, -1)
         middle, half = 0.5 * (first + second), 0.5 * (first - second)
         spread, turn = np.hypot(half, mixed), 0.5 * np.arctan2(mixed, half)
@@ -114,13 +114,13 @@ def ellipsoids(covariances: Array) -> tuple[Array, Array]:
     half_sizes[:] = DEVIATIONS[dimension] * np.sqrt(np.maximum(variances, 0.0))
     from scipy.spatial.transform import Rotation
 
-    # Eigenvectors may make a mirror image; a rotation does not.
+    # Eigenvectors may form a reflection instead of a rotation.
     axes[:, :, 2] *= np.sign(np.linalg.det(axes))[:, None]
     return half_sizes, Rotation.from_matrix(axes).as_quat()
 
 
 def covariance_columns(group_view: GroupView, names: Sequence[str]) -> NDArray[np.intp] | None:
-    """Where the covariance of the position stands, (d, d)."""
+    """Return the column indices of the covariance of the position, (d, d)."""
     elements = [group_view.state[index][0] for index in group_view.position]
     wanted = [[f"cov_{one}_{other}" for other in elements] for one in elements]
     if not all(name in names for row in wanted for name in row):
@@ -129,7 +129,7 @@ def covariance_columns(group_view: GroupView, names: Sequence[str]) -> NDArray[n
 
 
 def sample_columns(group_view: GroupView, names: Sequence[str]) -> NDArray[np.intp] | None:
-    """Where the positions of numbered samples stand, (samples, d)."""
+    """Return the column indices of the positions of numbered samples, (samples, d)."""
     elements = [group_view.state[index][0] for index in group_view.position]
     numbers = sorted({int(found[1]) for name in names if (found := re.fullmatch(r".+\.(\d+)", name))})
     samples = [[f"{element}.{number}" for element in elements] for number in numbers]
