@@ -21,7 +21,7 @@ from symaware_cli.world.reading import Reading
 
 Array = NDArray[np.float64]
 
-#: Nothing is said; it cannot be changed.
+#: A series without values; it cannot be changed.
 _EMPTY = TimeSeries()
 
 

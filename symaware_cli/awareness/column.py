@@ -32,7 +32,7 @@ class Column:
     def __init__(self, values: ArrayLike) -> None:
         self._array = frozen(values)
         self.writes = 0
-        self._own = False  # whether the array was not returned to anybody, so that it may be written in place
+        self._own = False  # whether the array was never returned, so that it may be written in place
         self._shape = self._array.shape[1:]
         self._changed: set[int] = set()
         self._every = True

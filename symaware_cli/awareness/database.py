@@ -275,7 +275,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         """
         tracks, world, roster = self._awareness.tracks, self.world, self._awareness.roster
         if roster is None:
-            raise RuntimeError("nobody is in a world yet")
+            raise RuntimeError("the agents are not in a world yet")
         width = 2 * roster.dimensions
         others = [id for id in self._known() if id in roster and id != self._own.id]
         count = len(others)

@@ -1,1 +1,1 @@
-"""Components that ship with SymAware."""
+"""Built-in components."""

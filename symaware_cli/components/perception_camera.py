@@ -64,11 +64,11 @@ class Camera(Sensor):
             ValueError: The world has no images, or `look_at` names no agent and no entity.
         """
         super().initialise_component(group)
-        environment, whom = self.environment, self.parameters.look_at
+        environment, look_at = self.environment, self.parameters.look_at
         if "images" not in environment.provides:
             raise ValueError("this world has no images; `pybullet` has them")
-        if isinstance(whom, str) and whom not in environment.roster and whom not in environment.obstacles:
-            raise ValueError(f"`look_at` names `{whom}`, which is no agent and no entity")
+        if isinstance(look_at, str) and look_at not in environment.roster and look_at not in environment.obstacles:
+            raise ValueError(f"`look_at` names `{look_at}`, which is no agent and no entity")
 
     def measure(self, present: None) -> Frame:
         """Take an image of each agent's surroundings."""
@@ -120,12 +120,12 @@ class Camera(Sensor):
 
     def _target(self) -> Array | None:
         """Return the point that it looks at [m]; None for forwards."""
-        whom, environment = self.parameters.look_at, self.environment
-        if whom is None:
+        look_at, environment = self.parameters.look_at, self.environment
+        if look_at is None:
             return None
-        if not isinstance(whom, str):
-            return np.array(whom)
-        middle: Array = environment.body_positions([whom])[0]
+        if not isinstance(look_at, str):
+            return np.array(look_at)
+        middle: Array = environment.body_positions([look_at])[0]
         return middle
 
     def _with_noise(self, images: Sequence[Image | None]) -> Sequence[Image | None]:

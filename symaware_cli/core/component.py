@@ -312,7 +312,7 @@ class Component(BaseComponent[Agent]):
 
     @property
     def agent(self) -> Agent:
-        """Whom the component belongs to."""
+        """The agent of the component."""
         return self._agent
 
     @property
@@ -350,7 +350,7 @@ class GroupComponent(BaseComponent[AgentGroup]):
 
     @property
     def group(self) -> AgentGroup:
-        """Whom the component belongs to."""
+        """The group of the component."""
         return self._group
 
     @property

@@ -1,4 +1,4 @@
-"""What an environment knows of a group: ids, the shared body and dynamics, and requested control inputs."""
+"""Entity groups: the data of a group that an environment uses: ids, body, dynamics and requested control inputs."""
 
 from __future__ import annotations
 

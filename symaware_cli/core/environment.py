@@ -97,7 +97,7 @@ class Environment(Plugin, ABC):
             WorldError: The world does not support something; nothing is placed then.
         """
         for name in sorted({group.name for group in groups} & set(obstacles)):
-            raise ValueError(f"there is both a group and an entity of the name `{name}`")
+            raise ValueError(f"`{name}` is the name of both a group and an entity")
         self.groups = tuple(sorted(groups, key=lambda group: group.name))
         self.obstacles = dict(sorted(obstacles.items()))
         errors = ErrorCollector()
@@ -137,7 +137,7 @@ class Environment(Plugin, ABC):
         Raises:
             NotImplementedError: Agents cannot enter this world during a run.
         """
-        raise NotImplementedError(f"nobody enters or leaves {type(self).__name__}")
+        raise NotImplementedError(f"agents cannot enter or leave {type(self).__name__}")
 
     def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Remove agents for good; `group.present` is already updated. Their states stay as they are.
@@ -149,7 +149,7 @@ class Environment(Plugin, ABC):
         Raises:
             NotImplementedError: Agents cannot leave this world.
         """
-        raise NotImplementedError(f"nobody enters or leaves {type(self).__name__}")
+        raise NotImplementedError(f"agents cannot enter or leave {type(self).__name__}")
 
     def overlaps(self, id: str) -> Sequence[str]:
         """The names of the agents and obstacles that the body of an agent overlaps now, as seen from above."""
@@ -245,7 +245,7 @@ class Environment(Plugin, ABC):
         Raises:
             NotImplementedError: This world does not support it.
         """
-        raise NotImplementedError(f"{type(self).__name__} cannot push anybody")
+        raise NotImplementedError(f"{type(self).__name__} cannot push agents")
 
     @abstractmethod
     def state(self, group: EntityGroup) -> Array:

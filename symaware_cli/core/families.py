@@ -43,7 +43,9 @@ class PerceptionSystem(Component):
         """A perception returns states by id."""
         if isinstance(value, Mapping | Snapshot):
             return None
-        return f"`_compute` returned {_said(value)}: a perception returns states by id, or a Snapshot of everybody"
+        return (
+            f"`_compute` returned {_described(value)}: a perception returns states by id, or a Snapshot of all agents"
+        )
 
     def _update(self, value: Mapping[str, ArrayLike] | Snapshot) -> None:
         agent = self._agent
@@ -65,7 +67,7 @@ class UncertaintyEstimator(Component):
         """An uncertainty estimator returns a series."""
         if isinstance(value, TimeSeries):
             return None
-        return f"`_compute` returned {_said(value)}: an uncertainty estimator returns a TimeSeries"
+        return f"`_compute` returned {_described(value)}: an uncertainty estimator returns a TimeSeries"
 
     def _update(self, value: TimeSeries) -> None:
         self._agent.self_awareness.uncertainty = value
@@ -82,7 +84,7 @@ class RiskEstimator(Component):
         """A risk estimator returns a series."""
         if isinstance(value, TimeSeries):
             return None
-        return f"`_compute` returned {_said(value)}: a risk estimator returns a TimeSeries"
+        return f"`_compute` returned {_described(value)}: a risk estimator returns a TimeSeries"
 
     def _update(self, value: TimeSeries) -> None:
         self._agent.self_awareness.risk = value
@@ -99,7 +101,7 @@ class CommunicationSender(Component):
         """A sender returns messages."""
         if isinstance(value, Iterable) and all(isinstance(each, Message) for each in value):
             return None
-        return f"`_compute` returned {_said(value)}: a sender returns the messages to send, a list of Message"
+        return f"`_compute` returned {_described(value)}: a sender returns the messages to send, a list of Message"
 
     def _update(self, value: Iterable[Message]) -> None:
         for message in value:
@@ -162,7 +164,7 @@ class Controller(Component):
         )
         expected = f"a controller returns {wanted} intent, a TimeSeries, as in `return control_input, TimeSeries()`"
         if not isinstance(value, tuple) or len(value) != 2 or not isinstance(value[1], TimeSeries):
-            return f"`_compute` returned {_said(value)}: {expected}"
+            return f"`_compute` returned {_described(value)}: {expected}"
         try:
             control_input = real(value[0])
         except (TypeError, ValueError) as error:
@@ -177,8 +179,8 @@ class Controller(Component):
         self._agent.self_awareness.intent = intent
 
 
-def _said(value: Any) -> str:
-    """What a value is, in a few words."""
+def _described(value: Any) -> str:
+    """Return a short description of a value."""
     if value is None:
         return "nothing (None)"
     if isinstance(value, np.ndarray):

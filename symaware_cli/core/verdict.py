@@ -1,4 +1,4 @@
-"""What has become of specifications, as agents see it."""
+"""Statuses of specifications during a run: verdict and robustness, as agents can read them."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import NamedTuple, Protocol
 
 
 class SpecificationStatus(NamedTuple):
-    """What has become of a specification so far.
+    """The present status of a specification.
 
     Attributes:
-        verdict: True where it is satisfied, False where it is violated, None while it is undecided.
+        verdict: True if it is satisfied, False if it is violated, None while it is undecided.
         robustness: The exact robustness of its formula at the latest instant at which that is known; NaN before the
             first.
         interval: The least and the greatest that its robustness can still turn out to be; infinite where they are not

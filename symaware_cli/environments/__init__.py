@@ -1,1 +1,1 @@
-"""Worlds that ship with SymAware."""
+"""Built-in worlds."""

@@ -213,7 +213,7 @@ class PymunkEnvironment(PhysicsEnvironment):
     def _read_driven(self) -> BodyStates:
         if not len(self._driven):
             return BodyStates(np.empty((0, 2)), np.empty(0), np.empty((0, 3)))
-        # Pymunk tells of all bodies at once.
+        # Pymunk reads all bodies in one call.
         driven, self._free_known = self._read_both()
         return driven
 

@@ -151,14 +151,14 @@ class BodyOutlines:
         return NearestPair(float(gaps[best]), int(one[best]), int(other[best]))
 
     def nearest_to_each(self, positions: Array, headings: Array) -> tuple[Array, Indices]:
-        """Find the body that is nearest to each, of two bodies or more.
+        """Find the nearest other body of each of two or more bodies.
 
         Args:
-            positions: Of all bodies [m]; shape (n, d).
-            headings: Of all bodies [rad]; shape (n,).
+            positions: The positions of all bodies [m]; shape (n, d).
+            headings: The headings of all bodies [rad]; shape (n,).
 
         Returns:
-            The gap between the two outlines, negative where they overlap [m], and the index of the other body; each of
+            The gap between both outlines, negative if they overlap [m], and the index of the other body; each of
             shape (n,).
         """
         from scipy.spatial import cKDTree

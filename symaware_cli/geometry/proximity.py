@@ -195,7 +195,7 @@ class Proximity:
 class ClosestPair:
     """Finds the closest pair among bodies that move a little each time.
 
-    The pair that was the closest before bounds the distance within which the closest one is now.
+    The previous closest pair gives an upper bound of the present least distance.
     """
 
     def __init__(self) -> None:
@@ -225,7 +225,7 @@ class ClosestPair:
 
 
 def nearest_distances(positions: Array) -> Array:
-    """The distance from each body to the nearest other [m]; infinite where there is none.
+    """Return the distance from each body to the nearest other [m]; infinite if there is none.
 
     Args:
         positions: One row for each body [m]; shape (n, d). A body with a NaN is absent.
@@ -243,7 +243,7 @@ def nearest_distances(positions: Array) -> Array:
     present = np.flatnonzero(np.isfinite(positions).all(axis=1))
     here = positions[present]
     if len(here) > 1:
-        # The tree only says which body it is; of two at the same place, either may be the first.
+        # The tree supplies indices only; of two bodies at the same position, either may be the first.
         found = np.asarray(cKDTree(here).query(here, k=2)[1])
         other = np.where(found[:, 0] == np.arange(len(here)), found[:, 1], found[:, 0])
         least[present] = lengths(here - here[other])
@@ -256,7 +256,7 @@ def closest_pair(positions: Array, first: Indices, second: Indices) -> tuple[flo
     Args:
         positions: One row for each body [m]; shape (n, d). A body with a NaN is absent.
         first: The indices of the first set; shape (k,).
-        second: Those of the second; shape (m,). A body in both is not paired with itself.
+        second: The indices of the second set; shape (m,). A body in both is not paired with itself.
 
     Returns:
         The distance [m], infinite if there is no pair, and the lowest indices that have it, the lesser first.
@@ -273,7 +273,7 @@ def closest_pair(positions: Array, first: Indices, second: Indices) -> tuple[flo
     apart = np.where(itself, np.inf, found).min(axis=1)
     if not np.isfinite(apart.min()):
         return none
-    # The tree may round differently: what is nearly the least is computed again, against all.
+    # The tree may round differently: bodies with nearly the least distance are computed again, against all.
     candidates = first[apart <= apart.min() * (1.0 + 1e-9)]
     best = none
     for one in candidates.tolist():

@@ -1,4 +1,4 @@
-"""Optimal control problems: what to minimise, and what must hold, along the motion of a model."""
+"""Optimal control problems: costs and constraints along the motion of a model over a horizon."""
 
 from __future__ import annotations
 

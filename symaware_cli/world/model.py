@@ -25,9 +25,9 @@ class Quantity(NamedTuple):
 def columns(rows: Array) -> Array:
     """Turn rows of agents into the elements for `Model.derivative`; (n, k) to (k, n).
 
-    Each element lies in one piece: some of NumPy's functions give other last bits for arrays that do not, or that
-    run backwards, and what becomes of an agent must not depend on the memory it stands in. It is always a copy,
-    because NumPy calls a single row contiguous even where it runs backwards.
+    Each element is contiguous: some NumPy functions return other last bits for arrays that are not, or that run
+    backwards, and results must not depend on the memory layout. It is always a copy, because NumPy calls a single row
+    contiguous even if it runs backwards.
     """
     return rows.T.copy()
 

@@ -35,7 +35,7 @@ def shape_of(core: NDArray[np.float64], rounding: float) -> Polygon:
 
 @settings(max_examples=40)
 @given(seeds)
-def test_two_bodies_overlap_where_one_lies_in_the_meeting_places_of_the_other(seed: int) -> None:
+def test_two_bodies_overlap_where_one_lies_in_the_overlap_region_of_the_other(seed: int) -> None:
     random = np.random.default_rng(seed)
     (first, ones), (second, others) = random_pieces(random, 8), random_pieces(random, 8)
     places = random.uniform(-3, 3, (8, 2))

@@ -93,5 +93,5 @@ def test_an_agent_that_is_a_wall_is_reported_and_so_is_a_name_that_is_taken(tmp_
     with pytest.raises(ScenarioError, match="an agent cannot be a wall"):
         build(file)
     file.write_text(SOUND.replace("it:", "robot:"), encoding="utf-8")
-    with pytest.raises(ScenarioError, match="both a group and an entity of the name `robot`"):
+    with pytest.raises(ScenarioError, match="`robot` is the name of both a group and an entity"):
         build(file)

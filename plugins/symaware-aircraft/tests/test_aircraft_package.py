@@ -1,4 +1,4 @@
-"""The package lives on the public API, and is found like any plugin."""
+"""The package uses the public API only, and is found like any plugin."""
 
 from __future__ import annotations
 

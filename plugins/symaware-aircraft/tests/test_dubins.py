@@ -1,4 +1,4 @@
-"""Dubins paths are the shortest there are, and lead where they should."""
+"""Dubins paths are the shortest paths, and end at the given poses."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ near = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-10, 10))
 
 
 def difference(one: Pose | NDArray[np.float64], other: Pose) -> tuple[float, float]:
-    """The distance of two poses [m], and the angle between their headings [rad]."""
+    """Return the distance of two poses [m], and the angle between their headings [rad]."""
     turned = math.remainder(one[2] - other[2], 2 * math.pi)
     return math.hypot(one[0] - other[0], one[1] - other[1]), abs(turned)
 

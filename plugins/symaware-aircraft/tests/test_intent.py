@@ -1,4 +1,4 @@
-"""Intents are what others told, from the step after they told it; else straight flight."""
+"""Intents follow sent waypoints from the step after the message was sent; else they are straight flight."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ AVOIDANCE = "intent-avoidance.yaml"
 
 
 def predicted(flight: Flight, scenario: int) -> dict[int, NDArray[np.float64]]:
-    """Where a scenario of the fan has the intruder, by the second at which it was predicted."""
+    """Return the intruder's positions in a scenario of the fan, by the second of the prediction."""
     found = {}
     for message in flight.log.messages("/agents/ownship/uncertainty"):
         series = message.decode()

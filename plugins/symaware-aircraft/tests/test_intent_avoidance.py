@@ -1,4 +1,4 @@
-"""Case study I comes out as it was published.
+"""Case study I reproduces the published results.
 
 The golden numbers and the two recorded trajectories in data/ are of the published runs of the intent-aware collision
 avoidance case study (the robust and the single-scenario MPC, N = 30, nominal intruder).

@@ -1,4 +1,4 @@
-"""What an intent amounts to, for those who roll it out again."""
+"""Speeds and turn rates that follow from an intent reproduce its poses."""
 
 import numpy as np
 import pytest

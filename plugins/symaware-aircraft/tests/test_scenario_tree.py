@@ -1,4 +1,4 @@
-"""The scenario tree holds every sequence of turns there is, in both published variants."""
+"""The scenario tree contains all sequences of turns, in both published variants."""
 
 import itertools
 

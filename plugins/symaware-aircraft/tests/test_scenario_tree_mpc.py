@@ -1,4 +1,4 @@
-"""The controller plans, says how sure it is, keeps to its budget, and refuses what it cannot work with."""
+"""The controller plans, sets uncertainty and risk, keeps to its budget, and refuses unsuitable groups."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plugins work, refuse what they cannot work with, and can be repeated. Run with the package installed."""
+"""The plugins work, refuse unsuitable groups, and are repeatable. Run with the package installed."""
 
 import subprocess
 import sys

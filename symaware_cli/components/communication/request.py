@@ -81,7 +81,9 @@ class Request(CommunicationReceiver):
         """Start without requests."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         roster = self.environment.roster
-        self._whom = {roster.ids[index] for pattern in self.parameters.whom for index in roster.matching(pattern)}
+        self._asked_agents = {
+            roster.ids[index] for pattern in self.parameters.whom for index in roster.matching(pattern)
+        }
         self._open: dict[str, Question] = {}
         #: Time of the first request to each agent that has not answered yet, in nanoseconds.
         self._since: dict[str, int] = {}
@@ -99,9 +101,9 @@ class Request(CommunicationReceiver):
 
     def _answer(self, message: Message) -> None:
         known, question = self._agent.self_knowledge, message.payload
-        told = {name: known[name] for name in question["names"] if name in known}
+        values = {name: known[name] for name in question["names"] if name in known}
         # Several components of an agent may ask: `asks` tells their replies apart.
-        reply = {"asked": message.sent_time, "asks": question["asks"], "told": told}
+        reply = {"asked": message.sent_time, "asks": question["asks"], "told": values}
         self._send(message.sender, reply, REPLY)
 
     def _learn(self, message: Message) -> None:
@@ -112,11 +114,11 @@ class Request(CommunicationReceiver):
         del self._since[sender]
         self._open.pop(sender, None)
         self._settled[sender] = self.now
-        told, took = reply["told"], (self.now - reply["asked"]) / 1e9
-        unknown = [name for name in self.parameters.names if name not in told]
-        if told:
-            self._agent.knowledge_database.setdefault(sender, KnowledgeDatabase()).update(told)
-            self.emit("answered", f"{sender} answered after {took:g} s", other=sender, names=sorted(told))
+        values, took = reply["told"], (self.now - reply["asked"]) / 1e9
+        unknown = [name for name in self.parameters.names if name not in values]
+        if values:
+            self._agent.knowledge_database.setdefault(sender, KnowledgeDatabase()).update(values)
+            self.emit("answered", f"{sender} answered after {took:g} s", other=sender, names=sorted(values))
         if unknown:
             text = f"{sender} answered after {took:g} s, and does not know {', '.join(f'`{name}`' for name in unknown)}"
             self.emit("unknown", text, level=Level.WARNING, other=sender, names=unknown)
@@ -124,7 +126,7 @@ class Request(CommunicationReceiver):
     def _ask(self) -> None:
         parameters = self.parameters
         for id in self._surroundings.exchange.neighbours(self._agent.id):
-            if id not in self._whom:
+            if id not in self._asked_agents:
                 continue
             question = self._open.get(id)
             if question is None:
