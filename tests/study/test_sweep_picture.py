@@ -1,9 +1,14 @@
 """`symaware plot DIR` draws what a sweep came to."""
 
 import json
+import sqlite3
 from pathlib import Path
 
+import numpy as np
 from sweeping import symaware, tiny
+
+from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.picture.journal_columns import finished_runs
 
 
 def test_a_sweep_is_drawn_from_its_journal(tmp_path: Path) -> None:
@@ -24,3 +29,23 @@ def test_a_sweep_is_drawn_from_its_journal(tmp_path: Path) -> None:
 def test_options_of_logs_are_refused_for_sweeps(tmp_path: Path) -> None:
     assert "--agents goes with a log" in symaware("plot", tmp_path, "--agents", "robot", status=2)
     assert "is not the folder of a sweep" in symaware("plot", tmp_path, "-o", tmp_path / "a.png", status=2)
+
+
+def test_runs_are_read_up_to_the_first_that_is_missing(tmp_path: Path) -> None:
+    folder = tmp_path / "swept"
+    symaware("sweep", tiny(tmp_path), "-o", folder, "--runs", 3, "-j", 0, "--over", "agents.robot.count=1,2", "-q")
+    whole = finished_runs(SweepFolder.opened(folder))
+    assert (whole.is_final, whole.indices.tolist(), whole.shape) == (True, [0, 1, 2, 3, 4, 5], (2, 1))
+    assert [axis.name for axis in whole.axes] == ["agents.robot.count"]
+    # Runs 0, 2 and 4 are those of the first count.
+    with sqlite3.connect(folder / "journal.sqlite") as journal:
+        journal.execute('DELETE FROM runs WHERE "index" = 2')
+        journal.execute("""UPDATE runs SET state = 'failed', verdicts = '{}', metrics = '{}' WHERE "index" = 1""")
+        journal.execute("""UPDATE runs SET state = 'lost', verdicts = '{}', metrics = '{}' WHERE "index" = 3""")
+    part = finished_runs(SweepFolder.opened(folder))
+    assert (part.is_final, part.indices.tolist(), part.failed) == (False, [0, 1, 3, 5], 2)
+    satisfied, length = part.metrics["satisfied.near"].values, part.metrics["path_length"].values
+    assert satisfied[1] == 0
+    assert np.isnan(satisfied).tolist() == [False, False, True, False]
+    assert np.isnan(length).tolist() == [False, True, True, False]
+    assert length[3] == whole.metrics["path_length"].values[5]
