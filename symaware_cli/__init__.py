@@ -15,9 +15,9 @@ processor.pin()
 
 if TYPE_CHECKING:
     from symaware_cli.api.checking import CheckResult, check_log
-    from symaware_cli.api.outline import GroupOutline, Outline
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
+    from symaware_cli.api.scenario_outline import GroupOutline, Outline
     from symaware_cli.api.stepping import SteppedSimulation
     from symaware_cli.api.sweeps import sweep
     from symaware_cli.components.sensor import Sensor, SensorParameters
@@ -179,7 +179,7 @@ __all__ = [
 
 #: The module that defines each public name that `symaware_cli.core` does not provide.
 _HOMES = {
-    "symaware_cli.api.outline": ("GroupOutline", "Outline"),
+    "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),

@@ -1,4 +1,4 @@
-"""A name stands for one idea: which modules and public classes of the package share theirs, and why they may."""
+"""Each module and public class has a unique name, except for those listed here with a reason."""
 
 import ast
 from collections import defaultdict
@@ -9,38 +9,35 @@ import symaware_cli
 PACKAGE = Path(symaware_cli.__file__).parent
 
 CLASSES = {
-    "Parameters": "what a scenario may write under `with`: a class of each plugin, nested in it",
-    "Clock": "the time of a run; the instants of a formula that is evaluated step by step",
-    "Constant": "a truth value in the syntax tree, and in the formula that is made of it",
-    "Not": "a negation in the syntax tree, and in the formula that is made of it",
+    "Parameters": "the parameters of each plugin, under `with` in a scenario: a nested class of the plugin",
+    "Clock": "the simulated time of a run; the instants of a formula that is evaluated step by step",
+    "Constant": "a truth value in the syntax tree, and in the formula compiled from it",
+    "Not": "a negation in the syntax tree, and in the formula compiled from it",
 }
 
-VERB = "a verb of the terminal, and the module that does it"
-BACKEND = "one kind of marks, and how each backend shows it"
-WRITTEN = "what a scenario says, what a run makes of it, and how it is recorded"
+VERB = "a command of the terminal, and the module that implements it"
+BACKEND = "the display of one kind of marks, in each backend"
 
 MODULES = {
-    "awareness": "what agents are aware of, and its encoding in the log",
+    "awareness": "the awareness of agents, and its encoding in the log",
     "bodies": BACKEND,
     "columns": BACKEND,
     "curves": BACKEND,
-    "figure": "the geometry of bodies of links and joints; the figure of a plot",
+    "figure": "the articulated bodies that a log describes; the matplotlib figure of a plot",
     "figures": BACKEND,
-    "motion": "position and velocity, and how a plot shows them",
-    "outline": "the outline of a scenario; the outline of a shape",
-    "output": "a file that appears whole or not at all, and the output of each backend",
+    "output": "a file that is written completely or not at all; the output of each backend",
     "plot": VERB,
-    "region": "a region of the plane, and what a specification says of it",
+    "region": "a region of the plane; its use in specifications",
     "replay": VERB,
-    "request": "a component's request to others; what a plot is asked to show",
+    "request": "the component that requests knowledge from other agents; the options of a plot; those of a sweep",
     "run": VERB,
-    "scenery": "the obstacles of a world, and how they are shown",
-    "scope": "what the names of an expression stand for, in conditions and in specifications",
+    "scenery": "the obstacles of a world, and their display",
+    "scope": "the values of names in expressions: of conditions, and of specifications",
     "sensors": BACKEND,
     "show": VERB,
-    "spatial": "a world in space; topologies of positions: both are named by installed entry points",
-    "specifications": WRITTEN,
-    "time": "simulated time, and panels over it",
+    "spatial": "worlds in space; topologies that depend on positions: installed entry points refer to both",
+    "specifications": "their definitions in a scenario, their monitoring in a run, and their records in the log",
+    "time": "simulated time in nanoseconds; the panels of a plot over time",
 }
 
 

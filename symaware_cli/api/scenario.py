@@ -16,7 +16,7 @@ from symaware_cli.api.changes import Changes, texts
 from symaware_cli.api.result import RunResult, result_of
 
 if TYPE_CHECKING:
-    from symaware_cli.api.outline import Outline
+    from symaware_cli.api.scenario_outline import Outline
     from symaware_cli.api.stepping import SteppedSimulation
     from symaware_cli.core import Event
     from symaware_cli.scenario.build import Built
@@ -77,7 +77,7 @@ class Scenario:
             ScenarioError: It has problems.
             LogError: The log cannot be read, or contains no scenario.
         """
-        from symaware_cli.api.outline import outline
+        from symaware_cli.api.scenario_outline import outline
 
         built = self._build(changes, seed, mode, duration, pace)
         with built.simulation.environment:

@@ -15,7 +15,7 @@ from symaware_cli.awareness.part import PARTS
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.world.arrays import frozen
-from symaware_cli.world.motion import motion_quantities
+from symaware_cli.world.motion_layout import motion_quantities
 from symaware_cli.world.snapshot import StatesById
 from symaware_cli.world.time import SECOND
 

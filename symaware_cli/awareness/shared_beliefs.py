@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from symaware_cli.awareness.part import Part
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.world.arrays import frozen
-from symaware_cli.world.motion import as_motion
+from symaware_cli.world.motion_layout import as_motion
 
 if TYPE_CHECKING:
     from symaware_cli.world.roster import Roster

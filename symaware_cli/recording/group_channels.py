@@ -21,7 +21,7 @@ from symaware_cli.recording.recorded_rows import RecordedRows
 from symaware_cli.recording.sensor_channels import SensorChannels
 from symaware_cli.recording.shared_channel import POSE, SHARED, shared_metadata
 from symaware_cli.recording.writer import LogWriter
-from symaware_cli.world.motion import motion_quantities
+from symaware_cli.world.motion_layout import motion_quantities
 
 
 class EntityChannels:

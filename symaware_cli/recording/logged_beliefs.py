@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.series import Prediction, Series, row_position
-from symaware_cli.world.motion import motion_quantities
+from symaware_cli.world.motion_layout import motion_quantities
 
 Array = NDArray[np.float64]
 

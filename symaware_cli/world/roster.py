@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.world.chance import Numbers, agent_numbers
 from symaware_cli.world.model import Model
-from symaware_cli.world.motion import motions_of
+from symaware_cli.world.motion_layout import motions_of
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.world.arrays import frozen
 from symaware_cli.world.model import Model
-from symaware_cli.world.motion import motions_of
+from symaware_cli.world.motion_layout import motions_of
 from symaware_cli.world.roster import Roster
 
 Array = NDArray[np.float64]
