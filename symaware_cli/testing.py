@@ -28,7 +28,7 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import Log, LogMessage, open_log
 from symaware_cli.world.model import Model
 
-__all__ = ["assert_conforming", "assert_repeatable"]
+__all__ = ["assert_batchable", "assert_conforming", "assert_repeatable"]
 
 
 #: The exit status of a run in which a specification is violated, which repeats as well as any other.
@@ -90,6 +90,28 @@ def assert_repeatable(
             where = _first_difference(first, second, differing)
             raise AssertionError(f"two runs of {os.fspath(scenario)} differ in {', '.join(differing)}{where}")
         return result
+
+
+def assert_batchable(scenario: str | os.PathLike[str], overrides: Sequence[str] = ()) -> None:
+    """Run a scenario in batches of several sizes, and compare each run with the same run made alone.
+
+    The true states, the control inputs and all metrics must be equal to the bit. This detects components, models and
+    worlds that declare ``batchable = True`` although the rows of a run depend on those of others, or on how many there
+    are: reductions across rows, and BLAS.
+
+    Args:
+        scenario: A scenario file.
+        overrides: Changes as ``path=value``; a shorter ``run.duration`` makes the test faster.
+
+    Raises:
+        AssertionError: A run differs, or the scenario cannot be batched; the message says which run, or why.
+        ScenarioError: The scenario has problems.
+    """
+    from symaware_cli.study.batch_check import differing_runs
+
+    problem = differing_runs(Path(scenario), overrides)
+    if problem is not None:
+        raise AssertionError(f"{os.fspath(scenario)}: {problem}")
 
 
 def assert_conforming(model: Model, state: Sequence[float] | None = None) -> None:

@@ -38,6 +38,7 @@ def sweep(
     keep: str | None = None,
     timeout: float | None = None,
     jobs: int = 0,
+    batch: int | None = None,
     fail_fast: bool = False,
 ) -> pyarrow.Table:
     """Make many runs of a scenario, and return their table.
@@ -56,6 +57,7 @@ def sweep(
         keep: Which logs are kept: ``none``, ``failed``, ``worst:N`` or ``all``.
         timeout: Wall time after which a run is given up [s].
         jobs: How many worker processes; 0 to make all runs in this process.
+        batch: How many runs are made together at most, where that is possible; 1 for none. The rows are the same.
         fail_fast: Whether to end with the first run that fails.
 
     Returns:
@@ -87,7 +89,7 @@ def sweep(
     )
     with tempfile.TemporaryDirectory() as temporary:
         folder = opened(Path(scenario), Path(temporary, "sweep") if output is None else Path(output), request)
-        outcome = conducted(folder, jobs, fail_fast=fail_fast)
+        outcome = conducted(folder, jobs, batch=batch, fail_fast=fail_fast)
         if outcome.is_interrupted:
             raise KeyboardInterrupt
         return parquet.read_table(folder.path / TABLE)
@@ -140,6 +142,7 @@ def conducted(
     folder: SweepFolder,
     jobs: int,
     *,
+    batch: int | None = None,
     retry_lost: bool = False,
     fail_fast: bool = False,
     on_progress: Callable[[SweepProgress], object] | None = None,
@@ -147,7 +150,7 @@ def conducted(
     """Make all runs of a sweep that have no row yet; see `symaware_cli.study.session.conduct`."""
     from symaware_cli.study.session import conduct
 
-    return conduct(folder, jobs, retry_lost=retry_lost, fail_fast=fail_fast, on_progress=on_progress)
+    return conduct(folder, jobs, batch=batch, retry_lost=retry_lost, fail_fast=fail_fast, on_progress=on_progress)
 
 
 def require_pyarrow() -> None:

@@ -249,6 +249,16 @@ class SeriesColumn:
             peaks[row] = series.values.max(initial=0.0) if len(series) else 0.0
         return peaks
 
+    def peaks(self) -> Array:
+        """Return the largest value of each agent's series; shape (n,). Minus infinity where it is empty."""
+        self.settle()
+        peaks: Array = np.full(self.count, -math.inf)
+        if self._times is not None and self._values.size:
+            peaks = self._values.reshape(self.count, -1).max(axis=1)
+        for row, series in self._rows.items():
+            peaks[row] = series.values.max(initial=-math.inf)
+        return peaks
+
     def maximum(self) -> tuple[float, int] | None:
         """Return the largest value of any series and its row; None if all are empty."""
         self.settle()

@@ -108,6 +108,11 @@ class Tracks:
         positions, everybody = snapshot.positions, np.arange(len(snapshot.positions))
         observers, others = np.repeat(np.arange(count), len(everybody)), np.tile(everybody, count)
         apart = observers + start != others
+        runs = snapshot.roster.runs
+        if runs is not None:
+            of = np.empty(len(everybody), np.intp)
+            of[runs] = np.arange(len(runs))[:, None]
+            apart &= of[observers + start] == of[others]
         if snapshot.present is not None:
             apart &= snapshot.present[others] & snapshot.present[observers + start]
         observers, others = observers[apart], others[apart]

@@ -133,6 +133,15 @@ def sweep(
             rich_help_panel=_MEANS,
         ),
     ] = None,
+    batch: Annotated[
+        str,
+        typer.Option(
+            help="How many runs are made together as one array program, where the scenario allows it: auto, off or a "
+            "number. The rows are the same.",
+            metavar="auto|off|N",
+            rich_help_panel=_MEANS,
+        ),
+    ] = "auto",
     retry: Annotated[
         str | None,
         typer.Option(
@@ -151,6 +160,8 @@ def sweep(
     """Run a scenario many times, over parameters, variants and seeds; resumable, with one table at the end."""
     if retry not in (None, "lost"):
         fail(f"--retry takes `lost`, not `{retry}`", WRONG_INPUT, as_json)
+    if batch not in ("auto", "off") and not (batch.isdecimal() and int(batch) > 0):
+        fail(f"--batch takes auto, off or a number, not `{batch}`", WRONG_INPUT, as_json)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
     options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
     options["paired"] = "true" if paired else None
@@ -175,6 +186,7 @@ def sweep(
                 outcome = conducted(
                     folder,
                     _cores() if jobs is None else jobs,
+                    batch={"auto": None, "off": 1}.get(batch) if batch in ("auto", "off") else int(batch),
                     retry_lost=retry is not None,
                     fail_fast=fail_fast,
                     on_progress=tell,
@@ -238,6 +250,8 @@ def _text(outcome: SweepOutcome) -> str:
     if outcome.rule:
         lines.append(f"  {'enough':<14} {outcome.rule}")
     lines.append(f"  {'wall time':<14} {outcome.wall_time:.2f} s{rate}")
+    if outcome.one_by_one:
+        lines.append(f"  {'one by one':<14} {outcome.one_by_one}")
     lines.append(f"  {'table':<14} {outcome.folder / TABLE}")
     return "\n".join(lines)
 

@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 class SelfPerception(GroupComponent):
     """Gives each agent its own exact state, and nothing about others."""
 
+    batchable = True
+
     sees_world = True
 
     def _compute(self) -> Array:
@@ -27,6 +29,8 @@ class OmniscientPerception(GroupComponent):
 
     All share one read-only snapshot of the world, so a step costs O(n), not O(n^2).
     """
+
+    batchable = True
 
     sees_world = True
 

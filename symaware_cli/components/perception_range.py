@@ -48,6 +48,8 @@ class RangePerception(GroupComponent):
     memory follows.
     """
 
+    batchable = True
+
     sees_world = True
 
     class Parameters(Parameters):

@@ -110,6 +110,8 @@ class GaussianUncertainty(GroupComponent):
     initial state.
     """
 
+    batchable = True
+
     sees_world = True
 
     class Parameters(Parameters):

@@ -73,14 +73,15 @@ class AgentGroup(EntityGroup):
         knowledge: Sequence[Mapping[str, Any]] = (),
         parts: Sequence[Part] = (),
         signals: Mapping[str, Signal] | None = None,
+        seeds: Sequence[int] = (),
     ) -> None:
         self.awareness = GroupAwareness(np.array(initial_state, float), name, parts, signals)
         self.awareness.parts["state"] = STATE.of(model.state)
-        super().__init__(name, ids, model, entity, self.awareness.state)
+        super().__init__(name, ids, model, entity, self.awareness.state, seeds)
         self.knowledge_changes = Changes()
         self.knowledge = tuple(
             KnowledgeDatabase(each, row, self.knowledge_changes)
-            for row, each in enumerate(knowledge or [{} for _ in ids])
+            for row, each in enumerate(knowledge or [{} for _ in self.ids])
         )
         self._known: dict[str, KnownColumn] = {}
         self.regions: Mapping[str, Region] = {}

@@ -35,6 +35,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     value.
 
     Attributes:
+        batchable: Whether each row that it computes depends on no other but those that `AgentGroup.others` tells of, so
+            that the agents of many runs may share the columns; see docs/sweeps.md.
         bodies: Which of its parameters name an ``agent``, an ``agent or entity``, or ``agents`` by a list of ids,
             groups and patterns; looked up before a run.
         events: The events that the component fires in addition to those of every component, with their meanings.
@@ -49,6 +51,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         use: The plugin's entry-point name.
     """
 
+    batchable: ClassVar[bool] = False
     bodies: ClassVar[Mapping[str, str]] = {}
     events: ClassVar[Mapping[str, str]] = {}
     knowledge: ClassVar[Mapping[str, str]] = {}
@@ -374,7 +377,8 @@ class GroupComponent(BaseComponent[AgentGroup]):
             roster = self._surroundings.environment.roster
             start = roster.start(self._group.name)
             numbers = roster.numbers[start : start + len(self._group)]
-            source = self.__dict__["_random"] = GroupChance(self._surroundings.seed, f"component {self.name}", numbers)
+            seed = self._group.seeds or self._surroundings.seed
+            source = self.__dict__["_random"] = GroupChance(seed, f"component {self.name}", numbers)
         return source.at(self.turn)
 
     def record(self, signal: Signal, value: Any) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.awareness.column import Column
+from symaware_cli.world.chance import agent_numbers
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.model import Model
 from symaware_cli.world.roster import Roster
@@ -26,11 +27,34 @@ class EntityGroup:
         initial_state: The initial state of each, read-only; shape (n, nx).
         present: Which of them are in the world, read-only; shape (n,). None for all of them.
         control_column: The control input that each requests.
+        seeds: The seeds of the runs that the rows belong to, if there are several: first come all rows of the first
+            run, then those of the second, and so on. Empty for one run, whose seed the group does not know.
+        numbers: The numbers of the entities in draws, from `agent_numbers`; shape (n,).
     """
 
-    def __init__(self, name: str, ids: Sequence[str], model: Model, entity: Entity, initial_state: Array) -> None:
+    def __init__(
+        self,
+        name: str,
+        ids: Sequence[str],
+        model: Model,
+        entity: Entity,
+        initial_state: Array,
+        seeds: Sequence[int] = (),
+    ) -> None:
+        """Create a group.
+
+        Args:
+            name: See the class, also for the arguments without a description.
+            ids: The ids within one run.
+            model: The dynamics.
+            entity: The body.
+            initial_state: Shape (n, nx), of all runs.
+            seeds: See the class.
+        """
         self.name = name
-        self.ids = tuple(ids)
+        self.seeds = tuple(seeds)
+        self.ids = tuple(f"{run}:{id}" for run in range(self.runs) for id in ids) if seeds else tuple(ids)
+        self.numbers = np.tile(agent_numbers(ids), self.runs)
         self.model = model
         self.entity = model.embodied(entity)
         self.initial_state = initial_state
@@ -39,6 +63,11 @@ class EntityGroup:
 
     def set_roster(self, roster: Roster) -> None:
         """Receive the roster of all agents; called once all groups are initialised."""
+
+    @property
+    def runs(self) -> int:
+        """How many runs the rows belong to."""
+        return len(self.seeds) or 1
 
     def __len__(self) -> int:
         return len(self.ids)

@@ -52,6 +52,8 @@ class Environment(Plugin, ABC):
     can be used in a ``with`` statement, which closes it at the end.
 
     Attributes:
+        batchable: Whether the agents of many runs may share it: none has an influence on those of another run. It has
+            `contacts_begun` then.
         folder: The folder of the files that a scenario refers to.
         ground: The height of the ground plane [m]; None if there is none.
         groups: The groups in the roster's order.
@@ -68,6 +70,7 @@ class Environment(Plugin, ABC):
 
     Parameters: ClassVar[type[BaseModel]] = EnvironmentParameters
 
+    batchable: ClassVar[bool] = False
     folder: Path = Path()
     ground: float | None = None
     is_open: ClassVar[bool] = False
@@ -113,7 +116,13 @@ class Environment(Plugin, ABC):
         self.proximity = Proximity()
         self._bodies_in_plane: BodiesInPlane | None = None
         models = {group.name: group.model for group in self.groups}
-        self.roster = Roster({group.name: group.ids for group in self.groups}, models)
+        self.roster = Roster(
+            {group.name: group.ids for group in self.groups},
+            models,
+            {group.name: group.numbers for group in self.groups},
+            runs=len(self.groups[0].seeds) if self.groups else 0,
+        )
+        self.proximity.runs = self.roster.runs
         for group in self.groups:
             group.set_roster(self.roster)
         self._count_present()
@@ -258,6 +267,10 @@ class Environment(Plugin, ABC):
     @abstractmethod
     def snapshot(self) -> Snapshot:
         """The true states of all agents now; shared by all callers within a step."""
+
+    def contacts_begun(self) -> NDArray[np.intp]:
+        """Return an agent, by index, of each contact that began since the last call; only batchable worlds do."""
+        raise NotImplementedError(f"`{type(self).__name__}` cannot be batched")
 
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step."""

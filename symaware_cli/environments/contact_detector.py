@@ -15,6 +15,9 @@ from symaware_cli.geometry.proximity import Pairs, Proximity
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+#: Pairs of bodies that touch, by index, and a function that returns depth and point of a row.
+_Touching = tuple[Indices, Indices, Callable[[int], tuple[float, Array]]]
+
 
 class ContactDetector:
     """Reports when two bodies begin and cease to touch.
@@ -64,14 +67,31 @@ class ContactDetector:
         pairs = self._proximity.pairs(positions, self._reach)
         changes: list[Contact] = []
         if pairs.least < self._reach or self._among_agents.touching:
-            changes = self._agent_contacts(snapshot, positions, pairs)
+            changes = self._among_agents.changes(*self._touching_agents(snapshot, positions, pairs))
         if scenery.names:
-            changes += self._obstacle_contacts(snapshot, positions, scenery)
+            changes += self._with_obstacles.changes(*self._touching_obstacles(snapshot, positions, scenery))
         if len(changes) > 1:
             changes.sort(key=lambda contact: (contact.first, contact.second))
         return changes
 
-    def _agent_contacts(self, snapshot: Snapshot, positions: Array, pairs: Pairs) -> list[Contact]:
+    def begun(self, snapshot: Snapshot, scenery: Scenery) -> Indices:
+        """Return the index of an agent of each contact that begins, without making the contacts.
+
+        Args:
+            snapshot: Where the agents are now.
+            scenery: Where the obstacles are now.
+        """
+        if not self._reach:
+            return np.empty(0, np.intp)
+        positions = snapshot.positions
+        first, second, _ = self._touching_agents(snapshot, positions, self._proximity.pairs(positions, self._reach))
+        begun = self._among_agents.begun(first, second)
+        if scenery.names:
+            agent, obstacle, _ = self._touching_obstacles(snapshot, positions, scenery)
+            begun = np.concatenate([begun, self._with_obstacles.begun(agent, obstacle)])
+        return begun
+
+    def _touching_agents(self, snapshot: Snapshot, positions: Array, pairs: Pairs) -> _Touching:
         if self._equal_radii:
             near = np.flatnonzero(pairs.distance < self._reach)
         else:
@@ -97,7 +117,7 @@ class ContactDetector:
                 return self._between(first[row], second[row], one, other)
             return _middle(exact, number[row], 0.5 * (one + other))
 
-        return self._among_agents.changes(first, second, where)
+        return first, second, where
 
     def _between(self, first: int, second: int, one: Array, other: Array) -> tuple[float, Array]:
         """Return how deep two balls overlap, and the middle of the overlap on the line of their centres."""
@@ -107,10 +127,10 @@ class ContactDetector:
         share = (self._radii[first] - 0.5 * depth) / distance if distance else 0.0
         return depth, one + share * towards
 
-    def _obstacle_contacts(self, snapshot: Snapshot, positions: Array, scenery: Scenery) -> list[Contact]:
+    def _touching_obstacles(self, snapshot: Snapshot, positions: Array, scenery: Scenery) -> _Touching:
         agent, piece = scenery.candidates(positions, self._radii)
         if not len(agent):
-            return self._with_obstacles.changes(agent, piece, _nowhere)
+            return agent, piece, _nowhere
         found = separation(self._placed(snapshot, positions, agent), scenery.pieces.take(piece))
         obstacle = scenery.owner.take(piece)
         overlapping = np.flatnonzero(found.distance < 0.0)
@@ -123,7 +143,7 @@ class ContactDetector:
         def where(row: int) -> tuple[float, Array]:
             return _middle(found, chosen[row], positions[agent[chosen[row]]])
 
-        return self._with_obstacles.changes(agent[chosen], self._agents + obstacle[chosen], where)
+        return agent[chosen], self._agents + obstacle[chosen], where
 
     def _placed(self, snapshot: Snapshot, positions: Array, agents: Indices) -> Pieces:
         """Return the outlines of agents at their positions."""
@@ -143,6 +163,14 @@ class _TouchingPairs:
         self.touching: dict[int, Contact] = {}
         self._names = names
         self._last_keys = b""
+        self._keys: Indices = np.empty(0, np.intp)
+
+    def begun(self, first: Indices, second: Indices) -> Indices:
+        """Return the first body of each contact that begins; see `changes`."""
+        keys = np.sort(first * len(self._names) + second)
+        new = keys[~np.isin(keys, self._keys, assume_unique=True, kind="sort")]
+        self._keys = keys
+        return new // len(self._names)
 
     def changes(self, first: Indices, second: Indices, where: Callable[[int], tuple[float, Array]]) -> list[Contact]:
         """Return the contacts that begin or end.

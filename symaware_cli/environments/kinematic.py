@@ -36,6 +36,8 @@ class KinematicEnvironment(ColumnEnvironment):
     added after it.
     """
 
+    batchable = True
+
     class Parameters(EnvironmentParameters):
         """Parameters of the kinematic world."""
 
@@ -108,8 +110,14 @@ class KinematicEnvironment(ColumnEnvironment):
         return state
 
     def contacts(self) -> Sequence[Contact]:
-        """The contacts that began or ended with the last step."""
+        """The contacts that began or ended with the last step; none in a batch, see `contacts_begun`."""
+        if self.roster.runs is not None:
+            return ()
         if self._contacts is None:
             # Not within the step: the caller has by now made sure that all states are finite.
             self._contacts = self._detector.update(self.snapshot(), self.scenery)
         return self._contacts
+
+    def contacts_begun(self) -> NDArray[np.intp]:
+        """An agent, by index, of each contact that began since the last call; in a batch, instead of `contacts`."""
+        return self._detector.begun(self.snapshot(), self.scenery)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import EntityGroup
-from symaware_cli.world.chance import GroupChance, Turn, agent_numbers
+from symaware_cli.world.chance import GroupChance, Turn
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ class ProcessNoise:
     """
 
     def __init__(self, group: EntityGroup, covariance: Array, seed: int) -> None:
-        self._chance = GroupChance(seed, "environment", agent_numbers(group.ids))
+        self._chance = GroupChance(group.seeds or seed, "environment", group.numbers)
         self._deviation = np.sqrt(np.diag(covariance))
         self._factor = None if _is_diagonal(covariance) else cholesky(covariance)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.geometry.pieces import Pieces, separation
-from symaware_cli.geometry.proximity import Proximity
+from symaware_cli.geometry.proximity import Proximity, nearest_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -177,3 +177,40 @@ class BodyOutlines:
             if asked == count or (gap <= apart[:, -1] - self.radii - self._largest).all():
                 return gap, other[bodies, best]
             asked = min(count, 2 * asked)
+
+    def nearest_of_runs(
+        self, positions: Array, headings: Array, proximity: Proximity, run_of: Indices, below: Array
+    ) -> tuple[Indices, Array, Indices]:
+        """Find the nearest two of each run, like `nearest` for one run.
+
+        Args:
+            positions: Of all bodies [m]; shape (n, d).
+            headings: Of all bodies [rad]; shape (n,).
+            proximity: Which of them are near each other, in each run.
+            run_of: The run of each body; shape (n,).
+            below: For each run, only if they are nearer than this [m]; shape (runs,).
+
+        Returns:
+            The runs in which two are so near, ascending, shape (k,); their gaps [m], shape (k,), and the two, shape
+            (k, 2).
+        """
+        limits = below
+        if np.isinf(below).any():
+            least = np.full(len(below), np.inf)
+            np.minimum.at(least, run_of, nearest_distances(positions, proximity.runs))
+            limits = np.where(np.isinf(below), np.nextafter(least * (1 + 1e-12), np.inf), below)
+        reach = float(limits[np.isfinite(limits)].max(initial=0.0))
+        pairs = proximity.pairs(positions, max(0.0, reach + 2.0 * self._largest))
+        if self._alike:
+            bound = pairs.distance - 2.0 * self._largest
+        else:
+            bound = pairs.distance - self.radii.take(pairs.first) - self.radii.take(pairs.second)
+        near = np.flatnonzero(bound < limits.take(run_of.take(pairs.first)))
+        one, other, distance = pairs.first.take(near), pairs.second.take(near), pairs.distance.take(near)
+        gaps = bound.take(near) if self._alike else self.gaps(one, other, distance, positions, headings)
+        runs = run_of.take(one)
+        # Gaps of different distances may be rounded to the same number.
+        order = np.lexsort((np.arange(len(near)), distance if self._alike else gaps, runs))
+        order = order[gaps[order] < limits[runs[order]]]
+        first = order[np.diff(runs[order], prepend=-1) != 0]
+        return runs[first], gaps[first], np.stack([one[first], other[first]], axis=1)

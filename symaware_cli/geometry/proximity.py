@@ -7,6 +7,8 @@ rebuilt.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,9 +43,15 @@ class Pairs:
 
 
 class Proximity:
-    """Finds the pairs of bodies within a distance; fast for bodies that move little between calls."""
+    """Finds the pairs of bodies within a distance; fast for bodies that move little between calls.
+
+    Attributes:
+        runs: The bodies of each run by index, if several runs share the arrays; shape (runs, n). Bodies of different
+            runs are no pairs. None for one run.
+    """
 
     def __init__(self) -> None:
+        self.runs: Indices | None = None
         self._present: NDArray[np.bool_] | None = None
         self._built_at: Array = np.empty((0, 0))
         self._cut = -np.inf
@@ -134,10 +142,14 @@ class Proximity:
         return bool(reach + 2 * moved <= self._cut)
 
     def _build(self, positions: Array, reach: float) -> None:
-        count = len(positions)
+        runs = np.arange(len(positions))[None] if self.runs is None else self.runs
         self._directed = None
-        if count <= _ALL_PAIRS:
-            self._first, self._second = np.triu_indices(count, 1)
+        if runs.shape[1] <= _ALL_PAIRS:
+            first, second = np.triu_indices(runs.shape[1], 1)
+            self._first, self._second = runs[:, first].ravel(), runs[:, second].ravel()
+            if len(runs) > 1:
+                order = np.lexsort((self._second, self._first))
+                self._first, self._second = self._first[order], self._second[order]
             self._cut = np.inf
             if self._present is not None:
                 both = self._present[self._first] & self._present[self._second]
@@ -146,12 +158,17 @@ class Proximity:
             from scipy.spatial import cKDTree
 
             self._cut = reach + self._margin(positions, reach)
-            found = cKDTree(self._of_present(positions)).query_pairs(self._cut, output_type="ndarray")
-            if self._present is not None:
-                found = np.flatnonzero(self._present)[found]
+            found = np.concatenate([self._near(cKDTree, positions, bodies) for bodies in runs])
             order = np.lexsort((found[:, 1], found[:, 0]))
             self._first, self._second = found[order, 0], found[order, 1]
         self._built_at = positions
+
+    def _near(self, tree: Any, positions: Array, bodies: Indices) -> Indices:
+        """The pairs of some bodies within the present cut; shape (m, 2)."""
+        if self._present is not None:
+            bodies = bodies[self._present[bodies]]
+        found: Indices = bodies[tree(positions[bodies]).query_pairs(self._cut, output_type="ndarray")]
+        return found
 
     def _of_present(self, positions: Array) -> Array:
         return positions if self._present is None else positions[self._present]
@@ -224,12 +241,18 @@ class ClosestPair:
         return pairs.least, *self._last
 
 
-def nearest_distances(positions: Array) -> Array:
+def nearest_distances(positions: Array, runs: Indices | None = None) -> Array:
     """Return the distance from each body to the nearest other [m]; infinite if there is none.
 
     Args:
         positions: One row for each body [m]; shape (n, d). A body with a NaN is absent.
+        runs: The bodies of each run, as in `Proximity`.
     """
+    if runs is not None:
+        least = np.empty(len(positions))
+        for bodies in runs:
+            least[bodies] = nearest_distances(positions[bodies])
+        return least
     count = len(positions)
     if count <= _ALL_PAIRS:
         apart = (positions[:, None] - positions).reshape(count * count, -1)

@@ -29,6 +29,8 @@ class DubinsAircraft(HeadingModel):
     a helix.
     """
 
+    batchable = True
+
     state = (*_PLANE, _HEADING)
     control_input = _INPUTS
     heading = 2

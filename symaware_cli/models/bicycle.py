@@ -24,6 +24,8 @@ class Bicycle(HeadingModel):
     the tightest circle it can follow has the radius wheelbase / tan(max_steering_angle).
     """
 
+    batchable = True
+
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
     control_input = (Quantity("speed", "m/s"), Quantity("steering_angle", "rad"))
     heading = 2

@@ -49,6 +49,8 @@ class SingleIntegrator(NoisyModel):
     The closed form is p+ = p + u step. The limit is on the length of the velocity, not on its elements.
     """
 
+    batchable = True
+
     state = _positions(2)
     control_input = _vector("velocity", "m/s", 2)
 
@@ -107,6 +109,8 @@ class DoubleIntegrator(NoisyModel):
     acceleration. The speed is part of the state, so saturating control inputs cannot bound it: ``max_speed`` limits the
     velocities that the point is asked to follow, and has no effect on a controller that sets accelerations itself.
     """
+
+    batchable = True
 
     state = (*_positions(2), *_vector("velocity", "m/s", 2))
     control_input = _vector("acceleration", "m/s^2", 2)

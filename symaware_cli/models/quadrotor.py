@@ -39,6 +39,8 @@ class Quadrotor(NoisyModel):
     ground effect and downwash.
     """
 
+    batchable = True
+
     state = (
         *(Quantity(axis, "m") for axis in "xyz"),
         *(Quantity(angle, "rad") for angle in ("roll", "pitch", "yaw")),

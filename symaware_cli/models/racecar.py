@@ -42,6 +42,8 @@ class Racecar(HeadingModel):
     The position is the middle of the rear axle, and the wheels stand on the ground.
     """
 
+    batchable = True
+
     state = (
         Quantity("x", "m"),
         Quantity("y", "m"),

@@ -22,6 +22,8 @@ class Unicycle(HeadingModel):
     The closed form is an arc.
     """
 
+    batchable = True
+
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
     control_input = (Quantity("speed", "m/s"), Quantity("turn_rate", "rad/s"))
     heading = 2

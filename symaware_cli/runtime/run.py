@@ -7,7 +7,7 @@ world; in the asynchronous mode components may have instants in between, and the
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Generator, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import repeat
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -40,6 +40,7 @@ from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.simulation_hooks import SimulationHooks
 from symaware_cli.runtime.specifications import Specifications
 from symaware_cli.runtime.workers import Workers
+from symaware_cli.specification.specification import SpecificationMonitor
 
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder
@@ -102,6 +103,7 @@ class Run:
         on_progress: Callable[[int], None] | None,
         options: RunOptions,
         participant: Sharing | None = None,
+        observer: Observer | None = None,
     ) -> None:
         self.simulation = simulation
         self.recorder = recorder
@@ -122,7 +124,7 @@ class Run:
         self._waiting_time = 0.0  # wall time spent waiting for other processes before the run [s]
         self._elapsed = 0.0  # wall time spent within this run [s]
         self._generator = self._run_all()
-        self._observer = Observer(simulation)
+        self._observer = observer or Observer(simulation)
         self._pacer = Pacer(options.pace) if options.pace else None
         self._workers = Workers(
             simulation, [entry for entry in simulation.entries if entry.timing.in_process], options.workers
@@ -189,6 +191,11 @@ class Run:
     def imposed(self) -> dict[AgentGroup, tuple[NDArray[np.bool_], Array]]:
         """Control inputs that override those requested by components; see `SimulationHooks`."""
         return self._hooks.imposed
+
+    @property
+    def specification_monitors(self) -> Sequence[SpecificationMonitor]:
+        """The monitors of the specifications, in the scenario's order."""
+        return tuple(self._specifications.monitors.values())
 
     @property
     def done(self) -> int:

@@ -155,17 +155,18 @@ class SpecificationBuilder:
         groups = list(self._groups.values())
         every: Iterator[tuple[str, str]]
         if isinstance(said, str):
-            every = iter(combinations(sets[0][0], 2))
+            every = (pair for ids, _ in sets for pair in combinations(ids, 2))
         else:
             every = (pair for first, second in sets for pair in product(first, second) if pair[0] != pair[1])
-        found = dict.fromkeys(islice(every, MOST_PAIRS))
+        most = MOST_PAIRS * max((group.runs for group in groups), default=1)
+        found = dict.fromkeys(islice(every, most))
         # The same pair may be named several times.
-        while len(found) <= MOST_PAIRS and (more := next(every, None)) is not None:
+        while len(found) <= most and (more := next(every, None)) is not None:
             found[more] = None
         if not found:
             self._report("invalid-value", "there is no pair: it takes two agents", path, expected="two agents")
             return None
-        if len(found) > MOST_PAIRS:
+        if len(found) > most:
             return ClosestPairScope(sets, self._world, groups, self._regions)
         return PairScope(list(found), self._world, groups, self._regions)
 
@@ -177,9 +178,9 @@ class SpecificationBuilder:
             if said not in self._groups:
                 self._unknown(said, "group", path, self._groups)
                 return None
-            ids = self._groups[said].ids
-            return [(ids, ids)]
-        known = {**{name: group.ids for name, group in self._groups.items()}, **{id: (id,) for id in self._ids}}
+            return [(ids, ids) for ids in _ids_by_run(self._groups[said])]
+        known = {name: _ids_by_run(group) for name, group in self._groups.items()}
+        known |= {id: [(id,)] for id in self._ids}
         wrong = [
             (number, place, name)
             for number, pair in enumerate(said)
@@ -188,7 +189,10 @@ class SpecificationBuilder:
         ]
         for number, place, name in wrong:
             self._unknown(name, "agent or group", (*path, number, place), known)
-        return None if wrong else [(known[first], known[second]) for first, second in said]
+        if wrong:
+            return None
+        runs = max(group.runs for group in self._groups.values())
+        return [(known[first][run], known[second][run]) for run in range(runs) for first, second in said]
 
     def _formulation(self, use: SpecificationUse, scope: Scope, path: Path) -> Formulation | None:
         """The formula, with the definitions under `where`; None after a problem."""
@@ -240,6 +244,12 @@ class SpecificationBuilder:
             expected=f"one of {', '.join(known)}" if len(known) <= 20 else f"the name of an {what}",
             suggestion=nearest(name, known),
         )
+
+
+def _ids_by_run(group: AgentGroup) -> Sequence[tuple[str, ...]]:
+    """The ids of a group, for each run that its rows belong to."""
+    share = len(group) // group.runs
+    return [group.ids[start : start + share] for start in range(0, len(group), share)]
 
 
 def check_values(specifications: Sequence[Specification], report: Callable[..., None]) -> None:

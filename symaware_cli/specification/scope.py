@@ -211,7 +211,7 @@ class AgentScope(Scope):
         """Return the distance of each agent to the nearest other [m], between centres; infinity if there is none."""
         snapshot = self._world.snapshot()
         start = snapshot.roster.start(self.group.name)
-        return nearest_distances(snapshot.positions)[start : start + self.rows]
+        return nearest_distances(snapshot.positions, snapshot.roster.runs)[start : start + self.rows]
 
 
 class BeliefScope(AgentScope):
@@ -358,7 +358,9 @@ def nearest_believed(group: AgentGroup, row: int) -> float:
     if tracks is not None:
         others = tracks.positions[tracks.pointers[row] : tracks.pointers[row + 1]]
     elif world is not None:
-        others = np.delete(world.positions, world.roster.start(group.name) + row, 0)
+        own_index, runs = world.roster.start(group.name) + row, world.roster.runs
+        known = np.arange(len(world.positions)) if runs is None else runs[row * len(runs) // len(group)]
+        others = world.positions[known[known != own_index]]
         others = others if world.present is None else others[np.isfinite(others).all(axis=1)]
     else:
         return np.inf

@@ -41,6 +41,7 @@ class Specification:
         end: The last instant that counts, in nanoseconds; None for the end of the run.
         on_violation: The effect of a violation on the run.
         automaton: The automaton of a formula of linear temporal logic; None for signal temporal logic.
+        explains: Whether verdicts are explained by what decided them, in `SpecificationMonitor.decisions`.
         interval: Whether the robust satisfaction interval is computed before the verdict.
     """
 
@@ -54,6 +55,7 @@ class Specification:
     on_violation: OnViolation = "event"
     interval: bool = True
     automaton: Automaton | None = None
+    explains: bool = True
 
     def monitor(self, rows: int) -> Monitor | AutomatonMonitor:
         """Create a monitor for some rows, starting now."""
@@ -335,9 +337,10 @@ class SpecificationMonitor:
         verdicts = monitor.verdict
         changed = verdicts != cohort.told
         if changed.any():
-            found = [self._decision(cohort, place) for place in np.flatnonzero(changed).tolist()]
-            decisions += found
-            self.decisions += found
+            if self.specification.explains:
+                found = [self._decision(cohort, place) for place in np.flatnonzero(changed).tolist()]
+                decisions += found
+                self.decisions += found
             cohort.told = verdicts.copy()
 
     def _combine(self) -> None:

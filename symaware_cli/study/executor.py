@@ -44,7 +44,7 @@ class Blocks:
         self._left = count
         self._returned: deque[int] = deque()
         self._is_recorded = is_recorded
-        self._mean = _WORTH
+        self._mean: float | None = None
 
     def take(self, share: int = 1) -> Block | None:
         """Return the next block; None if there is none.
@@ -52,7 +52,8 @@ class Blocks:
         Args:
             share: Among how many the rest is to be shared.
         """
-        size = min(_MOST, max(1, int(_WORTH / max(self._mean, 1e-6))), math.ceil(self._left / share))
+        worth = 1 if self._mean is None else max(1, int(_WORTH / max(self._mean, 1e-6)))
+        size = min(_MOST, worth, math.ceil(self._left / share))
         taken: list[int] = []
         while len(taken) < size:
             index = self._returned.popleft() if self._returned else next(self._indices, None)
@@ -70,7 +71,7 @@ class Blocks:
 
     def learn(self, wall_time: float) -> None:
         """Take note of how long a run took [s]."""
-        self._mean += 0.2 * (wall_time - self._mean)
+        self._mean = wall_time if self._mean is None else self._mean + 0.2 * (wall_time - self._mean)
 
 
 class Executor(Protocol):
@@ -93,8 +94,7 @@ class LocalExecutor:
     def rows(self, blocks: Blocks) -> Iterator[Row]:
         """See `Executor`."""
         while (block := blocks.take()) is not None:
-            for index in block.indices:
-                row = self._runner.run(index, self._logs if block.is_recorded else None)
+            for row in self._runner.rows(block.indices, self._logs if block.is_recorded else None):
                 blocks.learn(row.wall_time)
                 yield row
 

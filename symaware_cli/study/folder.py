@@ -100,9 +100,13 @@ class SweepFolder:
         """The names of the specifications of all cells."""
         return self.identity.specifications
 
-    def runner(self) -> Runner:
-        """Return who makes single runs of it in this process."""
-        return Runner(self.plan, self.source.scenario)
+    def runner(self, batch: int | None = None) -> Runner:
+        """Return a runner in this process.
+
+        Args:
+            batch: See `Runner`.
+        """
+        return Runner(self.plan, self.source.scenario, batch)
 
     def check(self) -> None:
         """Make sure that further rows come of the same files and versions.

@@ -1,24 +1,51 @@
-"""What is measured during a run beside its summary: a hash of its states, path lengths, effort, times of goals."""
+"""What is measured during runs beside their summaries: a hash of their states, path lengths, effort, times of goals.
+
+All of it is kept for each agent and put together per run at the end, so that a run of a batch has the same figures, to
+the bit, as the run alone.
+"""
 
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from symaware_cli.core import Event, seconds
+from symaware_cli.core import AgentGroup, Event, seconds
 from symaware_cli.geometry.vectors import lengths
 from symaware_cli.runtime.simulation import Simulation
 
+Array = NDArray[np.float64]
+Numbers = NDArray[np.uint64]
 
-class Measurement:
-    """Follows a run step by step.
+#: How many steps are worked through at a time.
+_STEPS = 32
+
+#: Odd factors of the hash, from the digits of pi, e and the golden ratio.
+_FIRST, _SECOND, _NEXT = np.uint64(0x243F6A8885A308D3), np.uint64(0xB7E151628AED2A6B), np.uint64(0x9E3779B97F4A7C15)
+_HALF = np.uint64(32)
+
+
+@dataclass(frozen=True, slots=True)
+class RunMeasurement:
+    """What was measured of one run.
 
     Attributes:
+        digest: A hash of the states and control inputs of all agents at every step, in hexadecimal.
         path_length: The way that all agents went together [m].
         effort: The integral of the squared control inputs over time, summed over agents.
         goal_time: When the last goal was reached [s]; None if none was.
     """
+
+    digest: str
+    path_length: float
+    effort: float
+    goal_time: float | None
+
+
+class Measurement:
+    """Follows a run step by step, or the runs of a batch."""
 
     def __init__(self, simulation: Simulation) -> None:
         """Follow a run that has not begun.
@@ -27,35 +54,96 @@ class Measurement:
             simulation: What runs.
         """
         self._simulation = simulation
-        self._environment = simulation.environment
+        self._runs = max((group.runs for group in simulation.groups), default=1)
+        self._is_batch = any(group.seeds for group in simulation.groups)
         self._step = seconds(simulation.environment.time_step)
-        self._hash = hashlib.blake2b(digest_size=16)
-        self._positions = [group.model.positions(self._environment.state(group)) for group in simulation.groups]
-        self.path_length = 0.0
-        self.effort = 0.0
-        self.goal_time: float | None = None
+        self._groups = [_GroupMeasurement(group) for group in simulation.groups]
+        self._goal_times: list[float | None] = [None] * self._runs
         simulation.events.subscribe("stepping", self._on_step)
         simulation.events.subscribe("goal-reached", self._on_goal)
 
-    def finish(self) -> str:
-        """Take note of the last state, and return the hash of all of them in hexadecimal."""
-        self._look()
-        return self._hash.hexdigest()
+    def finish(self) -> list[RunMeasurement]:
+        """Take the last state into account, and return what was measured of each run."""
+        environment = self._simulation.environment
+        for each in self._groups:
+            each.add(environment.state(each.group), None)
+            each.work_through()
+        return [self._of_run(run) for run in range(self._runs)]
 
     def _on_step(self, event: Event) -> None:
-        self._look()
-        for group in self._simulation.groups:
-            values = group.control_input
-            self._hash.update(values.tobytes())
-            self.effort += float(np.sum(values * values)) * self._step
+        environment = self._simulation.environment
+        for each in self._groups:
+            each.add(environment.state(each.group), each.group.control_input)
 
     def _on_goal(self, event: Event) -> None:
-        self.goal_time = seconds(event.time)
+        path = event.source.removeprefix("agents.")
+        self._goal_times[int(path.partition(":")[0]) if self._is_batch else 0] = seconds(event.time)
 
-    def _look(self) -> None:
-        for number, group in enumerate(self._simulation.groups):
-            state = self._environment.state(group)
-            self._hash.update(state.tobytes())
-            positions = group.model.positions(state)
-            self.path_length += float(np.sum(lengths(positions - self._positions[number])))
-            self._positions[number] = positions
+    def _of_run(self, run: int) -> RunMeasurement:
+        digest, path_length, effort = hashlib.blake2b(digest_size=16), 0.0, 0.0
+        for each in self._groups:
+            share = len(each.group) // self._runs
+            own = slice(run * share, (run + 1) * share)
+            digest.update(each.hashes[own].tobytes())
+            path_length += float(np.sum(each.path_lengths[own]))
+            effort += float(np.sum(each.efforts[own]))
+        return RunMeasurement(digest.hexdigest(), path_length, effort * self._step, self._goal_times[run])
+
+
+class _GroupMeasurement:
+    """What is measured of the agents of a group.
+
+    Attributes:
+        group: The group.
+        hashes: A hash of the states and control inputs of each agent; shape (n,).
+        path_lengths: The way of each [m]; shape (n,).
+        efforts: The sum of the squared control inputs of each over all steps; shape (n,).
+    """
+
+    def __init__(self, group: AgentGroup) -> None:
+        self.group = group
+        self.hashes: Numbers = np.full(len(group), _FIRST)
+        self.path_lengths: Array = np.zeros(len(group))
+        self.efforts: Array = np.zeros(len(group))
+        self._states: list[Array] = []
+        self._inputs: list[Array] = []
+        self._position: Array | None = None
+
+    def add(self, states: Array, control_inputs: Array | None) -> None:
+        """Add a step."""
+        self._states.append(states)
+        if control_inputs is not None:
+            self._inputs.append(control_inputs.copy())
+        if len(self._states) == _STEPS:
+            self.work_through()
+
+    def work_through(self) -> None:
+        """Take into account what was added."""
+        for states in self._states:
+            position = self.group.model.positions(states)
+            if self._position is not None:
+                self.path_lengths += lengths(position - self._position)
+            self._position = position
+        for inputs in self._inputs:
+            for column in range(inputs.shape[1]):
+                self.efforts += inputs[:, column] * inputs[:, column]
+        for values in (self._states, self._inputs):
+            for hashed in _hashed(values):
+                self.hashes *= _NEXT
+                self.hashes ^= hashed
+        self._states.clear()
+        self._inputs.clear()
+
+
+def _hashed(values: list[Array]) -> Numbers:
+    """Hash the rows of arrays of one shape (n, k), each by itself; shape (m, n)."""
+    if not values:
+        return np.empty((0, 0), np.uint64)
+    bits: Numbers = np.stack(values).view(np.uint64)
+    factors = _FIRST + _NEXT * np.arange(0, 2 * bits.shape[2], 2, dtype=np.uint64)
+    mixed = bits * (factors | np.uint64(1))
+    mixed ^= mixed >> _HALF
+    mixed *= _SECOND
+    mixed ^= mixed >> _HALF
+    hashed: Numbers = mixed.sum(axis=2, dtype=np.uint64)
+    return hashed

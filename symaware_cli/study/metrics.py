@@ -8,7 +8,7 @@ from typing import Any
 
 from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.study.measurement import Measurement
+from symaware_cli.study.measurement import RunMeasurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class RunFigures:
     """
 
     summary: RunSummary
-    measurement: Measurement
+    measurement: RunMeasurement
     simulation: Simulation
 
 

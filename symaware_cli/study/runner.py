@@ -1,4 +1,4 @@
-"""Makes single runs of a plan, in this process: each cell is read and composed once."""
+"""Makes runs of a plan in this process: each cell is read and composed once, its runs are batched where they can be."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ import os
 import re
 import time
 from collections import OrderedDict
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.reader import open_log
-from symaware_cli.scenario.build import build_composition
+from symaware_cli.runtime.run_summary import RunSummary
+from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.scenario.build import Built, build_composition
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import ScenarioError
-from symaware_cli.study.measurement import Measurement
+from symaware_cli.study.batch import Batch, batch_size, refusal
+from symaware_cli.study.measurement import Measurement, RunMeasurement
 from symaware_cli.study.metrics import RunFigures, figures
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_plan import SweepPlan
@@ -30,19 +34,91 @@ _ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
 
 
 class Runner:
-    """Makes runs of a plan, one at a time."""
+    """Makes runs of a plan."""
 
-    def __init__(self, plan: SweepPlan, scenario: Path) -> None:
+    def __init__(self, plan: SweepPlan, scenario: Path, batch: int | None = None) -> None:
         """Prepare.
 
         Args:
             plan: The plan.
             scenario: The scenario file.
+            batch: How many runs are batched at most; 1 for none, None for as many as fit in a bounded memory.
         """
+        self._batch = batch
+        self._templates: OrderedDict[int, Built | str] = OrderedDict()
         self._plan = plan
         self._scenario = scenario
         self._catalogue = Catalogue()
         self._ready: OrderedDict[int, Composition] = OrderedDict()
+
+    def rows(self, indices: Sequence[int], logs: Path | None = None) -> Iterator[Row]:
+        """Make some runs, and yield their rows in any order.
+
+        Args:
+            indices: Their numbers.
+            logs: The folder for their logs; None if they are not recorded.
+
+        Raises:
+            KeyboardInterrupt: A signal ended one.
+        """
+        of_cells: dict[int, list[int]] = {}
+        for index in indices:
+            of_cells.setdefault(self._plan.cell(index).number, []).append(index)
+        for own in of_cells.values():
+            template = self._template(own[0]) if logs is None and len(own) > 1 else ""
+            if isinstance(template, str):
+                yield from (self.run(index, logs) for index in own)
+                continue
+            size = min(self._batch or len(own), batch_size(template))
+            for start in range(0, len(own), size):
+                yield from self._batched(own[start : start + size], template)
+
+    def refusal(self, index: int) -> str | None:
+        """Say in one line why the runs of a run's cell are made one by one; None if they are batched."""
+        template = self._template(index)
+        return template if isinstance(template, str) else None
+
+    def _template(self, index: int) -> Built | str:
+        """The cell of a run, built for any seed, or why its runs cannot be batched."""
+        number = self._plan.cell(index).number
+        if number not in self._templates:
+            if len(self._templates) >= _MOST_READY:
+                self._templates.popitem(last=False)
+            self._templates[number] = self._new_template(index)
+        return self._templates[number]
+
+    def _new_template(self, index: int) -> Built | str:
+        if self._batch == 1:
+            return "batches are switched off"
+        if self._plan.document.timeout is not None:
+            return "each run has a time-out of its own"
+        try:
+            built = self._built(index)
+        except (ScenarioError, OSError):
+            return "the scenario has problems"
+        return refusal(built) or built
+
+    def _batched(self, indices: Sequence[int], template: Built) -> Iterator[Row]:
+        """Make runs of one cell together; one by one if anything goes wrong."""
+        began = time.monotonic()
+        seeds = [self._plan.seed(index) for index in indices]
+        try:
+            batch = Batch(self._composition(indices[0]).copy(), template, seeds)
+        except ScenarioError:
+            yield from map(self.run, indices)
+            return
+        measurement = Measurement(batch.simulation)
+        with batch.simulation.environment:
+            batch.advance()
+        if batch.run.signal is not None:
+            raise KeyboardInterrupt
+        if batch.run.status != "finished":
+            yield from map(self.run, indices)
+            return
+        found = zip(indices, batch.summaries(), measurement.finish(), strict=True)
+        rows = [_row(index, summary, measured, batch.simulation) for index, summary, measured in found]
+        share = (time.monotonic() - began) / len(rows)
+        yield from (replace(row, wall_time=share) for row in rows)
 
     def run(self, index: int, logs: Path | None = None) -> Row:
         """Make a run.
@@ -67,29 +143,29 @@ class Runner:
 
     def _made(self, index: int, log: Path | None) -> Row:
         plan = self._plan
-        built = build_composition(
-            self._composition(index).copy(), self._scenario.parent, plan.seed(index), self._catalogue
-        )
+        built = self._built(index)
         timeout = plan.document.timeout
         with prepared(built, log, timeout=timeout, may_exit=False) as run:
             measurement = Measurement(built.simulation)
             run.advance()
-            trace = measurement.finish() if run.status == "finished" else None
+            measured = measurement.finish()[0] if run.status == "finished" else None
         if run.failure is not None:
             return Row(index, "failed", error=_told(str(run.failure)), trace=_told(run.failure.trace) or None)
         if run.signal is not None:
             raise KeyboardInterrupt
         summary = run.summary
-        if summary.status != "finished":
+        if measured is None:
             return Row(index, "lost", error=f"it did not end within {timeout:g} s")
-        return Row(
-            index,
-            "done",
-            verdicts={each.name: each.verdict for each in summary.specifications},
-            robustness={each.name: each.robustness for each in summary.specifications},
-            metrics=figures(RunFigures(summary, measurement, built.simulation)),
-            digest=trace,
-        )
+        return _row(index, summary, measured, built.simulation)
+
+    def _built(self, index: int) -> Built:
+        """Build a run.
+
+        Raises:
+            ScenarioError: Values that were drawn for its seed are not valid.
+        """
+        composition = self._composition(index).copy()
+        return build_composition(composition, self._scenario.parent, self._plan.seed(index), self._catalogue)
 
     def _composition(self, index: int) -> Composition:
         cell = self._plan.cell(index)
@@ -100,6 +176,18 @@ class Runner:
                 self._ready.popitem(last=False)
         self._ready[cell.number] = found
         return found
+
+
+def _row(index: int, summary: RunSummary, measured: RunMeasurement, simulation: Simulation) -> Row:
+    """The row of a run that came to its end."""
+    return Row(
+        index,
+        "done",
+        verdicts={each.name: each.verdict for each in summary.specifications},
+        robustness={each.name: each.robustness for each in summary.specifications},
+        metrics=figures(RunFigures(summary, measured, simulation)),
+        digest=measured.digest,
+    )
 
 
 def _told(text: str) -> str:

@@ -66,6 +66,7 @@ class SweepOutcome:
         is_interrupted: Whether a signal ended it.
         stopped: Why it ended early, if it did.
         rule: The rule by which runs were left out, if any were.
+        one_by_one: Why its runs were made one by one; None where they were batched.
     """
 
     folder: Path
@@ -76,6 +77,7 @@ class SweepOutcome:
     is_interrupted: bool = False
     stopped: str | None = None
     rule: str | None = None
+    one_by_one: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -89,6 +91,7 @@ class SweepOutcome:
             "interrupted": self.is_interrupted,
             "stopped": self.stopped,
             "until": self.rule,
+            "one_by_one": self.one_by_one,
         }
 
 
@@ -96,6 +99,7 @@ def conduct(
     folder: SweepFolder,
     jobs: int,
     *,
+    batch: int | None = None,
     retry_lost: bool = False,
     fail_fast: bool = False,
     on_progress: Callable[[SweepProgress], object] | None = None,
@@ -105,6 +109,7 @@ def conduct(
     Args:
         folder: The folder of the sweep.
         jobs: How many worker processes; 0 to make all runs in this process.
+        batch: How many runs are made together at most, where that is possible; 1 for none, None for as many as fit.
         retry_lost: Whether to make runs again that were lost.
         fail_fast: Whether to end with the first run that fails.
         on_progress: Called after each run.
@@ -119,7 +124,7 @@ def conduct(
         (folder.path / TABLE).unlink(missing_ok=True)  # it is no longer the whole truth
         if retry_lost:
             journal.forget("lost")
-        session = _Session(folder, journal, jobs, on_progress)
+        session = _Session(folder, journal, jobs, batch, on_progress)
         interrupted = False
         try:
             with _signals_raised():
@@ -138,6 +143,7 @@ def conduct(
             interrupted,
             session.stopped,
             session.stops.reason,
+            folder.runner(batch).refusal(0),
         )
 
 
@@ -154,8 +160,10 @@ class _Session:
         folder: SweepFolder,
         journal: SweepJournal,
         jobs: int,
+        batch: int | None,
         on_progress: Callable[[SweepProgress], object] | None,
     ) -> None:
+        self._batch = batch
         self.made = 0
         self.stopped: str | None = None
         self._folder = folder
@@ -228,9 +236,9 @@ class _Session:
         folder = self._folder
         executor: Executor
         if self._jobs == 0:
-            executor = LocalExecutor(folder.runner(), folder.logs)
+            executor = LocalExecutor(folder.runner(self._batch), folder.logs)
         else:
-            executor = WorkerPool(folder.path, min(self._jobs, count), folder.plan.document.timeout)
+            executor = WorkerPool(folder.path, min(self._jobs, count), folder.plan.document.timeout, self._batch)
         try:
             yield executor
         finally:

@@ -32,12 +32,12 @@ def main() -> None:
     from symaware_cli.study.folder import SweepFolder
 
     folder = SweepFolder.opened(setup["folder"])
-    runner = folder.runner()
+    runner = folder.runner(setup["batch"])
     _tell(answers, None)
     while True:
         block = blocks.get()
-        for index in block["indices"]:
-            _tell(answers, runner.run(index, folder.logs if block["is_recorded"] else None).to_json())
+        for row in runner.rows(block["indices"], folder.logs if block["is_recorded"] else None):
+            _tell(answers, row.to_json())
 
 
 def _taken_over() -> tuple[BinaryIO, BinaryIO]:

@@ -32,14 +32,16 @@ class WorkerPoolError(Exception):
 class WorkerPool:
     """An `Executor` of worker processes."""
 
-    def __init__(self, folder: Path, count: int, timeout: float | None) -> None:
+    def __init__(self, folder: Path, count: int, timeout: float | None, batch: int | None = None) -> None:
         """Prepare; workers are started when there is something to do.
 
         Args:
             folder: The folder of the sweep.
             count: How many workers, at most.
             timeout: Wall time after which a run is given up [s]; None for never.
+            batch: See `Runner`.
         """
+        self._batch = batch
         self._folder = folder
         self._count = count
         self._timeout = timeout
@@ -89,7 +91,7 @@ class WorkerPool:
             block = blocks.take(self._count)
             if block is None:
                 return
-            worker = _Worker(self._folder, self._timeout)
+            worker = _Worker(self._folder, self._timeout, self._batch)
             self._workers.append(worker)
             self._selector.register(worker.answers, selectors.EVENT_READ, worker)
             worker.give(block)
@@ -126,7 +128,7 @@ class _Worker:
         deadline: When the run it is at is given up, on the monotonic clock [s]; None for never.
     """
 
-    def __init__(self, folder: Path, timeout: float | None) -> None:
+    def __init__(self, folder: Path, timeout: float | None, batch: int | None) -> None:
         self.tasks: deque[int] = deque()
         self.is_ready = False
         self.deadline: float | None = None
@@ -143,7 +145,7 @@ class _Worker:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._requests, self.answers = self._process.stdin, self._process.stdout
-        self._send({"parent": os.getpid(), "path": sys.path, "folder": str(folder)})
+        self._send({"parent": os.getpid(), "path": sys.path, "folder": str(folder), "batch": batch})
 
     def give(self, block: Block) -> None:
         """Tell it what to do next."""
@@ -161,8 +163,8 @@ class _Worker:
             if content is None:
                 self.is_ready = True
             else:
-                self.tasks.popleft()
                 rows.append(Row(**content))
+                self.tasks.remove(rows[-1].index)
         if lines:
             self._start_clock()
         return rows, bool(data)

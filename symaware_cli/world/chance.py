@@ -16,7 +16,7 @@ from __future__ import annotations
 import hashlib
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -27,6 +27,9 @@ Numbers = NDArray[np.uint64]
 Words = NDArray[np.uint32]
 Indices = NDArray[np.intp]
 Draw = Callable[[Numbers, Numbers, int | Numbers, int], Array]
+
+#: The seed of a run, or of several runs whose agents share columns: those of the first run, then those of the second...
+Seed = int | Sequence[int]
 
 _ROUNDS = 10
 _MULTIPLIERS = np.array([[0xD2511F53], [0xCD9E8D57]], np.uint64)
@@ -181,15 +184,17 @@ class GroupChance:
     others.
     """
 
-    def __init__(self, seed: int, purpose: str, numbers: Numbers) -> None:
+    def __init__(self, seed: Seed, purpose: str, numbers: Numbers) -> None:
         """Start without draws.
 
         Args:
-            seed: The seed of the run.
+            seed: The seed of the run, or those of several runs, which have the same number of rows each.
             purpose: The purpose; the same for all agents, and different from all other purposes.
             numbers: The numbers of the agents, from `agent_numbers`; shape (n,).
         """
-        self._seed = seed
+        self._seeds = (seed,) if isinstance(seed, int) else tuple(seed)
+        #: How many rows each run has.
+        self._share = max(1, len(numbers) // len(self._seeds))
         self._purpose = purpose
         self._numbers = numbers
         self._turn = Turn(-1)
@@ -253,7 +258,7 @@ class GroupChance:
         begin = self._use(purpose, pages)
         numbers = self._numbers[rows]
         drawn = [
-            self._drawn(draw, (*purpose, begin + page), numbers, others, min(most, width - most * page))
+            self._drawn(draw, (*purpose, begin + page), numbers, others, min(most, width - most * page), rows)
             for page in range(pages)
         ]
         return drawn[0] if pages == 1 else np.concatenate(drawn, axis=1)
@@ -264,28 +269,42 @@ class GroupChance:
         self._used[purpose] = begin + pages
         return begin
 
-    def _drawn(self, draw: Draw, purpose: tuple[str | int, ...], first: Numbers, second: Numbers, width: int) -> Array:
+    def _drawn(
+        self,
+        draw: Draw,
+        purpose: tuple[str | int, ...],
+        first: Numbers,
+        second: Numbers,
+        width: int,
+        rows: Indices | None = None,
+    ) -> Array:
         """Draw for some counters in this turn; few counters are drawn for several turns at once, which is faster."""
         turn, count = self._turn, len(first)
         turns = _AHEAD // max(count, 1)
         if not self._is_regular or turn.repetition or turns < _FEWEST_TURNS:
-            return draw(first, second, self._key(turn, purpose), width)
+            return draw(first, second, self._key(turn, purpose, count, rows), width)
         known = self._ahead.get(purpose)
         if known is None or not known.is_for(first, second, width):
             # The pairs may differ from turn to turn: draw ahead only once the same ones are requested twice.
             self._ahead[purpose] = _Ahead(turn.instant, self._step, first, second, np.empty((0, count, width)))
-            return draw(first, second, self._key(turn, purpose), width)
+            return draw(first, second, self._key(turn, purpose, count, rows), width)
         if not known.covers(turn.instant):
             turns = min(turns, _MOST_TURNS)
             expected = [Turn(turn.instant + number * self._step) for number in range(turns)]
-            keys = np.repeat(np.array([self._key(each, purpose) for each in expected], np.uint64), count)
+            own = [self._key(each, purpose, count, rows) for each in expected]
+            keys = np.concatenate([np.broadcast_to(np.array(each, np.uint64), count) for each in own])
             drawn = draw(np.tile(first, turns), np.tile(second, turns), keys, width).reshape(turns, count, width)
             known = self._ahead[purpose] = _Ahead(turn.instant, self._step, first, second, drawn)
         present: Array = known.drawn[(turn.instant - known.begin) // known.step]
         return present.copy()  # callers may write to it
 
-    def _key(self, turn: Turn, purpose: tuple[str | int, ...]) -> int:
-        return key_of(self._seed, self._purpose, *turn, *purpose)
+    def _key(self, turn: Turn, purpose: tuple[str | int, ...], count: int, rows: Indices | None) -> int | Numbers:
+        """The key of a purpose: one for all counters, or that of the run which each of them belongs to."""
+        keys = [key_of(seed, self._purpose, *turn, *purpose) for seed in self._seeds]
+        if len(keys) == 1:
+            return keys[0]
+        of_runs = np.array(keys, np.uint64)
+        return np.repeat(of_runs, count // len(keys)) if rows is None else of_runs[rows // self._share]
 
 
 class _Ahead(NamedTuple):

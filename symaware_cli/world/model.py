@@ -53,6 +53,7 @@ class Model(Plugin, ABC):
     integrated other than by one Euler step.
 
     Attributes:
+        batchable: Whether each row that it computes depends on no other row, so that many runs may share the arrays.
         state: Name and unit of each element of x.
         control_input: Name and unit of each element of u.
         position: The indices of the position [m] in x.
@@ -67,6 +68,7 @@ class Model(Plugin, ABC):
         needs_vehicle: The parameters that have an effect only in worlds that move bodies by `vehicle`.
     """
 
+    batchable: ClassVar[bool] = False
     state: tuple[Quantity, ...] = ()
     control_input: tuple[Quantity, ...] = ()
     position: tuple[int, ...] = (0, 1)

@@ -14,6 +14,8 @@ from symaware_cli.world.motion_layout import motions_of
 
 Array = NDArray[np.float64]
 
+_NOBODY = np.empty(0, np.uint64)
+
 
 class Roster:
     """All agents of a world, in an order that does not depend on the scenario file.
@@ -27,6 +29,7 @@ class Roster:
         indices: The index of each agent, by id; not to be changed.
         starts: The index of each group's first agent.
         dimensions: The greatest number of dimensions in which they move.
+        runs: The agents of each run by index, if the world is that of a batch of runs; shape (runs, n). None otherwise.
     """
 
     __slots__ = (
@@ -39,15 +42,24 @@ class Roster:
         "groups",
         "ids",
         "indices",
+        "runs",
         "starts",
     )
 
-    def __init__(self, members: Mapping[str, Sequence[str]], models: Mapping[str, Model] | None = None) -> None:
+    def __init__(
+        self,
+        members: Mapping[str, Sequence[str]],
+        models: Mapping[str, Model] | None = None,
+        numbers: Mapping[str, Numbers] | None = None,
+        runs: int = 0,
+    ) -> None:
         """Create the order.
 
         Args:
             members: The ids of the agents of each group.
             models: The model of each group, if known.
+            numbers: The numbers of the agents of each group, from `agent_numbers`; by default those of the ids.
+            runs: How many runs the agents of each group belong to, as in `EntityGroup.seeds`; 0 for no batch.
         """
         self._models = dict(models or {})
         self.dimensions = max((len(model.position) for model in self._models.values()), default=2)
@@ -56,7 +68,14 @@ class Roster:
         self.ids = tuple(id for group in self.groups for id in members[group])
         self.indices = {id: index for index, id in enumerate(self.ids)}
         self.starts = tuple(int(start) for start in np.cumsum([0, *self.counts])[:-1])
-        self._numbers: Numbers | None = None
+        self._numbers = None if numbers is None else np.concatenate([_NOBODY, *(numbers[each] for each in self.groups)])
+        self.runs: NDArray[np.intp] | None = None
+        if runs:
+            shares = [
+                start + np.arange(count).reshape(runs, -1)
+                for start, count in zip(self.starts, self.counts, strict=True)
+            ]
+            self.runs = np.concatenate(shares, axis=1)
         self._tables: dict[tuple[str, ...], _MotionLayout] = {}
         self._places = {
             id: (number, row) for number, group in enumerate(self.groups) for row, id in enumerate(members[group])

@@ -66,6 +66,8 @@ class GoToGoal(GoalSeeking):
     straight path ahead over the horizon.
     """
 
+    batchable = True
+
     def _compute(self) -> tuple[Array, Array, Array, Array, Array, Array]:
         model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
         position = model.positions(state)

@@ -91,6 +91,8 @@ class PurePursuit(Approach):
     the whole new line.
     """
 
+    batchable = True
+
     knowledge: ClassVar = {"waypoints": "where to pass, as a list of at least 2 positions [m]"}
     events: ClassVar = {
         "lap-completed": "An agent came round to its first waypoint; `number` counts the laps from 1.",

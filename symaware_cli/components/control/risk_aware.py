@@ -23,6 +23,8 @@ class RiskAware(GroupComponent):
     The intent stays that of the controller: where the agent wants to go, not at which speed.
     """
 
+    batchable = True
+
     events: ClassVar = {
         "slowed": "An agent began to go slower than it wants to, because of the risk.",
         "stopped": "An agent that was slowed stopped altogether, for the first time since.",

@@ -82,6 +82,8 @@ class VelocityObstacle(GoalSeeking):
     the velocity over the horizon.
     """
 
+    batchable = True
+
     sees_world = True
 
     class Parameters(GoalSeeking.Parameters):

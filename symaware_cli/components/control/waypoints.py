@@ -47,6 +47,8 @@ class Waypoints(Approach):
     along the waypoints, over the horizon. After a change of its waypoints an agent starts at the first new one.
     """
 
+    batchable = True
+
     knowledge: ClassVar = {"waypoints": "where to pass, as a list of positions [m]"}
     events: ClassVar = {
         "waypoint-reached": "An agent came within the tolerance of its next waypoint; `number` counts them from 0.",

@@ -36,6 +36,8 @@ class Collision(PairRisk):
     most (Boole's inequality), which holds for any dependence between them.
     """
 
+    batchable = True
+
     class Parameters(Parameters):
         """Parameters that define a collision."""
 

@@ -51,6 +51,8 @@ class TimeToCollision(PairRisk):
     then (`first_touch`). In space they touch when both their bounding balls and their outlines seen from above do.
     """
 
+    batchable = True
+
     uses_uncertainty = False
 
     class Parameters(Parameters):

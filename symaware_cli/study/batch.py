@@ -1,0 +1,348 @@
+"""Many runs as one array program: the agents of B runs of a group of n are one group of B x n rows.
+
+Rows see only those of their own run, and draw what they would draw alone, so each run equals the same run done alone,
+to the bit. Everything that takes part has declared that it can be batched; `refusal` says what has not.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, seconds
+from symaware_cli.runtime.run import Run
+from symaware_cli.runtime.run_summary import Extreme, Observer, RunSummary
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
+from symaware_cli.runtime.timing import Timing
+from symaware_cli.scenario.build import Built
+from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.sampling import Sampler
+from symaware_cli.scenario.specifications import SpecificationBuilder
+from symaware_cli.scenario.timing_check import TimingCheck
+from symaware_cli.specification.outcome import Outcome, outcome_of
+from symaware_cli.specification.scope import AgentScope, PairScope
+from symaware_cli.specification.specification import Specification
+from symaware_cli.world.plugin import Plugin
+
+Array = NDArray[np.float64]
+
+
+#: The most agents of a batch, and the most pairs of agents: their arrays take some hundred bytes each.
+_MOST_AGENTS, _MOST_PAIRS = 20_000, 400_000
+
+
+def batch_size(built: Built) -> int:
+    """How many runs are batched, so that memory stays bounded."""
+    agents = built.simulation.agent_count
+    return max(1, min(_MOST_AGENTS // agents, _MOST_PAIRS // max(1, agents * (agents - 1) // 2)))
+
+
+def refusal(built: Built) -> str | None:
+    """Say in one line why runs of a scenario cannot share arrays; None if they can."""
+    return next(_refusals(built), None)
+
+
+def _refusals(built: Built) -> Iterator[str]:
+    simulation, options, document = built.simulation, built.options, built.document
+    environment, groups = simulation.environment, {group.name for group in simulation.groups}
+    if options.mode != "synchronous":
+        yield "components of the asynchronous mode take their turns at instants of their own"
+    if options.until is not None:
+        yield "`run.until` may end runs at different steps"
+    if options.pace is not None:
+        yield "a paced run keeps to the clock on the wall"
+    if options.faults:
+        yield "faults are about single runs"
+    if options.presence:
+        yield "agents enter and leave"
+    if simulation.exchange.network is not None or document.topology is not None:
+        yield "messages go over a network"
+    if not _declares(type(environment)):
+        yield f"the environment `{simulation.environment_use}` moves one world"
+    for name, region in document.regions.items():
+        if region.around is not None:
+            yield f"the region `{name}` moves with an agent"
+    for group in simulation.groups:
+        if not _declares(type(group.model)):
+            yield f"the model of `{group.name}` does not say that it can be batched"
+    for entry in simulation.entries:
+        first = entry.components[0]
+        if not isinstance(first, GroupComponent):
+            yield f"`{entry.path}` computes for one agent at a time"
+        elif type(first).bodies:
+            yield f"`{entry.path}` ({entry.use}) names single agents"
+        elif not _declares(type(first)):
+            yield f"`{entry.path}` ({entry.use}) does not say that it can be batched"
+        elif replace(entry.timing, period=None, offset=0) != Timing():
+            yield f"`{entry.path}` has turns that depend on its run"
+    for each in options.specifications:
+        if not isinstance(each.scope, AgentScope | PairScope):
+            yield f"the specification `{each.name}` is about the world, or about too many pairs"
+        elif isinstance(pairs := document.specifications[each.name].pairs, list) and not groups >= set(chain(*pairs)):
+            yield f"the specification `{each.name}` is about single agents"
+        elif each.on_violation == "end":
+            yield f"the specification `{each.name}` ends runs at different steps"
+        elif each.name in options.instances:
+            yield f"instances of the specification `{each.name}` begin by events"
+
+
+def _declares(kind: type[Plugin]) -> bool:
+    """Whether a class says itself that it can be batched: what it inherits from may have been another matter."""
+    return bool(vars(kind).get("batchable", False))
+
+
+class Batch:
+    """Runs of one scenario that differ in their seeds."""
+
+    def __init__(self, composition: Composition, built: Built, seeds: Sequence[int]) -> None:
+        """Prepare the runs.
+
+        Args:
+            composition: The scenario.
+            built: The same, built for any seed; it is not run.
+            seeds: The seed of each run.
+
+        Raises:
+            ScenarioError: Values that were drawn for a seed are not valid.
+        """
+        self._built = built
+        self._seeds = tuple(seeds)
+        self.simulation = self._simulation(composition)
+        self.observer = BatchObserver(self.simulation)
+        self._specifications = self._stated(composition)
+        options = replace(built.options, specifications=self._specifications, may_exit=False)
+        self.run = Run(self.simulation, built.steps, None, None, options, observer=self.observer)
+
+    def advance(self) -> None:
+        """Make all runs to their end."""
+        self.run.advance()
+
+    def summaries(self) -> list[RunSummary]:
+        """Return the summary of each run; wall times are shares of the whole, and outcomes have no reasons."""
+        whole, count = self.run.summary, len(self._seeds)
+        outcomes = self._outcomes()
+        return [
+            replace(
+                whole,
+                seed=seed,
+                agents=whole.agents // count,
+                wall_time=whole.wall_time / count,
+                contacts=int(self.observer.contacts_of[run]),
+                minimum_separation=self.observer.separation_of(run),
+                highest_risk=self.observer.risk_of(run),
+                goals_reached=self.observer.goals_of(run),
+                warnings=dict(sorted(self.observer.warnings_of(run).items())),
+                specifications=outcomes[run],
+            )
+            for run, seed in enumerate(self._seeds)
+        ]
+
+    def _simulation(self, composition: Composition) -> Simulation:
+        built = self._built
+        template = built.simulation
+        kind = type(template.environment)
+        environment = kind(template.environment.parameters)
+        environment.folder = template.environment.folder
+        groups = {group.name: self._group(composition, group) for group in template.groups}
+        entries = []
+        for entry in template.entries:
+            first = entry.components[0]
+            component: Any = (
+                type(first)() if type(first).Parameters is Plugin.Parameters else type(first)(first.parameters)
+            )
+            group = groups[entry.group.name]
+            component.check(group)
+            entries.append(ComponentEntry(group, entry.name, entry.use, [component], entry.timing))
+        return Simulation(
+            name=template.name,
+            seed=self._seeds[0],
+            environment=environment,
+            environment_use=template.environment_use,
+            groups=list(groups.values()),
+            entries=entries,
+            obstacles=built.document.environment.entities,
+        )
+
+    def _group(self, composition: Composition, template: AgentGroup) -> AgentGroup:
+        """The rows of all runs."""
+        content = composition.data["agents"][template.name]
+        states, knowledge = self._values(composition, template, content)
+        group = AgentGroup(
+            template.name,
+            template.ids,
+            template.model,
+            template.entity,
+            states,
+            knowledge,
+            tuple(template.awareness.parts.values()),
+            template.awareness.signals,
+            self._seeds,
+        )
+        group.regions = template.regions
+        return group
+
+    def _values(
+        self, composition: Composition, template: AgentGroup, content: Mapping[str, Any]
+    ) -> tuple[Array, Sequence[Mapping[str, Any]]]:
+        """The initial state and the knowledge of each row."""
+        count = len(self._seeds)
+        if not _is_drawn(content.get("state")) and not _is_drawn(content.get("knowledge")):
+            return np.tile(template.initial_state, (count, 1)), [dict(each) for each in template.knowledge] * count
+        states: list[Array] = []
+        knowledge: list[Mapping[str, Any]] = []
+        path = ("agents", template.name)
+        for seed in self._seeds:
+            sampler = Sampler(composition, seed, template.ids, content.get("count") is not None, template.model)
+            states.append(sampler.states(content.get("state"), (*path, "state")))
+            known: list[dict[str, Any]] = [{} for _ in template.ids]
+            for name, value in (content.get("knowledge") or {}).items():
+                for own, one in zip(known, sampler.knowledge(value, (*path, "knowledge", name)), strict=True):
+                    own[name] = one
+            knowledge += known
+        return np.concatenate(states), knowledge
+
+    def _stated(self, composition: Composition) -> Sequence[Specification]:
+        """The specifications about the rows of all runs."""
+        built, environment = self._built, self.simulation.environment
+        check = TimingCheck(
+            composition, environment, _impossible, built.document.regions, built.document.specifications
+        )
+        builder = SpecificationBuilder(
+            _impossible, check, environment, environment.time_step, self.simulation.groups, self.simulation.entries, ()
+        )
+        return [replace(each, explains=False) for each in builder.build(built.document)]
+
+    def _outcomes(self) -> list[tuple[Outcome, ...]]:
+        """What has become of the specifications in each run."""
+        found: list[list[Outcome]] = [[] for _ in self._seeds]
+        for monitor in self.run.specification_monitors:
+            specification = monitor.specification
+            rows = specification.scope.rows // len(self._seeds)
+            for run, outcomes in enumerate(found):
+                own = slice(run * rows, (run + 1) * rows)
+                outcomes.append(
+                    outcome_of(
+                        specification.name,
+                        specification.text,
+                        lambda row: (),
+                        monitor.verdicts[own],
+                        monitor.settled[own],
+                        monitor.upper[own],
+                        (),
+                    )
+                )
+        return [tuple(each) for each in found]
+
+
+def _is_drawn(value: Any) -> bool:
+    """Whether a value may contain a distribution."""
+    if isinstance(value, Mapping):
+        return any(name in ("uniform", "normal") or _is_drawn(each) for name, each in value.items())
+    return isinstance(value, list) and any(map(_is_drawn, value))
+
+
+def _impossible(*arguments: Any, **hints: Any) -> None:
+    raise AssertionError(f"the scenario was found to be sound: {arguments}")
+
+
+class BatchObserver(Observer):
+    """Observes each run of a batch.
+
+    Attributes:
+        contacts_of: How many contacts began in each run; shape (runs,).
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__(simulation)
+        runs = simulation.environment.roster.runs
+        assert runs is not None
+        self._runs = runs
+        self._run_of = np.empty(runs.size, np.intp)
+        self._run_of[runs] = np.arange(len(runs))[:, None]
+        self.contacts_of = np.zeros(len(runs), np.intp)
+        self._separations = np.full(len(runs), np.inf)
+        self._pairs = np.zeros((len(runs), 2), np.intp)
+        self._times = np.zeros(len(runs), np.int64)
+        self._risks = np.full(len(runs), -np.inf)
+        self._risk_times = np.zeros(len(runs), np.int64)
+        self._risk_agents = np.zeros(len(runs), np.intp)
+        self._goals_of: list[set[str]] = [set() for _ in runs]
+        self._warnings_of: list[Counter[str]] = [Counter() for _ in runs]
+
+    def _on_event(self, event: Event) -> None:
+        if event.level is Level.WARNING and event.source.startswith("agents."):
+            self._warnings_of[_run(event.source.removeprefix("agents."))][event.name] += 1
+
+    def _on_goal(self, event: Event) -> None:
+        run, id = _agent(event)
+        self._goals_of[run].add(id)
+
+    def _on_goal_changed(self, event: Event) -> None:
+        run, id = _agent(event)
+        self._goals_of[run].discard(id)
+
+    def sample(self, now: int) -> None:
+        """Sample contacts, distances and risks."""
+        np.add.at(self.contacts_of, self._run_of[self._environment.contacts_begun()], 1)
+        if self._runs.shape[1] > 1:
+            self._sample_distances(now)
+        peaks = np.full(self._runs.size, -np.inf)
+        for group, start in zip(self._simulation.groups, self._environment.roster.starts, strict=True):
+            peaks[start : start + len(group)] = group.awareness.risk.peaks()
+        risks = peaks[self._runs]
+        agents = risks.argmax(axis=1)
+        best = risks[np.arange(len(risks)), agents]
+        higher = best > self._risks
+        self._risks[higher], self._risk_times[higher] = best[higher], now
+        self._risk_agents[higher] = self._runs[np.arange(len(risks)), agents][higher]
+
+    def _sample_distances(self, now: int) -> None:
+        snapshot = self._environment.snapshot()
+        headings = snapshot.headings if self._bodies.any_cornered else self._no_headings
+        found = self._bodies.nearest_of_runs(
+            snapshot.positions, headings, self._environment.proximity, self._run_of, self._separations
+        )
+        runs, gaps, pairs = found
+        self._separations[runs], self._pairs[runs], self._times[runs] = gaps, pairs, now
+
+    def separation_of(self, run: int) -> Extreme | None:
+        """The least distance between the outlines of two agents of a run [m]."""
+        if not np.isfinite(self._separations[run]):
+            return None
+        pair = (self._id(self._pairs[run, 0]), self._id(self._pairs[run, 1]))
+        return Extreme(float(self._separations[run]), seconds(int(self._times[run])), pair)
+
+    def risk_of(self, run: int) -> Extreme | None:
+        """The greatest risk that an agent of a run saw."""
+        if self._risks[run] == -np.inf:
+            return None
+        agent = self._id(self._risk_agents[run])
+        return Extreme(float(self._risks[run]), seconds(int(self._risk_times[run])), (agent,))
+
+    def goals_of(self, run: int) -> tuple[str, ...]:
+        """The agents of a run that reached the goal that they have."""
+        return tuple(sorted(self._goals_of[run]))
+
+    def warnings_of(self, run: int) -> Mapping[str, int]:
+        """How many warnings of each name came from the agents of a run."""
+        return self._warnings_of[run]
+
+    def _id(self, index: int) -> str:
+        return self._environment.roster.ids[index].partition(":")[2]
+
+
+def _agent(event: Event) -> tuple[int, str]:
+    """The run and the id of the agent whose component fired an event."""
+    run, _, path = event.source.removeprefix("agents.").partition(":")
+    return int(run), path.rpartition(".")[0]
+
+
+def _run(id: str) -> int:
+    """The run of an agent."""
+    return int(id.partition(":")[0])
