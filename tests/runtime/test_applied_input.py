@@ -1,12 +1,20 @@
 """The control inputs that a log calls applied are those that moved the agents, and the world alone says which."""
 
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from simulating import untyped
 
-from symaware_cli import open_log
+from symaware_cli import Log, Series, open_log
+from symaware_cli.models.noise import NoisyModel
+from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
@@ -18,7 +26,14 @@ MODELS = {
 WIDTH = {"single-integrator": 2, "double-integrator": 4, "unicycle": 3}
 
 
-def document(model, mode="synchronous", steer=None, faults=None, environment=None, time_step=0.2):
+def document(
+    model: str,
+    mode: str = "synchronous",
+    steer: Mapping[str, Any] | None = None,
+    faults: Mapping[str, Any] | None = None,
+    environment: Mapping[str, Any] | None = None,
+    time_step: float = 0.2,
+) -> dict[str, Any]:
     return {
         "symaware": 1,
         "name": "applied",
@@ -42,7 +57,9 @@ def document(model, mode="synchronous", steer=None, faults=None, environment=Non
     }
 
 
-def recorded(tmp_path, content, watch=None):
+def recorded(
+    tmp_path: Path, content: Mapping[str, Any], watch: Callable[[Simulation], object] | None = None
+) -> tuple[NoisyModel, Log]:
     path = tmp_path / "applied.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False))
     built = build(path)
@@ -50,10 +67,10 @@ def recorded(tmp_path, content, watch=None):
         built.simulation.events.subscribe("stepped", lambda event: watch(built.simulation))
     summary = execute(built, tmp_path / "applied.mcap")
     assert summary.status == "finished", summary.failure
-    return built.simulation.groups[0].model, open_log(tmp_path / "applied.mcap")
+    return untyped(built.simulation.groups[0].model), open_log(tmp_path / "applied.mcap")
 
 
-def at(series, times):
+def at(series: Series, times: NDArray[np.int64]) -> NDArray[np.float64]:
     """The values of a series at some instants, held from the last one before."""
     return series.values[np.searchsorted(series.times, times, side="right") - 1]
 
@@ -85,7 +102,9 @@ timings = st.fixed_dictionaries(
     steer=timings,
     faults=st.lists(st.tuples(spans, kinds), max_size=3),
 )
-def test_integrating_the_logged_inputs_gives_the_logged_states(tmp_path, model, mode, steer, faults):
+def test_integrating_the_logged_inputs_gives_the_logged_states(
+    tmp_path: Path, model: str, mode: str, steer: dict[str, Any], faults: list[tuple[dict[str, float], dict[str, Any]]]
+) -> None:
     asked = {}
     for number, (span, kind) in enumerate(faults):
         if "bias" in kind:
@@ -115,7 +134,7 @@ def test_integrating_the_logged_inputs_gives_the_logged_states(tmp_path, model, 
     ],
     ids=lambda each: each["use"],
 )
-def test_every_world_has_its_word_on_what_it_applied(tmp_path, mode, environment):
+def test_every_world_has_its_word_on_what_it_applied(tmp_path: Path, mode: str, environment: dict[str, Any]) -> None:
     pytest.importorskip(environment["use"]) if environment["use"] != "kinematic" else None
     told = []
     faults = {"dead": {"at": 1.0, "for": 0.5, "stop": "robot.1"}}
@@ -136,7 +155,7 @@ def test_every_world_has_its_word_on_what_it_applied(tmp_path, mode, environment
         assert len(requested.times) > 2 * len(inputs.times)
 
 
-def test_an_agent_that_stops_coasts_as_the_world_lets_it(tmp_path):
+def test_an_agent_that_stops_coasts_as_the_world_lets_it(tmp_path: Path) -> None:
     _, log = recorded(tmp_path, document("single-integrator", faults={"dead": {"at": 1.0, "stop": "robot.1"}}))
     inputs = log.series("robot.1", "control")
     assert not inputs.values[inputs.times > 1_000_000_000].any()
@@ -146,7 +165,7 @@ def test_an_agent_that_stops_coasts_as_the_world_lets_it(tmp_path):
 @pytest.mark.parametrize(
     ("omitted", "there"), [("control", set()), ("world", {"/agents/robot/control", "/world/robot/control"})]
 )
-def test_what_is_left_out_is_left_out(tmp_path, omitted, there):
+def test_what_is_left_out_is_left_out(tmp_path: Path, omitted: str, there: set[str]) -> None:
     content = {**document("unicycle"), "recording": {"omit": [omitted]}}
     _, log = recorded(tmp_path, content)
     assert {topic for topic in log.channels if topic.endswith("/control")} == there

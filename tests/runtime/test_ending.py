@@ -4,13 +4,18 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
-from simulating import COMMAND, Team, execute, simulate, simulation
+from simulating import COMMAND, Command, Team, execute, present, simulate, simulation
 
-from symaware_cli import Component, open_log
+from symaware_cli import Component, Log, open_log
+from symaware_cli.api.scenario import Mode
 from symaware_cli.runtime.options import RunOptions
+from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.scope import WORLD_NAMES
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute as execute_built
@@ -19,15 +24,15 @@ from symaware_cli.specification.expression import Expression
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 
 
-def until(text):
+def until(text: str) -> Expression:
     return Expression(text, WORLD_NAMES)
 
 
 @pytest.fixture
-def ran(tmp_path):
+def ran(tmp_path: Path) -> Callable[..., tuple[RunSummary, Log]]:
     """Run two robots to their goals, one of which is nearer, until something holds."""
 
-    def run(text, mode="synchronous", duration=10.0):
+    def run(text: str, mode: Mode = "synchronous", duration: float = 10.0) -> tuple[RunSummary, Log]:
         document = {
             "symaware": 1,
             "name": "until",
@@ -67,7 +72,9 @@ def ran(tmp_path):
         ("count(goals_reached) == 1 and agents == 3", 1.9, 3.6),
     ],
 )
-def test_a_run_ends_with_the_first_step_after_whose_turns_the_condition_holds(text, least, most, mode, ran):
+def test_a_run_ends_with_the_first_step_after_whose_turns_the_condition_holds(
+    text: str, least: float, most: float, mode: Mode, ran: Callable[..., tuple[RunSummary, Log]]
+) -> None:
     summary, log = ran(text, mode)
     assert summary.status == "finished"
     assert least - 1e-9 <= summary.simulated_time <= most + 1e-9
@@ -78,29 +85,31 @@ def test_a_run_ends_with_the_first_step_after_whose_turns_the_condition_holds(te
     assert log.series("robot", "world").times[-1] == last.time
 
 
-def test_a_condition_that_never_holds_lets_the_run_go_to_its_end_and_says_so(ran):
+def test_a_condition_that_never_holds_lets_the_run_go_to_its_end_and_says_so(
+    ran: Callable[..., tuple[RunSummary, Log]],
+) -> None:
     summary, log = ran("contacts > 3", duration=1.0)
     assert (summary.status, summary.steps) == ("finished", 20)
     assert list(log.events())[-1].text == "20 steps made; never contacts > 3"
 
 
-def test_a_condition_without_a_value_is_a_failure_of_the_run(ran):
+def test_a_condition_without_a_value_is_a_failure_of_the_run(ran: Callable[..., tuple[RunSummary, Log]]) -> None:
     summary, _ = ran('position["robot.7"][0] > 1')
     assert summary.status == "failed"
-    assert "run.until" in summary.failure
-    assert "there is no agent or group `robot.7`" in summary.failure
+    assert "run.until" in present(summary.failure)
+    assert "there is no agent or group `robot.7`" in present(summary.failure)
 
 
 class Dawdles(Component):
-    def _compute(self):
+    def _compute(self) -> None:
         time.sleep(0.02)
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         pass
 
 
 @MODES
-def test_a_run_whose_time_is_over_is_interrupted_with_its_log_finished(mode, tmp_path):
+def test_a_run_whose_time_is_over_is_interrupted_with_its_log_finished(mode: Mode, tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     summary = simulate({"a": Team({"it": Dawdles})}, 10**6, log, RunOptions(mode=mode, timeout=0.3))
     assert summary.status == "interrupted"
@@ -111,19 +120,19 @@ def test_a_run_whose_time_is_over_is_interrupted_with_its_log_finished(mode, tmp
 
 
 @MODES
-def test_a_component_that_sleeps_or_waits_for_ever_is_interrupted_by_a_time_out(mode, tmp_path):
+def test_a_component_that_sleeps_or_waits_for_ever_is_interrupted_by_a_time_out(mode: Mode, tmp_path: Path) -> None:
     class Hangs(Component):
-        def _compute(self):
+        def _compute(self) -> None:
             time.sleep(1000)
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     summary = simulate({"a": Team({"it": Hangs})}, 5, tmp_path / "run.mcap", RunOptions(mode=mode, timeout=0.2))
     assert summary.status == "interrupted"
 
 
-def test_alarms_of_the_process_are_left_as_they_were():
+def test_alarms_of_the_process_are_left_as_they_were() -> None:
     before = signal.getsignal(signal.SIGALRM)
     execute(simulation({"a": Team()}), 3, options=RunOptions(timeout=100.0, turn_limit=100.0))
     assert signal.getsignal(signal.SIGALRM) == before
@@ -146,17 +155,21 @@ agents:
 """
 
 
-def test_the_command_has_a_time_out(doubles, command, tmp_path, monkeypatch):
+def test_the_command_has_a_time_out(
+    doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PROGRESS", str(tmp_path / "progress"))
     (tmp_path / "long.yaml").write_text(SCENARIO.replace("MORE", ""))
     done = command("run", "long.yaml", "--timeout", "0.5")
     assert done.returncode == 130
     assert "long: interrupted after" in done.stdout
-    assert open_log(tmp_path / "long.mcap").outcome["status"] == "interrupted"
+    assert present(open_log(tmp_path / "long.mcap").outcome)["status"] == "interrupted"
 
 
 @pytest.mark.parametrize("more", ["", "endless: {use: doubles.endless}", "stubborn: {use: doubles.stubborn}"])
-def test_a_signal_ends_an_asynchronous_run_wherever_it_is(more, doubles, tmp_path, monkeypatch):
+def test_a_signal_ends_an_asynchronous_run_wherever_it_is(
+    more: str, doubles: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from symaware_doubles import Progress
 
     monkeypatch.chdir(tmp_path)

@@ -1,60 +1,73 @@
 """Every event is fired in both modes, can be subscribed to, and is in the log if one wants it there."""
 
 from collections import Counter
-from typing import ClassVar
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar
 
 import pytest
-from simulating import STEP, Team, execute, simulation
+from simulating import STEP, Team, execute, present, simulation
 
-from symaware_cli import CommunicationReceiver, CommunicationSender, Component, GroupComponent, Message, open_log
+from symaware_cli import (
+    CommunicationReceiver,
+    CommunicationSender,
+    Component,
+    Event,
+    GroupComponent,
+    Log,
+    Message,
+    open_log,
+)
+from symaware_cli.api.scenario import Mode
 from symaware_cli.core.event import RECURRING
 from symaware_cli.recording.manifest import manifest
-from symaware_cli.recording.recorder import Recorder
+from symaware_cli.recording.recorder import EventKinds, Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
+from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 
 
 class Idle(Component):
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         pass
 
 
 class Together(GroupComponent):
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         pass
 
 
 class Awaits(Idle):
-    async def _async_compute(self):
+    async def _async_compute(self) -> None:
         return None
 
 
 class Tells(CommunicationSender):
-    def _compute(self):
+    def _compute(self) -> list[Message]:
         return [Message("a.0", "a.1", {"x": 1})]
 
 
 class Hears(CommunicationReceiver):
-    def _update(self, value):
+    def _update(self, value: Sequence[Message]) -> None:
         pass
 
 
-def ready():
+def ready() -> Simulation:
     return simulation({"a": Team({"idle": Idle, "group": Together, "await": Awaits, "tell": Tells, "hear": Hears}, 2)})
 
 
 @MODES
-def test_all_that_recurs_is_fired_in_its_order(mode):
+def test_all_that_recurs_is_fired_in_its_order(mode: Mode) -> None:
     told = []
     prepared = ready()
     for name in sorted(RECURRING):
@@ -87,7 +100,7 @@ def test_all_that_recurs_is_fired_in_its_order(mode):
     assert [(time, source) for time, name, source in told if name == "received"] == 2 * [(1, "agents.a.1")]
 
 
-def logged(path, kinds, mode="asynchronous", steps=3):
+def logged(path: Path, kinds: EventKinds, mode: Mode = "asynchronous", steps: int = 3) -> Log:
     prepared = ready()
     with LogWriter(path) as writer:
         content = manifest(
@@ -107,7 +120,7 @@ def logged(path, kinds, mode="asynchronous", steps=3):
 
 
 @MODES
-def test_events_that_recur_are_recorded_in_columns_if_one_asks_for_all(mode, tmp_path):
+def test_events_that_recur_are_recorded_in_columns_if_one_asks_for_all(mode: Mode, tmp_path: Path) -> None:
     log = logged(tmp_path / "all.mcap", "all", mode)
     found = []
     for message in log.messages(["/events/recurring"]):
@@ -123,7 +136,7 @@ def test_events_that_recur_are_recorded_in_columns_if_one_asks_for_all(mode, tmp
     assert [event.name for event in log.events()] == ["started", "finished"]
 
 
-def test_or_only_those_that_do_not_recur_or_only_the_last(tmp_path):
+def test_or_only_those_that_do_not_recur_or_only_the_last(tmp_path: Path) -> None:
     notable, none = (logged(tmp_path / f"{kinds}.mcap", kinds) for kinds in ("notable", "none"))
     assert "/events/recurring" not in notable.channels
     assert [event.name for event in notable.events()] == ["started", "finished"]
@@ -131,12 +144,12 @@ def test_or_only_those_that_do_not_recur_or_only_the_last(tmp_path):
 
 
 @MODES
-def test_subscribers_may_subscribe_and_cancel_and_trigger_while_an_event_fires(mode):
+def test_subscribers_may_subscribe_and_cancel_and_trigger_while_an_event_fires(mode: Mode) -> None:
     told = []
     prepared = ready()
     bus = prepared.events
 
-    def first(event):
+    def first(event: Event) -> None:
         told.append("first")
         subscription.cancel()
         bus.subscribe("updated", lambda event: told.append("second"), "agents.a.0.idle")
@@ -147,35 +160,35 @@ def test_subscribers_may_subscribe_and_cancel_and_trigger_while_an_event_fires(m
 
 
 @MODES
-def test_a_subscriber_that_raises_ends_the_run_and_the_others_are_told(mode):
+def test_a_subscriber_that_raises_ends_the_run_and_the_others_are_told(mode: Mode) -> None:
     told = []
     prepared = ready()
 
-    def fails(event):
+    def fails(event: Event) -> None:
         raise ZeroDivisionError("on purpose")
 
     prepared.events.subscribe("stepped", fails)
     prepared.events.subscribe("stepped", lambda event: told.append(event.time))
     summary = execute(prepared, 3, options=RunOptions(mode=mode))
     assert summary.status == "failed"
-    assert "ZeroDivisionError: on purpose" in summary.failure
+    assert "ZeroDivisionError: on purpose" in present(summary.failure)
     assert told == [STEP]
 
 
 @MODES
-def test_what_triggers_components_may_come_from_python_too(mode):
+def test_what_triggers_components_may_come_from_python_too(mode: Mode) -> None:
     from symaware_cli import Event
     from symaware_cli.runtime.timing import Trigger
 
     turns = []
 
     class Notes(Idle):
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             turns.append(self.now // STEP)
 
     prepared = simulation({"a": Team({"it": Notes}, timings={"it": Timing(trigger=Trigger("go", source="outside"))})})
 
-    def on_step(event):
+    def on_step(event: Event) -> None:
         if event.time == 2 * STEP:
             prepared.events.fire(Event("go", "outside", event.time))
 
@@ -184,21 +197,21 @@ def test_what_triggers_components_may_come_from_python_too(mode):
     assert turns == [2]
 
 
-def test_an_event_knows_its_agent_and_what_was_computed():
+def test_an_event_knows_its_agent_and_what_was_computed() -> None:
     seen = []
 
     class Doubles(Component):
-        def _compute(self):
+        def _compute(self) -> str:
             return self.agent.id
 
-        def _update(self, value):
+        def _update(self, value: str) -> None:
             self.emit("told")
 
     class Whole(GroupComponent):
-        def _compute(self):
+        def _compute(self) -> int:
             return len(self.group)
 
-        def _update(self, value):
+        def _update(self, value: int) -> None:
             self.emit_for(1, "told")
 
     ready = simulation({"a": Team({"each": Doubles, "whole": Whole}, count=2)})
@@ -222,21 +235,22 @@ def test_an_event_knows_its_agent_and_what_was_computed():
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.02])
-def test_events_of_turns_that_take_time_know_as_much(latency):
+def test_events_of_turns_that_take_time_know_as_much(latency: float) -> None:
     seen = []
 
     class Slow(Component):
-        async def _async_compute(self):
+        async def _async_compute(self) -> str:
             await self.sleep(0.01)
             return "waited"
 
-        def _compute(self):
+        def _compute(self) -> str:
             return "computed"
 
-        def _update(self, value):
+        def _update(self, value: str) -> None:
             pass
 
-    for mode, value in (("synchronous", "computed"), ("asynchronous", "waited")):
+    cases: list[tuple[Mode, str]] = [("synchronous", "computed"), ("asynchronous", "waited")]
+    for mode, value in cases:
         timing = Timing(latency=Duration("constant", latency))
         ready = simulation({"a": Team({"slow": Slow}, timings={"slow": timing})})
         ready.events.subscribe("computed", lambda event: seen.append((event.agent, event.value)))
@@ -245,7 +259,7 @@ def test_events_of_turns_that_take_time_know_as_much(latency):
 
 
 @pytest.mark.parametrize("in_process", [False, True])
-def test_a_group_component_knows_whom_the_events_concern_that_triggered_its_turn(in_process):
+def test_a_group_component_knows_whom_the_events_concern_that_triggered_its_turn(in_process: bool) -> None:
     seen = []
     timing = Timing(trigger=Trigger("told"), period=2 * STEP, in_process=in_process)
     team = Team({"tells": Telling, "hears": Hearing}, count=4, timings={"hears": timing})
@@ -260,10 +274,10 @@ class Telling(GroupComponent):
 
     events: ClassVar = {"told": ""}
 
-    def _compute(self):
+    def _compute(self) -> list[int]:
         return {1: [3, 1], 2: [0]}.get(self.now // STEP, [])
 
-    def _update(self, value):
+    def _update(self, value: Sequence[int]) -> None:
         for row in value:
             self.emit_for(row, "told")
 
@@ -273,21 +287,21 @@ class Hearing(GroupComponent):
 
     events: ClassVar = {"heard": ""}
 
-    def _compute(self):
+    def _compute(self) -> list[int] | None:
         return None if self.triggered is None else list(self.triggered)
 
-    def _update(self, value):
+    def _update(self, value: Sequence[int] | None) -> None:
         self.emit("heard", rows=value)
 
 
-def test_the_end_of_an_agent_is_its_own():
+def test_the_end_of_an_agent_is_its_own() -> None:
     seen = []
 
     class Fails(Component):
-        def _compute(self):
+        def _compute(self) -> None:
             raise ValueError("no")
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     timing = Timing(on_failure="isolate")

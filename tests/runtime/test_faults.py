@@ -2,16 +2,33 @@
 
 import json
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulating import STEP, Team, execute, simulate, simulation
+from numpy.typing import NDArray
+from simulating import STEP, Command, Team, execute, present, simulate, simulation
 
-from symaware_cli import Component, Entity, GroupComponent, open_log
+from symaware_cli import (
+    Agent,
+    AwarenessDatabase,
+    Component,
+    Contact,
+    Entity,
+    Event,
+    GroupComponent,
+    KnowledgeDatabase,
+    open_log,
+)
+from symaware_cli.api.scenario import Mode
+from symaware_cli.core import Snapshot
+from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.recording.logged_events import LoggedEvent
 from symaware_cli.runtime.options import RunOptions
 
 BODY = Entity.model_validate({"shape": {"circle": {"radius": 0.8}}})
@@ -22,10 +39,10 @@ class TroubleError(Exception):
 
 
 class Plain(Component):
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         pass
 
 
@@ -37,7 +54,7 @@ class Faulty(Component):
     where = "_compute"
     value = None
 
-    def _maybe(self, where):
+    def _maybe(self, where: str) -> None:
         if self._agent.row == self.row and self.now == self.at and self.where == where:
             if self.value is None:
                 raise TroubleError("on purpose")
@@ -46,25 +63,27 @@ class Faulty(Component):
             else:
                 self._agent.self_awareness.state = [0.0, self.value]
 
-    def initialise_component(self, agent, awareness, knowledge):
+    def initialise_component(
+        self, agent: Agent, awareness: AwarenessDatabase, knowledge: Mapping[str, KnowledgeDatabase]
+    ) -> None:
         super().initialise_component(agent, awareness, knowledge)
         self._maybe("initialise_component")
         if self.where == "subscriber":
             self.subscribe("tick", self._on_tick)
 
-    def _on_tick(self, event):
+    def _on_tick(self, event: Event) -> None:
         self._maybe("subscriber")
 
-    def _compute(self):
+    def _compute(self) -> None:
         self._maybe("_compute")
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         for where in ("_update", "control input", "state"):
             self._maybe(where)
         self.emit("tick")
 
 
-def failure(log_path):
+def failure(log_path: Path) -> LoggedEvent:
     """The log must be whole, end with exactly one `failed` event, and say so in its outcome; that event."""
     log = open_log(log_path)
     assert log.verify() is None
@@ -72,7 +91,7 @@ def failure(log_path):
     failed = [event for event in events if event.name == "failed"]
     assert len(failed) == 1
     assert events[-1] == failed[0]
-    assert log.outcome["status"] == "failed"
+    assert present(log.outcome)["status"] == "failed"
     assert failed[0].level == "ERROR"
     return failed[0]
 
@@ -94,12 +113,12 @@ faults = st.fixed_dictionaries(
 
 @settings(max_examples=60)
 @given(faults)
-def test_a_fault_of_any_component_at_any_time_is_named_and_recorded(fault):
+def test_a_fault_of_any_component_at_any_time_is_named_and_recorded(fault: dict[str, Any]) -> None:
     row, where = fault["row"] % fault["count"], fault["where"]
     step = 0 if where == "initialise_component" else fault["step"]
     is_value = where in ("control input", "state")
     attributes = {"row": row, "at": step * STEP, "where": where, "value": fault["value"] if is_value else None}
-    components = {f"before-{number}": Plain for number in range(fault["before"])}
+    components: dict[str, Any] = {f"before-{number}": Plain for number in range(fault["before"])}
     components |= {"fault": type("Faulty", (Faulty,), attributes)}
     components |= {f"after-{number}": Plain for number in range(fault["after"])}
     with tempfile.TemporaryDirectory() as folder:
@@ -109,12 +128,14 @@ def test_a_fault_of_any_component_at_any_time_is_named_and_recorded(fault):
         outcome = open_log(log).outcome
         recorded = open_log(log).end_time
     assert summary.status == "failed"
+    assert outcome is not None
     assert summary.steps == outcome["steps"] == step
     assert event.time == recorded == outcome["time"] == step * STEP
     assert event.source == f"agents.robot.{row}.fault"
     facts = {key: event.data[key] for key in ("agent", "component", "plugin", "time")}
     assert facts == {"agent": f"robot.{row}", "component": "fault", "plugin": "test.fault", "time": step * STEP / 1e9}
     for said in (event.text, summary.failure):
+        assert said is not None
         assert f"robot.{row}" in said
         assert "test.fault" in said
     if is_value:
@@ -127,29 +148,29 @@ def test_a_fault_of_any_component_at_any_time_is_named_and_recorded(fault):
 
 
 @pytest.mark.parametrize("rows", [[0], [1, 3]])
-def test_a_group_component_that_writes_nan_is_blamed_with_the_agent_concerned(rows, tmp_path):
+def test_a_group_component_that_writes_nan_is_blamed_with_the_agent_concerned(rows: list[int], tmp_path: Path) -> None:
     class Bad(GroupComponent):
-        def _compute(self):
+        def _compute(self) -> Any:
             values = np.zeros((4, 2))
             values[rows] = np.nan
             return values
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             self._group.control_input = value
 
     summary = simulate({"robot": Team({"bad": Bad}, count=4)}, log=tmp_path / "run.mcap")
     event = failure(tmp_path / "run.mcap")
     assert event.source == f"agents.robot.{rows[0]}.bad"
     assert event.data["plugin"] == "test.bad"
-    assert ("1 more agent" in summary.failure) == (len(rows) > 1)
+    assert ("1 more agent" in present(summary.failure)) == (len(rows) > 1)
 
 
-def test_a_group_component_that_raises_is_blamed_with_its_group(tmp_path):
+def test_a_group_component_that_raises_is_blamed_with_its_group(tmp_path: Path) -> None:
     class Bad(GroupComponent):
-        def _compute(self):
+        def _compute(self) -> None:
             raise TroubleError("on purpose")
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     simulate({"robot": Team({"bad": Bad}, count=4)}, log=tmp_path / "run.mcap")
@@ -158,29 +179,29 @@ def test_a_group_component_that_raises_is_blamed_with_its_group(tmp_path):
 
 @pytest.mark.parametrize("what", ["step", "state", "snapshot", "contacts", "applied_input"])
 @pytest.mark.parametrize("count", [2, 70])
-def test_a_world_that_raises_is_blamed_wherever_it_does(what, count, tmp_path):
+def test_a_world_that_raises_is_blamed_wherever_it_does(what: str, count: int, tmp_path: Path) -> None:
     class Breaks(KinematicEnvironment):
-        def _break(self, method):
+        def _break(self, method: str) -> None:
             if method == what and self._time >= 2 * STEP:
                 raise TroubleError("on purpose")
 
-        def step(self):
+        def step(self) -> None:
             self._break("step")
             super().step()
 
-        def state(self, group):
+        def state(self, group: EntityGroup) -> NDArray[np.float64]:
             self._break("state")
             return super().state(group)
 
-        def snapshot(self):
+        def snapshot(self) -> Snapshot:
             self._break("snapshot")
             return super().snapshot()
 
-        def contacts(self):
+        def contacts(self) -> Sequence[Contact]:
             self._break("contacts")
             return super().contacts()
 
-        def applied_input(self, group):
+        def applied_input(self, group: EntityGroup) -> NDArray[np.float64]:
             self._break("applied_input")
             return super().applied_input(group)
 
@@ -194,9 +215,11 @@ def test_a_world_that_raises_is_blamed_wherever_it_does(what, count, tmp_path):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 @pytest.mark.parametrize("count", [1, 3, 100])
-def test_a_world_that_loses_its_numbers_is_blamed_with_the_agent_concerned(value, count, tmp_path):
+def test_a_world_that_loses_its_numbers_is_blamed_with_the_agent_concerned(
+    value: Any, count: int, tmp_path: Path
+) -> None:
     class Breaks(KinematicEnvironment):
-        def step(self):
+        def step(self) -> None:
             super().step()
             state = self._states[0].copy()
             state[count - 1, 1] = value
@@ -210,12 +233,12 @@ def test_a_world_that_loses_its_numbers_is_blamed_with_the_agent_concerned(value
 
 
 @pytest.mark.parametrize("count", [2, 100])
-def test_a_state_that_grows_beyond_all_bounds_is_told_as_such(count, tmp_path):
+def test_a_state_that_grows_beyond_all_bounds_is_told_as_such(count: int, tmp_path: Path) -> None:
     class Explodes(GroupComponent):
-        def _compute(self):
+        def _compute(self) -> Any:
             return np.full((count, 2), 1.7e308)
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             self._group.control_input = value
 
     with np.errstate(all="ignore"):
@@ -223,16 +246,16 @@ def test_a_state_that_grows_beyond_all_bounds_is_told_as_such(count, tmp_path):
     assert "the state of robot.0 has run away, beyond 1e+15" in failure(tmp_path / "run.mcap").data["problem"]
 
 
-def raising(error):
+def raising(error: BaseException) -> type[Plain]:
     class Raises(Plain):
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             raise error
 
     return Raises
 
 
 class UnprintableError(Exception):
-    def __str__(self):
+    def __str__(self) -> NoReturn:
         raise RuntimeError("no words")
 
 
@@ -251,17 +274,17 @@ class UnprintableError(Exception):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_exceptions_of_every_sort_are_recorded(error, said, tmp_path):
+def test_exceptions_of_every_sort_are_recorded(error: BaseException, said: str, tmp_path: Path) -> None:
     summary = simulate({"robot": Team({"bad": raising(error)})}, log=tmp_path / "run.mcap")
     event = failure(tmp_path / "run.mcap")
     assert said in event.data["problem"]
     assert type(error).__name__ in event.data["traceback"]
-    assert summary.failure.encode()
+    assert present(summary.failure).encode()
 
 
-def test_endless_recursion_is_a_fault_like_any_other(tmp_path):
+def test_endless_recursion_is_a_fault_like_any_other(tmp_path: Path) -> None:
     class Recurses(Plain):
-        def _compute(self):
+        def _compute(self) -> Any:
             return self._compute()
 
     simulate({"robot": Team({"bad": Recurses})}, log=tmp_path / "run.mcap")
@@ -282,31 +305,33 @@ RAISED = [
 
 
 @pytest.mark.parametrize(("mode", "kind", "where"), RAISED)
-def test_whatever_a_component_raises_wherever_is_its_own_failure(mode, kind, where, tmp_path):
+def test_whatever_a_component_raises_wherever_is_its_own_failure(
+    mode: Mode, kind: type[BaseException], where: str, tmp_path: Path
+) -> None:
     """Only a signal interrupts a run."""
 
     class Bad(Plain):
-        def initialise_component(self, *arguments):
+        def initialise_component(self, *arguments: Any) -> None:
             super().initialise_component(*arguments)
             if where == "initialise_component":
                 raise kind
             if where == "subscriber":
                 self.subscribe("tick", self._on_tick)
 
-        def _on_tick(self, event):
+        def _on_tick(self, event: Event) -> None:
             raise kind
 
-        def _compute(self):
+        def _compute(self) -> None:
             if where == "_compute":
                 raise kind
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             if where == "_update":
                 raise kind
             self.emit("tick")
 
     class Awaits(Bad):
-        async def _async_compute(self):
+        async def _async_compute(self) -> None:
             if where == "_async_compute":
                 raise kind
             try:
@@ -315,13 +340,13 @@ def test_whatever_a_component_raises_wherever_is_its_own_failure(mode, kind, whe
                 raise kind
 
     class Group(GroupComponent):
-        def _compute(self):
+        def _compute(self) -> None:
             raise kind
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
-    bad = {"group": Group, "_async_compute": Awaits, "close": Awaits}.get(where, Bad)
+    bad: Any = {"group": Group, "_async_compute": Awaits, "close": Awaits}.get(where, Bad)
     summary = simulate({"robot": Team({"bad": bad})}, log=tmp_path / "run.mcap", options=RunOptions(mode=mode))
     if where == "close":  # the run is over by then
         assert summary.status == "finished"
@@ -336,9 +361,9 @@ def test_whatever_a_component_raises_wherever_is_its_own_failure(mode, kind, whe
 
 
 @pytest.mark.parametrize("kind", BASES)
-def test_whatever_a_world_raises_is_its_own_failure(kind, tmp_path):
+def test_whatever_a_world_raises_is_its_own_failure(kind: type[BaseException], tmp_path: Path) -> None:
     class Breaks(KinematicEnvironment):
-        def step(self):
+        def step(self) -> None:
             raise kind
 
     summary = simulate({"robot": Team()}, log=tmp_path / "run.mcap", environment=Breaks())
@@ -347,10 +372,10 @@ def test_whatever_a_world_raises_is_its_own_failure(kind, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["started", "initialised", "iterating", "stepped", "contact", "finished", "*"])
-def test_a_subscriber_from_outside_that_raises_fails_the_run_whatever_it_hears(name, tmp_path):
+def test_a_subscriber_from_outside_that_raises_fails_the_run_whatever_it_hears(name: str, tmp_path: Path) -> None:
     ready = simulation({"robot": Team({"plain": Plain}, count=2, entity=BODY)})
 
-    def listener(event):
+    def listener(event: Event) -> None:
         raise TroubleError("on purpose")
 
     ready.events.subscribe(name, listener)
@@ -362,13 +387,13 @@ def test_a_subscriber_from_outside_that_raises_fails_the_run_whatever_it_hears(n
     assert "listener" in event.data["traceback"]
 
 
-def test_without_a_log_a_fault_is_told_all_the_same():
+def test_without_a_log_a_fault_is_told_all_the_same() -> None:
     summary = simulate({"robot": Team({"bad": raising(TroubleError("on purpose"))})})
     assert summary.status == "failed"
     assert summary.failure == "agents.robot.bad (test.bad) failed at 0 s: TroubleError: on purpose"
 
 
-def test_what_was_recorded_before_the_fault_is_there(tmp_path):
+def test_what_was_recorded_before_the_fault_is_there(tmp_path: Path) -> None:
     late = type("Faulty", (Faulty,), {"at": 5 * STEP})
     simulate({"robot": Team({"bad": late})}, steps=9, log=tmp_path / "run.mcap")
     series = open_log(tmp_path / "run.mcap").series("robot", "world")
@@ -407,8 +432,14 @@ SOUND = {"use": "kinematic"}
     ],
 )
 def test_the_command_says_who_failed_and_when_in_a_sentence_and_exits_1(
-    environment, fault, source, said, command, doubles, tmp_path
-):
+    environment: Mapping[str, Any],
+    fault: dict[str, Any],
+    source: str,
+    said: str,
+    command: Command,
+    doubles: Path,
+    tmp_path: Path,
+) -> None:
     (tmp_path / "fault.yaml").write_text(SCENARIO.format(environment=json.dumps(environment), fault=json.dumps(fault)))
     done = command("run", "fault.yaml", encoding="utf-8")
     assert done.returncode == 1
@@ -417,7 +448,9 @@ def test_the_command_says_who_failed_and_when_in_a_sentence_and_exits_1(
     assert failure(tmp_path / "fault.mcap").source == source.partition(" ")[0]
 
 
-def test_the_traceback_is_shown_on_demand_and_scripts_are_told_as_well(command, doubles, tmp_path):
+def test_the_traceback_is_shown_on_demand_and_scripts_are_told_as_well(
+    command: Command, doubles: Path, tmp_path: Path
+) -> None:
     (tmp_path / "fault.yaml").write_text(SCENARIO.format(environment=json.dumps(SOUND), fault="{}"))
     done = command("run", "fault.yaml", "--json")
     assert (done.returncode, done.stderr) == (1, "")

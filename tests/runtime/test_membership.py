@@ -1,12 +1,17 @@
 """Agents that enter and leave: an absent one neither moves, senses, collides, communicates nor counts."""
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
 
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.runtime.run import run
+from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
@@ -16,7 +21,15 @@ DRIVING = {
 }
 
 
-def group(present=None, *, state=(0.0, 0.0), goal=(5.0, 0.0), components=DRIVING, radius=0.2, **more):
+def group(
+    present: Any = None,
+    *,
+    state: Sequence[Any] = (0.0, 0.0),
+    goal: Sequence[Any] = (5.0, 0.0),
+    components: Mapping[str, Any] = DRIVING,
+    radius: float = 0.2,
+    **more: Any,
+) -> dict[str, Any]:
     content = {
         "entity": {"shape": {"circle": {"radius": radius}}},
         "model": {"use": "single-integrator"},
@@ -28,7 +41,15 @@ def group(present=None, *, state=(0.0, 0.0), goal=(5.0, 0.0), components=DRIVING
     return content if present is None else content | {"present": present}
 
 
-def scenario(tmp_path, agents, *, world="kinematic", duration=3.0, entities=None, **more):
+def scenario(
+    tmp_path: Path,
+    agents: Mapping[str, Any],
+    *,
+    world: str = "kinematic",
+    duration: float = 3.0,
+    entities: Mapping[str, Any] | None = None,
+    **more: Any,
+) -> Path:
     run = {"duration": duration, **more.pop("run", {})}
     document = {
         "symaware": 1,
@@ -44,14 +65,14 @@ def scenario(tmp_path, agents, *, world="kinematic", duration=3.0, entities=None
     return path
 
 
-def recorded(tmp_path, agents, name="open", **options):
+def recorded(tmp_path: Path, agents: Mapping[str, Any], name: str = "open", **options: Any) -> tuple[RunSummary, Log]:
     path = scenario(tmp_path, agents, **options)
     summary = execute(build(path), tmp_path / f"{name}.mcap")
     assert summary.status == "finished", summary.failure
     return summary, open_log(tmp_path / f"{name}.mcap")
 
 
-def told(log, *names):
+def told(log: Log, *names: str) -> list[tuple[str, str, float]]:
     return [(each.name, each.source, each.time / 1e9) for each in log.events() if each.name in names]
 
 
@@ -59,7 +80,9 @@ WORLDS = ("kinematic", "pymunk", "pybullet")
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_an_agent_enters_at_a_time_in_its_initial_state_and_leaves_on_a_condition_about_itself(tmp_path, mode):
+def test_an_agent_enters_at_a_time_in_its_initial_state_and_leaves_on_a_condition_about_itself(
+    tmp_path: Path, mode: str
+) -> None:
     agents = {"car": group({"from": 1.0, "until": "position[0] > 0.95"})}
     _, log = recorded(tmp_path, agents, run={"mode": mode})
     assert told(log, "added", "removed") == [("added", "agents.car", 1.0), ("removed", "agents.car", 2.1)]
@@ -71,7 +94,7 @@ def test_an_agent_enters_at_a_time_in_its_initial_state_and_leaves_on_a_conditio
     assert np.isnan(truth.values[-1]).all()
 
 
-def test_that_somebody_is_about_to_enter_or_leave_is_announced_before_it_is_so(tmp_path):
+def test_that_somebody_is_about_to_enter_or_leave_is_announced_before_it_is_so(tmp_path: Path) -> None:
     built = build(scenario(tmp_path, {"car": group({"from": 1.0, "until": 2.0})}))
     (car,), seen = built.simulation.groups, []
     for name in ("adding", "added", "removing", "removed"):
@@ -85,7 +108,7 @@ def test_that_somebody_is_about_to_enter_or_leave_is_announced_before_it_is_so(t
     ]
 
 
-def test_agents_enter_and_leave_with_events_of_others_and_of_their_own(tmp_path):
+def test_agents_enter_and_leave_with_events_of_others_and_of_their_own(tmp_path: Path) -> None:
     agents = {
         "first": group({"until": {"event": "goal-reached"}}, goal=(0.5, 0.0)),
         "second": group({"from": {"event": "removed", "of": "agents.first"}}, state=(0.0, 3.0)),
@@ -96,13 +119,13 @@ def test_agents_enter_and_leave_with_events_of_others_and_of_their_own(tmp_path)
     assert reached[2] < removed[2] < added[2]
 
 
-def test_a_condition_on_which_somebody_enters_is_about_the_world(tmp_path):
+def test_a_condition_on_which_somebody_enters_is_about_the_world(tmp_path: Path) -> None:
     agents = {"a": group(), "b": group({"from": 'position["a"][0] > 0.45'}, state=(0.0, 3.0))}
     _, log = recorded(tmp_path, agents)
     assert told(log, "added") == [("added", "agents.b", 0.5)]
 
 
-def test_each_of_a_group_has_its_time_and_messages_tell_of_those_who_are_there(tmp_path):
+def test_each_of_a_group_has_its_time_and_messages_tell_of_those_who_are_there(tmp_path: Path) -> None:
     present = [{}, {"from": 1.0}, {"from": 1.0, "until": 2.0}]
     agents = {"car": group(present, state=[[0.0, 0.0], [0.0, 2.0], [0.0, 4.0]], count=3)}
     _, log = recorded(tmp_path, agents)
@@ -118,7 +141,7 @@ def test_each_of_a_group_has_its_time_and_messages_tell_of_those_who_are_there(t
 
 
 @pytest.mark.parametrize("world", WORLDS)
-def test_an_absent_agent_changes_not_one_bit_for_others(tmp_path, world):
+def test_an_absent_agent_changes_not_one_bit_for_others(tmp_path: Path, world: str) -> None:
     components = {
         "see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.05, "self_noise": 0.02}},
         "scan": {"use": "perception.lidar", "with": {"rays": 8, "noise": 0.01}},
@@ -141,14 +164,14 @@ def test_an_absent_agent_changes_not_one_bit_for_others(tmp_path, world):
         assert messages == said[1][topic], topic
 
 
-def contents(log):
+def contents(log: Log) -> dict[str, list[tuple[int, bytes]]]:
     """What was said on each channel, and when; the first event says how many agents there are."""
     topics = [topic for topic in log.channels if topic not in ("/timing", "/events")]
     return {topic: [(each.time, each.data) for each in log.messages(topic)] for topic in topics}
 
 
 @pytest.mark.parametrize("world", WORLDS)
-def test_a_contact_ends_when_one_of_the_two_leaves(tmp_path, world):
+def test_a_contact_ends_when_one_of_the_two_leaves(tmp_path: Path, world: str) -> None:
     agents = {
         "one": group(state=(0.0, 0.0), components={}),
         "other": group({"until": 1.0}, state=(0.3, 0.0), components={}),
@@ -159,7 +182,7 @@ def test_a_contact_ends_when_one_of_the_two_leaves(tmp_path, world):
     assert 1_000_000_000 <= ended.time <= 1_100_000_000
 
 
-def test_a_message_that_arrives_for_one_who_has_left_is_dropped_as_absent(tmp_path):
+def test_a_message_that_arrives_for_one_who_has_left_is_dropped_as_absent(tmp_path: Path) -> None:
     talk = {"tell": {"use": "communication.state"}, "hear": {"use": "communication.inbox"}}
     components = {"see": {"use": "perception.self"}, **talk}
     agents = {
@@ -174,7 +197,7 @@ def test_a_message_that_arrives_for_one_who_has_left_is_dropped_as_absent(tmp_pa
     assert [each.sent_time for each in absent] == [700_000_000, 800_000_000, 900_000_000]
 
 
-def test_the_order_of_groups_in_the_file_changes_no_byte_where_they_enter_and_leave(tmp_path):
+def test_the_order_of_groups_in_the_file_changes_no_byte_where_they_enter_and_leave(tmp_path: Path) -> None:
     agents = {
         "first": group({"until": 1.5}),
         "second": group({"from": 0.5, "until": 1.5}, state=(5.0, 0.1), goal=(0.0, 0.0)),

@@ -1,6 +1,9 @@
 """Faults that overlap: what several of them do at once is over when the last of them is."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +32,9 @@ KINDS = {
 }
 
 
-def recorded(tmp_path, faults, mode):
+def recorded(
+    tmp_path: Path, faults: Mapping[str, Any], mode: str
+) -> tuple[list[tuple[str, str, int]], list[tuple[str, int, bytes]]]:
     document = {
         "symaware": 1,
         "name": "overlap",
@@ -62,9 +67,9 @@ def recorded(tmp_path, faults, mode):
     return said, [(each.channel.topic, each.time, each.data) for each in log.messages(topics)]
 
 
-def union(intervals):
+def union(intervals: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """Intervals in tenths of a second, joined where they overlap."""
-    joined = []
+    joined: list[Any] = []
     for start, end in sorted(intervals):
         if joined and start < joined[-1][1]:
             joined[-1] = (joined[-1][0], max(end, joined[-1][1]))
@@ -73,7 +78,7 @@ def union(intervals):
     return joined
 
 
-def faults_of(kind, intervals):
+def faults_of(kind: str, intervals: Sequence[tuple[int, int]]) -> dict[str, Any]:
     effect = {kind.split()[0]: KINDS[kind]}
     return {
         f"f{number}": {"at": start / 10, "for": (end - start) / 10, **effect}
@@ -88,7 +93,9 @@ interval = st.tuples(st.integers(1, 18), st.integers(2, 12)).map(lambda each: (e
 @pytest.mark.parametrize("kind", sorted(KINDS))
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(intervals=st.lists(interval, min_size=2, max_size=4))
-def test_any_intervals_have_the_effect_of_their_union(tmp_path, kind, mode, intervals):
+def test_any_intervals_have_the_effect_of_their_union(
+    tmp_path: Path, kind: str, mode: str, intervals: list[tuple[int, int]]
+) -> None:
     apart = union(intervals)
     # One that begins in the instant in which another ends is another beginning.
     if any(one[1] == other[0] for one in [*apart, *intervals] for other in [*apart, *intervals]):
@@ -97,7 +104,7 @@ def test_any_intervals_have_the_effect_of_their_union(tmp_path, kind, mode, inte
 
 
 @pytest.mark.parametrize("first", [0.10, 0.25])
-def test_of_several_latencies_the_longest_counts_as_long_as_it_lasts(tmp_path, first):
+def test_of_several_latencies_the_longest_counts_as_long_as_it_lasts(tmp_path: Path, first: float) -> None:
     """Whichever began first."""
     second = round(0.35 - first, 2)
     content = {
@@ -139,20 +146,20 @@ def test_of_several_latencies_the_longest_counts_as_long_as_it_lasts(tmp_path, f
 class Feels(Component):
     """Measures its own state, in turns of its own."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         return self.environment.state(self._agent.group)[self._agent.row]
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self._agent.self_awareness.state = value
 
 
 class FeelsAll(GroupComponent):
     """The same for all at once."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         return self.environment.state(self._group)
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self._group.awareness.state = value
 
 
@@ -161,7 +168,9 @@ class FeelsAll(GroupComponent):
 @pytest.mark.parametrize("timing", [Timing(), Timing(period=STEP, jitter=STEP // 2)], ids=["steady", "jittery"])
 @settings(max_examples=10, deadline=None)
 @given(faults=st.lists(st.tuples(st.integers(2, 12), st.integers(2, 12), st.sampled_from([0.25, 1.0])), max_size=3))
-def test_offsets_add_up_and_each_measurement_is_wrong_once(kind, count, timing, faults):
+def test_offsets_add_up_and_each_measurement_is_wrong_once(
+    kind: type[Component | GroupComponent], count: int, timing: Timing, faults: list[tuple[int, int, float]]
+) -> None:
     """Also of who stands still, and when the turns of single agents fall apart."""
     ready = simulation({"a": Team({"feel": kind}, count=count, timings={"feel": timing})})
     group, found = ready.groups[0], []

@@ -3,11 +3,15 @@
 import asyncio
 import threading
 import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
-from simulating import Team, execute, simulation
+from simulating import Team, execute, present, simulation
 
 from symaware_cli import Component, open_log
+from symaware_cli.api.scenario import Mode
 from symaware_cli.recording.digest import digest
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.pacer import Pacer
@@ -17,29 +21,29 @@ MILLISECOND = 1_000_000
 
 
 class Notes(Component):
-    wall: list
-    now_too: list
+    wall: list[float]
+    now_too: list[int]
 
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self.wall.append(time.monotonic())
         self.now_too.append(self.now)
 
 
-def notes():
+def notes() -> type[Notes]:
     return type("Notes", (Notes,), {"wall": [], "now_too": []})
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 @pytest.mark.parametrize("pace", [1.0, 4.0])
-def test_no_turn_comes_before_its_time(mode, pace):
+def test_no_turn_comes_before_its_time(mode: Mode, pace: float) -> None:
     kind = notes()
     ready = simulation({"a": Team({"it": kind}, timings={"it": Timing(period=50 * MILLISECOND)})})
     summary = execute(ready, 6, options=RunOptions(mode=mode, pace=pace))
-    assert summary.pace.factor == pace
-    assert summary.pace.instants == 6
+    assert present(summary.pace).factor == pace
+    assert present(summary.pace).instants == 6
     elapsed = [wall - kind.wall[0] for wall in kind.wall]
     due = [now / 1e9 / pace for now in kind.now_too]
     # The first turn itself may begin a little late, but the others not before they are due.
@@ -47,21 +51,21 @@ def test_no_turn_comes_before_its_time(mode, pace):
     assert summary.wall_time >= 0.3 / pace
 
 
-def test_who_is_late_is_counted():
+def test_who_is_late_is_counted() -> None:
     class Slow(Component):
-        def _compute(self):
+        def _compute(self) -> None:
             time.sleep(0.03)
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     summary = execute(simulation({"a": Team({"it": Slow})}), 6, options=RunOptions(pace=2.0))
-    assert summary.pace.late >= 5
-    assert summary.pace.worst > 0.02
+    assert present(summary.pace).late >= 5
+    assert present(summary.pace).worst > 0.02
     assert summary.status == "finished"
 
 
-def test_the_pace_stands_on_timing_and_nothing_else_of_the_log_changes(tmp_path):
+def test_the_pace_stands_on_timing_and_nothing_else_of_the_log_changes(tmp_path: Path) -> None:
     logs = []
     for name, pace in (("free", None), ("paced", 20.0)):
         ready = simulation({"a": Team({"it": notes()}, count=2, timings={"it": Timing(period=20 * MILLISECOND)})})
@@ -76,7 +80,7 @@ def test_the_pace_stands_on_timing_and_nothing_else_of_the_log_changes(tmp_path)
     assert [message.decode().pace for message in free.messages(["/timing"])][-1] == 0.0
 
 
-def test_the_first_instant_starts_the_clock_and_later_ones_wait():
+def test_the_first_instant_starts_the_clock_and_later_ones_wait() -> None:
     pacer = Pacer(10.0)
     assert pacer.lead(0) == pytest.approx(0.0, abs=0.05)
     assert pacer.lead(10**9) == pytest.approx(0.1, abs=0.05)
@@ -88,16 +92,16 @@ def test_the_first_instant_starts_the_clock_and_later_ones_wait():
 class Listens(Component):
     """Waits for something outside."""
 
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self.emit("told", value, ms=self.now // MILLISECOND)
 
 
-def test_a_paced_run_may_await_real_input_and_goes_on_meanwhile(tmp_path):
+def test_a_paced_run_may_await_real_input_and_goes_on_meanwhile(tmp_path: Path) -> None:
     class Reads(Listens):
-        async def _async_compute(self):
+        async def _async_compute(self) -> Any:
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             line = await reader.readline()
             writer.close()
@@ -115,19 +119,19 @@ def test_a_paced_run_may_await_real_input_and_goes_on_meanwhile(tmp_path):
     assert kind.now_too == [step * 50 * MILLISECOND for step in range(12)]
 
 
-def test_what_goes_wrong_outside_is_a_failure_of_the_component():
+def test_what_goes_wrong_outside_is_a_failure_of_the_component() -> None:
     class Reads(Listens):
-        async def _async_compute(self):
+        async def _async_compute(self) -> None:
             await asyncio.open_connection("127.0.0.1", 1)
 
     summary = execute(simulation({"a": Team({"read": Reads})}), 12, options=RunOptions(mode="asynchronous", pace=2.0))
     assert summary.status == "failed"
-    assert "ConnectionRefusedError" in summary.failure
+    assert "ConnectionRefusedError" in present(summary.failure)
 
 
-def test_what_never_comes_does_not_keep_a_run_from_its_end():
+def test_what_never_comes_does_not_keep_a_run_from_its_end() -> None:
     class Waits(Listens):
-        async def _async_compute(self):
+        async def _async_compute(self) -> None:
             await asyncio.create_task(asyncio.sleep(3600))
 
     summary = execute(simulation({"a": Team({"wait": Waits})}), 4, options=RunOptions(mode="asynchronous", pace=2.0))
@@ -135,13 +139,13 @@ def test_what_never_comes_does_not_keep_a_run_from_its_end():
     assert summary.wall_time < 30
 
 
-def serve(content, after):
+def serve(content: bytes, after: float) -> tuple[int, Callable[[], None]]:
     """Send something to whoever connects, after a while; the port, and what ends it."""
     import socket
 
     listener = socket.create_server(("127.0.0.1", 0))
 
-    def work():
+    def work() -> None:
         connection, _ = listener.accept()
         with connection:
             time.sleep(after)
@@ -150,7 +154,7 @@ def serve(content, after):
     thread = threading.Thread(target=work)
     thread.start()
 
-    def stop():
+    def stop() -> None:
         thread.join()
         listener.close()
 

@@ -5,9 +5,12 @@ import multiprocessing
 import os
 import subprocess
 import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
-from simulating import COMMAND, Team, simulate
+from simulating import COMMAND, Command, Team, present, simulate
 
 from symaware_cli import Component, open_log
 from symaware_cli.runtime.process_exit import exits_refused
@@ -28,8 +31,8 @@ agents:
 
 
 @pytest.fixture
-def unruly(command, doubles, tmp_path):
-    def run(how, *arguments):
+def unruly(command: Command, doubles: Path, tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    def run(how: str, *arguments: object) -> subprocess.CompletedProcess[str]:
         (tmp_path / "unruly.yaml").write_text(SCENARIO.format(how=how))
         return command("run", "unruly.yaml", *arguments)
 
@@ -44,17 +47,21 @@ def unruly(command, doubles, tmp_path):
         ("leave", "SystemExit"),
     ],
 )
-def test_a_component_that_would_end_the_process_is_blamed_with_status_1(how, said, unruly, tmp_path):
+def test_a_component_that_would_end_the_process_is_blamed_with_status_1(
+    how: str, said: str, unruly: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
     done = unruly(how)
     assert done.returncode == 1
     assert "agents.robot.bad (doubles.unruly) failed at 0.2 s" in done.stderr
     assert said in done.stderr
     log = open_log(tmp_path / "unruly.mcap")
     assert log.verify() is None
-    assert log.outcome["status"] == "failed"
+    assert present(log.outcome)["status"] == "failed"
 
 
-def test_without_a_log_the_traceback_is_shown(unruly, tmp_path):
+def test_without_a_log_the_traceback_is_shown(
+    unruly: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
     unruly("leave")
     command = [*COMMAND, "run", "unruly.yaml", "--no-record", "--quiet"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -68,7 +75,9 @@ def test_without_a_log_the_traceback_is_shown(unruly, tmp_path):
 
 
 @pytest.mark.parametrize("arguments", [("--json",), ("--json", "--no-record")])
-def test_what_plugins_and_libraries_print_is_not_among_the_json(arguments, unruly):
+def test_what_plugins_and_libraries_print_is_not_among_the_json(
+    arguments: tuple[str, ...], unruly: Callable[..., subprocess.CompletedProcess[str]]
+) -> None:
     done = unruly("print", *arguments)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["status"] == "finished"
@@ -77,7 +86,9 @@ def test_what_plugins_and_libraries_print_is_not_among_the_json(arguments, unrul
     assert "printed by a plugin" in unruly("print").stdout
 
 
-def test_a_thread_that_goes_on_is_named_and_not_waited_for(unruly, tmp_path):
+def test_a_thread_that_goes_on_is_named_and_not_waited_for(
+    unruly: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
     began = time.monotonic()
     done = unruly("thread")
     assert time.monotonic() - began < 60.0
@@ -85,29 +96,31 @@ def test_a_thread_that_goes_on_is_named_and_not_waited_for(unruly, tmp_path):
     assert "threads that go on after the end" in done.stderr
     assert "`lingering` of agents.robot.bad (doubles.unruly)" in done.stderr
     assert "unruly: finished" in done.stdout
-    assert open_log(tmp_path / "unruly.mcap").outcome["status"] == "finished"
+    assert present(open_log(tmp_path / "unruly.mcap").outcome)["status"] == "finished"
     done = unruly("thread", "--json")
     assert json.loads(done.stdout)["status"] == "finished"
 
 
-def test_a_process_that_goes_on_is_named_and_ended(unruly, tmp_path):
+def test_a_process_that_goes_on_is_named_and_ended(
+    unruly: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
     began = time.monotonic()
     done = unruly("process")
     assert time.monotonic() - began < 60.0
     assert done.returncode == 0, done.stderr
     assert "processes that go on after the end are ended: `child`" in done.stderr
-    assert open_log(tmp_path / "unruly.mcap").outcome["status"] == "finished"
+    assert present(open_log(tmp_path / "unruly.mcap").outcome)["status"] == "finished"
 
 
-def test_a_log_without_an_outcome_is_told_of(command, doubles, tmp_path):
+def test_a_log_without_an_outcome_is_told_of(command: Command, doubles: Path, tmp_path: Path) -> None:
     """As where native code ends the process, which nothing in it can prevent."""
 
     class Vanishes(Component):
-        def _compute(self):
+        def _compute(self) -> None:
             if self.now > 200_000_000:
                 os.kill(os.getpid(), 9)
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     child = os.fork()
@@ -120,16 +133,16 @@ def test_a_log_without_an_outcome_is_told_of(command, doubles, tmp_path):
     assert "the end of the run is missing" in done.stdout
 
 
-def _child(queue):
+def _child(queue: Any) -> None:
     queue.put("came to its end")
 
 
-def test_child_processes_of_components_end_as_ever(tmp_path):
+def test_child_processes_of_components_end_as_ever(tmp_path: Path) -> None:
     """Those that `multiprocessing` forks call `os._exit` themselves."""
     said = []
 
     class Forks(Component):
-        def _compute(self):
+        def _compute(self) -> None:
             context = multiprocessing.get_context("fork")
             queue = context.SimpleQueue()
             process = context.Process(target=_child, args=(queue,))
@@ -137,7 +150,7 @@ def test_child_processes_of_components_end_as_ever(tmp_path):
             process.join()
             said.append((queue.get(), process.exitcode))
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     summary = simulate({"robot": Team({"fork": Forks})}, 2, tmp_path / "run.mcap")
@@ -145,7 +158,7 @@ def test_child_processes_of_components_end_as_ever(tmp_path):
     assert said == [("came to its end", 0)] * 2
 
 
-def test_afterwards_the_process_may_end_as_it_likes():
+def test_afterwards_the_process_may_end_as_it_likes() -> None:
     before = os._exit
     with exits_refused():
         assert os._exit is not before

@@ -1,12 +1,15 @@
 """What agents that take no part leave to the others of their group."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
-from simulating import Team, simulation
+from simulating import Team, present, simulation
 
-from symaware_cli import open_log
-from symaware_cli.core import Tracks
+from symaware_cli import Log, open_log
+from symaware_cli.core import AgentGroup, Tracks
 from symaware_cli.runtime.protected_rows import protected
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
@@ -15,10 +18,10 @@ STEP = 50_000_000
 
 
 @pytest.fixture
-def log(doubles, tmp_path):
+def log(doubles: Path, tmp_path: Path) -> Callable[[bool, str], Log]:
     """The log of three robots that meet while a fourth, far away, fails or does not, and is isolated for it."""
 
-    def run(fails, on_failure):
+    def run(fails: bool, on_failure: str) -> Log:
         trip = {"use": "doubles.fault", "with": {"agent": "robot.3", "at": 0.5 if fails else 1e9}}
         document = {
             "symaware": 1,
@@ -50,7 +53,9 @@ def log(doubles, tmp_path):
     return run
 
 
-def test_an_agent_that_is_isolated_does_not_take_the_covariances_from_the_others(log):
+def test_an_agent_that_is_isolated_does_not_take_the_covariances_from_the_others(
+    log: Callable[[bool, str], Log],
+) -> None:
     uncertain = {}
     for fails in (False, True):
         run = log(fails, "isolate")
@@ -65,7 +70,7 @@ def test_an_agent_that_is_isolated_does_not_take_the_covariances_from_the_others
     np.testing.assert_array_equal(uncertain[False][1], uncertain[True][1])
 
 
-def test_nothing_is_told_of_an_agent_that_is_isolated(doubles, tmp_path):
+def test_nothing_is_told_of_an_agent_that_is_isolated(doubles: Path, tmp_path: Path) -> None:
     trip = {"use": "doubles.fault", "with": {"agent": "robot.0"}, "on_failure": "isolate"}
     document = {
         "symaware": 1,
@@ -103,13 +108,13 @@ def test_nothing_is_told_of_an_agent_that_is_isolated(doubles, tmp_path):
 
 
 @pytest.fixture
-def group():
+def group() -> AgentGroup:
     """Three agents of one group."""
     [group] = simulation({"robot": Team(count=3)}).groups
     return group
 
 
-def tracks(time, *observers, covariances=True):
+def tracks(time: int, *observers: int, covariances: bool = True) -> Tracks:
     """Tracks of the others that some agents see, one each, that tell when they were made."""
     count = len(observers)
     return Tracks.of(
@@ -124,37 +129,38 @@ def tracks(time, *observers, covariances=True):
     )
 
 
-def test_held_rows_keep_their_tracks(group):
+def test_held_rows_keep_their_tracks(group: AgentGroup) -> None:
     group.awareness.seen = tracks(1, 0, 1, 2)
     with protected(group, [1]):
         group.awareness.seen = tracks(2, 0, 1, 2)
     merged = group.awareness.tracks
+    assert merged is not None
     assert merged.positions[:, 0].tolist() == [2.0, 1.0, 2.0]
-    assert merged.covariances[:, 0, 0].tolist() == [2.0, 1.0, 2.0]
+    assert present(merged.covariances)[:, 0, 0].tolist() == [2.0, 1.0, 2.0]
 
 
-def test_of_whom_nothing_was_said_nothing_is_said(group):
+def test_of_whom_nothing_was_said_nothing_is_said(group: AgentGroup) -> None:
     group.awareness.seen = tracks(1, 1, covariances=False)
     with protected(group, [1]):
         group.awareness.seen = tracks(2, 0, 2)
-    assert group.awareness.tracks.covariances[:, 0, 0].tolist() == [2.0, 0.0, 2.0]
+    assert present(present(group.awareness.tracks).covariances)[:, 0, 0].tolist() == [2.0, 0.0, 2.0]
 
 
-def test_held_rows_without_tracks_add_no_covariances(group):
+def test_held_rows_without_tracks_add_no_covariances(group: AgentGroup) -> None:
     group.awareness.seen = tracks(1, 0, 2)
     with protected(group, [1]):
         group.awareness.seen = tracks(2, 0, 1, 2, covariances=False)
-    assert group.awareness.tracks.observers.tolist() == [0, 2]
-    assert group.awareness.tracks.covariances is None
+    assert present(group.awareness.tracks).observers.tolist() == [0, 2]
+    assert present(group.awareness.tracks).covariances is None
 
 
-def test_held_rows_see_nobody_if_they_have_not_seen_anybody_yet(group):
+def test_held_rows_see_nobody_if_they_have_not_seen_anybody_yet(group: AgentGroup) -> None:
     with protected(group, [1]):
         group.awareness.seen = tracks(2, 0, 1, 2)
-    assert group.awareness.tracks.observers.tolist() == [0, 2]
+    assert present(group.awareness.tracks).observers.tolist() == [0, 2]
 
 
-def test_what_held_rows_believe_grows_old(group):
+def test_what_held_rows_believe_grows_old(group: AgentGroup) -> None:
     for source in ("seen", "told"):
         setattr(group.awareness, source, tracks(0, 0, 1, 2))
         with protected(group, [1]):
@@ -162,7 +168,7 @@ def test_what_held_rows_believe_grows_old(group):
         assert getattr(group.awareness, source).ages.tolist() == [0.0, 2.0, 0.0]
 
 
-def test_a_component_knows_again_what_it_wrote_though_rows_of_it_were_put_back():
+def test_a_component_knows_again_what_it_wrote_though_rows_of_it_were_put_back() -> None:
     team = Team(count=3)
     run = simulation({"robot": team})
     (group,) = run.groups
@@ -176,7 +182,7 @@ def test_a_component_knows_again_what_it_wrote_though_rows_of_it_were_put_back()
     assert group.control_column.writes != mine
 
 
-def test_what_was_told_ages_though_an_agent_of_the_group_has_stopped(tmp_path):
+def test_what_was_told_ages_though_an_agent_of_the_group_has_stopped(tmp_path: Path) -> None:
     document = {
         "symaware": 1,
         "name": "silence",

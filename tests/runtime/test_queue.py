@@ -1,6 +1,7 @@
 """The queue: in which order entries come, and that they are data that can be put away."""
 
 import json
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,7 +13,7 @@ from symaware_cli.runtime.queue import Entry, LivelockError, Phase, Queue
 ENTRIES = st.lists(st.tuples(st.integers(1, 5), st.integers(-1, 3), st.sampled_from(Phase), st.integers(0, 3)))
 
 
-def queue_of(done):
+def queue_of(done: list[tuple[int, int, int, Any]]) -> Queue:
     """A queue that writes down what it does."""
     queue = Queue(Clock())
     for place in range(-1, 4):
@@ -20,15 +21,15 @@ def queue_of(done):
     return queue
 
 
-def run_all(queue):
+def run_all(queue: Queue) -> None:
     while queue.entries:
         queue.begin(queue.entries[0][0])
         queue.run()
 
 
 @given(entries=ENTRIES)
-def test_entries_come_by_time_place_phase_row_and_number(entries):
-    done = []
+def test_entries_come_by_time_place_phase_row_and_number(entries: list[tuple[int, int, Phase, int]]) -> None:
+    done: list[Any] = []
     queue = queue_of(done)
     for number, (time, place, phase, row) in enumerate(entries):
         queue.put(time, place, phase, row, "do", number)
@@ -38,8 +39,8 @@ def test_entries_come_by_time_place_phase_row_and_number(entries):
 
 
 @given(entries=ENTRIES, chosen=st.lists(st.integers(0, 20)))
-def test_what_is_cancelled_leaves_nothing_behind(entries, chosen):
-    done = []
+def test_what_is_cancelled_leaves_nothing_behind(entries: list[tuple[int, int, Phase, int]], chosen: list[int]) -> None:
+    done: list[Any] = []
     queue = queue_of(done)
     numbers = [queue.put(*entry, "do", number) for number, entry in enumerate(entries)]
     cancelled = {number for number in chosen if number < len(entries)}
@@ -54,8 +55,11 @@ def test_what_is_cancelled_leaves_nothing_behind(entries, chosen):
 
 
 @given(entries=ENTRIES)
-def test_entries_can_be_put_away_as_data_and_taken_up_by_another_queue(entries):
-    first, second = [], []
+def test_entries_can_be_put_away_as_data_and_taken_up_by_another_queue(
+    entries: list[tuple[int, int, Phase, int]],
+) -> None:
+    first: list[Any] = []
+    second: list[Any] = []
     queue, other = queue_of(first), queue_of(second)
     for number, entry in enumerate(entries):
         queue.put(*entry, "do", number)
@@ -67,7 +71,7 @@ def test_entries_can_be_put_away_as_data_and_taken_up_by_another_queue(entries):
     assert second == [*first, (6, 0, 0, "behind")]
 
 
-def test_what_wakes_itself_without_end_is_named():
+def test_what_wakes_itself_without_end_is_named() -> None:
     queue = Queue(Clock())
     queue.register(2, {"again": lambda row, payload: queue.put(0, 2, Phase.TURN, 0, "again")})
     queue.put(0, 2, Phase.TURN, 0, "again")

@@ -1,10 +1,15 @@
 """Faults that a scenario asks for: each does what it says, to whom it says, for as long as it says, in both modes."""
 
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
@@ -13,19 +18,19 @@ STEP = 50_000_000
 
 
 @pytest.fixture
-def ran(tmp_path):
+def ran(tmp_path: Path) -> Callable[..., Log]:
     """Run four robots that go to their goals, with faults; the log."""
 
     def run(
-        faults,
-        mode="synchronous",
-        see="perception.omniscient",
-        duration=3.0,
-        more=None,
-        topology=None,
-        recording=None,
-        **component,
-    ):
+        faults: Mapping[str, Any],
+        mode: str = "synchronous",
+        see: str = "perception.omniscient",
+        duration: float = 3.0,
+        more: Mapping[str, Any] | None = None,
+        topology: Mapping[str, Any] | None = None,
+        recording: Mapping[str, Any] | None = None,
+        **component: Any,
+    ) -> Log:
         steer = {"use": "control.go-to-goal", "with": {"speed": 1.0, "tolerance": 0.1}, **component}
         document = {
             "symaware": 1,
@@ -59,16 +64,16 @@ def ran(tmp_path):
     return run
 
 
-def world(log, agent):
+def world(log: Log, agent: int) -> NDArray[np.float64]:
     return log.series(f"robot.{agent}", "world").values
 
 
-def told(log):
+def told(log: Log) -> list[tuple[float, str, str]]:
     return [(event.time / 1e9, event.name, event.source) for event in log.events() if event.name.startswith("fault")]
 
 
 @MODES
-def test_a_stopped_agent_stands_still_and_begins_anew(mode, ran):
+def test_a_stopped_agent_stands_still_and_begins_anew(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"dead": {"at": 1.0, "for": 0.5, "stop": "robot.2"}}, mode)
     assert told(log) == [(1.0, "fault", "agents.robot.2"), (1.5, "fault-over", "agents.robot.2")]
     assert [event.source for event in log.events() if event.name == "terminated"] == ["agents.robot.2"]
@@ -80,7 +85,7 @@ def test_a_stopped_agent_stands_still_and_begins_anew(mode, ran):
 
 
 @MODES
-def test_a_stop_without_an_end_lasts(mode, ran):
+def test_a_stop_without_an_end_lasts(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"dead": {"at": 1.0, "stop": "robot"}}, mode)
     assert [event.source for event in log.events() if event.name == "terminated"] == [
         f"agents.robot.{row}" for row in range(4)
@@ -89,7 +94,7 @@ def test_a_stop_without_an_end_lasts(mode, ran):
 
 
 @MODES
-def test_a_frozen_controller_holds_its_last_input_and_its_neighbours_theirs(mode, ran):
+def test_a_frozen_controller_holds_its_last_input_and_its_neighbours_theirs(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"stuck": {"at": 1.0, "freeze": "robot.1.steer"}}, mode, duration=8.0)
     # It drives past its goal at 5, where the others stop.
     assert world(log, 1)[-1, 0] == pytest.approx(8.0)
@@ -97,7 +102,7 @@ def test_a_frozen_controller_holds_its_last_input_and_its_neighbours_theirs(mode
 
 
 @MODES
-def test_a_frozen_perception_leaves_the_belief_as_it_was(mode, ran):
+def test_a_frozen_perception_leaves_the_belief_as_it_was(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"stuck": {"at": 1.0, "for": 1.0, "freeze": "robot.1.see"}}, mode)
     believed, truth = log.series("robot.1", "state"), log.series("robot.1", "world")
     frozen = believed.values[(believed.times >= 1.0e9) & (believed.times < 2.0e9)]
@@ -107,7 +112,9 @@ def test_a_frozen_perception_leaves_the_belief_as_it_was(mode, ran):
 
 @MODES
 @pytest.mark.parametrize("see", ["perception.omniscient", "perception.range"])
-def test_a_blind_sensor_sees_nobody_and_feels_itself(mode, see, ran, tmp_path):
+def test_a_blind_sensor_sees_nobody_and_feels_itself(
+    mode: str, see: str, ran: Callable[..., Log], tmp_path: Path
+) -> None:
     more = {"risk": {"use": "risk.time-to-collision", "with": {"reach": 9.0, "horizon": 5.0}}}
     log = ran({"fog": {"at": 1.0, "for": 1.0, "blind": "robot.0.see"}}, mode, see, more=more)
     known = {}
@@ -127,7 +134,7 @@ def test_a_blind_sensor_sees_nobody_and_feels_itself(mode, see, ran, tmp_path):
 
 
 @MODES
-def test_a_bias_shifts_what_is_measured(mode, ran):
+def test_a_bias_shifts_what_is_measured(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"drift": {"at": 1.0, "for": 1.0, "bias": {"of": "robot.3.see", "state": [0.0, 0.4]}}}, mode)
     believed, truth = log.series("robot.3", "state"), log.series("robot.3", "world")
     errors = dict(
@@ -140,8 +147,8 @@ def test_a_bias_shifts_what_is_measured(mode, ran):
 
 
 @MODES
-def test_noise_is_seeded_by_the_fault_and_the_agent(mode, ran):
-    def errors(faults, agent):
+def test_noise_is_seeded_by_the_fault_and_the_agent(mode: str, ran: Callable[..., Log]) -> None:
+    def errors(faults: Mapping[str, Any], agent: int) -> NDArray[np.float64]:
         log = ran(faults, mode)
         believed, truth = log.series(f"robot.{agent}", "state"), log.series(f"robot.{agent}", "world")
         return believed.values[20:40] - truth.values[20:40]
@@ -156,7 +163,7 @@ def test_noise_is_seeded_by_the_fault_and_the_agent(mode, ran):
 
 
 @MODES
-def test_a_slow_component_lands_late(mode, ran):
+def test_a_slow_component_lands_late(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"busy": {"at": 1.0, "for": 1.0, "slow": {"of": "robot.steer", "latency": 0.2}}}, mode)
     control = log.series("robot.0", "control_requested")
     during = control.times[(control.times > 1.0e9) & (control.times <= 2.0e9)]
@@ -165,7 +172,7 @@ def test_a_slow_component_lands_late(mode, ran):
 
 
 @MODES
-def test_a_push_changes_the_truth_at_its_time(mode, ran):
+def test_a_push_changes_the_truth_at_its_time(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"gust": {"at": 1.0, "push": {"of": "robot.1", "by": [0.0, 0.7]}}}, mode)
     series = log.series("robot.1", "world")
     places = dict(zip(series.times.tolist(), series.values[:, 1], strict=True))
@@ -175,7 +182,7 @@ def test_a_push_changes_the_truth_at_its_time(mode, ran):
 
 
 @MODES
-def test_a_fault_may_come_with_the_first_event_of_its_kind(mode, ran):
+def test_a_fault_may_come_with_the_first_event_of_its_kind(mode: str, ran: Callable[..., Log]) -> None:
     log = ran(
         {"crash": {"on": {"event": "goal-reached", "of": "agents.robot.1.*"}, "stop": "robot.0"}}, mode, duration=7.0
     )
@@ -186,14 +193,14 @@ def test_a_fault_may_come_with_the_first_event_of_its_kind(mode, ran):
 
 
 @MODES
-def test_restarting_a_whole_group_begins_anew(mode, ran):
+def test_restarting_a_whole_group_begins_anew(mode: str, ran: Callable[..., Log]) -> None:
     log = ran({"again": {"at": 6.5, "restart": "robot.steer"}}, mode, duration=7.0)
     reached = [event.source for event in log.events() if event.name == "goal-reached"]
     # Who is at its goal says so once; after a new beginning, once more.
     assert sorted(reached) == sorted(2 * [f"agents.robot.{row}.steer" for row in range(4)])
 
 
-def test_faults_may_overlap(ran):
+def test_faults_may_overlap(ran: Callable[..., Log]) -> None:
     faults = {
         "one": {"at": 1.0, "for": 1.0, "freeze": "robot.0.see"},
         "two": {"at": 1.5, "for": 1.0, "freeze": "robot.see"},
@@ -209,7 +216,7 @@ def test_faults_may_overlap(ran):
 TALK = {"tell": {"use": "communication.state"}, "hear": {"use": "communication.inbox"}}
 
 
-def stages(log, sender):
+def stages(log: Log, sender: str) -> list[tuple[int, str, int, str]]:
     """Of all messages of an agent: when each was sent [ns], how it ended, when [ns], and why."""
     sent = {each.id: each.time for each in log.communications() if (each.sender, each.stage) == (sender, "SENT")}
     return [
@@ -221,7 +228,9 @@ def stages(log, sender):
 
 @MODES
 @pytest.mark.parametrize("topology", [None, {"use": "complete"}])
-def test_dropped_messages_are_those_of_the_link_and_the_time(mode, topology, ran):
+def test_dropped_messages_are_those_of_the_link_and_the_time(
+    mode: str, topology: dict[str, Any] | None, ran: Callable[..., Log]
+) -> None:
     log = ran({"jam": {"at": 1.0, "for": 0.5, "drop": {"sender": "robot.0"}}}, mode, more=TALK, topology=topology)
     during = [each for each in stages(log, "robot.0") if 10**9 <= each[0] < 15 * 10**8]
     before = [each for each in stages(log, "robot.0") if not 10**9 <= each[0] < 15 * 10**8]
@@ -233,7 +242,9 @@ def test_dropped_messages_are_those_of_the_link_and_the_time(mode, topology, ran
 
 @MODES
 @pytest.mark.parametrize("topology", [None, {"use": "complete"}])
-def test_delayed_messages_come_later_by_what_the_fault_says(mode, topology, ran):
+def test_delayed_messages_come_later_by_what_the_fault_says(
+    mode: str, topology: dict[str, Any] | None, ran: Callable[..., Log]
+) -> None:
     fault = {"at": 1.0, "for": 0.5, "delay": {"sender": "robot.0", "by": 0.2}}
     log = ran({"slow": fault}, mode, more=TALK, topology=topology)
     usual = {late - sent for sent, _, late, _ in stages(log, "robot.1")}
@@ -259,12 +270,14 @@ def test_delayed_messages_come_later_by_what_the_fault_says(mode, topology, ran)
     ids=str,
 )
 @pytest.mark.parametrize("of", [None, "agents.*", "see", "exchange"])
-def test_a_fault_may_trigger_those_whom_it_happens_to(effect, concerned, of, mode, ran, doubles):
+def test_a_fault_may_trigger_those_whom_it_happens_to(
+    effect: dict[str, Any], concerned: list[int], of: str | None, mode: str, ran: Callable[..., Log], doubles: Path
+) -> None:
     trigger = {"event": "fault"} if of is None else {"event": "fault", "of": of}
     steer = {"use": "doubles.paper", "trigger": trigger}
     lasts = {} if "push" in effect else {"for": 0.5}
     log = ran({"it": {"at": 1.0, **lasts, **effect}}, mode, more={"react": steer}, recording={"events": "all"})
-    turns = set()
+    turns: set[Any] = set()
     for message in log.messages("/events/recurring"):
         said = message.decode()
         found = zip(said.name, said.source, strict=True)

@@ -1,7 +1,10 @@
 """Two variants of a scenario share their chance as far as they share their agents."""
 
 from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +14,23 @@ from simulating import STEP, Team, execute, simulation
 from symaware_cli import Component, GroupComponent
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.runtime.faults import AgentSelection, Blind, ComponentSelection, Fault, MeasurementError, Slow, Stop
+from symaware_cli.runtime.faults import (
+    AgentSelection,
+    Blind,
+    ComponentSelection,
+    Effect,
+    Fault,
+    MeasurementError,
+    Slow,
+    Stop,
+)
 from symaware_cli.runtime.options import RunOptions
+from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
 from symaware_cli.world.chance import Turn
+
+Teams = dict[str, Team]
 
 MILLISECOND = 1_000_000
 STEPS = 12
@@ -26,23 +41,23 @@ NOISY = SingleIntegrator(SingleIntegrator.Parameters(process_noise=0.05))
 class Notes:
     """What was drawn: for each agent and instant its motion, and what it measured of itself and of others."""
 
-    truth: dict = field(default_factory=dict)
-    own: dict = field(default_factory=dict)
-    others: dict = field(default_factory=dict)
-    own_draws: dict = field(default_factory=lambda: defaultdict(list))
+    truth: dict[tuple[str, int], list[float]] = field(default_factory=dict)
+    own: dict[tuple[str, int], list[float]] = field(default_factory=dict)
+    others: dict[tuple[str, str, int], list[float]] = field(default_factory=dict)
+    own_draws: dict[tuple[str, int], list[tuple[float, float]]] = field(default_factory=lambda: defaultdict(list))
 
 
 class Probe(GroupComponent):
     """Takes note of what the component before it has measured."""
 
-    def __init__(self, notes):
+    def __init__(self, notes: Notes) -> None:
         super().__init__()
         self.notes = notes
 
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         group, world = self._group, self.environment
         truth, observation = world.state(group), group.awareness.observation
         for row, id in enumerate(group.ids):
@@ -59,28 +74,36 @@ class Probe(GroupComponent):
 class Drawing(Component):
     """An author's component, which draws as it likes."""
 
-    def __init__(self, notes, many=1):
+    def __init__(self, notes: Notes, many: int = 1) -> None:
         super().__init__()
         self.notes = notes
         self.many = many
 
-    def initialise_component(self, *arguments):
+    def initialise_component(self, *arguments: Any) -> None:
         super().initialise_component(*arguments)
         self._bias = self.random.uniform()
 
-    def _compute(self):
+    def _compute(self) -> Any:
         return self.random.standard_normal(self.many)[0] + self._bias
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self.notes.own_draws[self.agent.id, self.now].append((value, self.random.random()))
 
 
-def sensor(**changed):
+def sensor(**changed: float) -> Callable[[], RangePerception]:
     parameters = {"range": 100.0, "position_noise": 0.1, "velocity_noise": 0.2, "self_noise": 0.3, "dropout": 0.3}
     return lambda: RangePerception(RangePerception.Parameters(**{**parameters, **changed}))
 
 
-def team(notes, count=4, y=0.0, many=1, timings=None, before=None, sense=None):
+def team(
+    notes: Notes,
+    count: int = 4,
+    y: float = 0.0,
+    many: int = 1,
+    timings: Mapping[str, Timing] | None = None,
+    before: Mapping[str, Callable[[], Component | GroupComponent]] | None = None,
+    sense: Callable[[], RangePerception] | None = None,
+) -> Team:
     components = {
         **(before or {}),
         "sense": sense or sensor(),
@@ -91,7 +114,13 @@ def team(notes, count=4, y=0.0, many=1, timings=None, before=None, sense=None):
     return Team(components, count=count, state=state, model=NOISY, timings=timings or {})
 
 
-def run(change=lambda teams, notes: teams, steps=STEPS, options=None, faults=lambda ready: (), seed=7):
+def run(
+    change: Callable[[Teams, Notes], Teams] = lambda teams, notes: teams,
+    steps: int = STEPS,
+    options: RunOptions | None = None,
+    faults: Callable[[Simulation], Sequence[Fault]] = lambda ready: (),
+    seed: int = 7,
+) -> Notes:
     """Run four robots and three cars, or a variant of that, and return what was drawn."""
     notes = Notes()
     ready = simulation(change({"robot": team(notes), "car": team(notes, 3, 5.0)}, notes), seed=seed)
@@ -101,11 +130,11 @@ def run(change=lambda teams, notes: teams, steps=STEPS, options=None, faults=lam
 
 
 @pytest.fixture(scope="module")
-def base():
+def base() -> Notes:
     return run()
 
 
-def assert_shared(one, other, among):
+def assert_shared(one: Notes, other: Notes, among: Sequence[str]) -> int:
     """What those have drawn who are in both is the same, where they took a turn at the same instant."""
     compared = 0
     for kind in ("truth", "own", "others", "own_draws"):
@@ -119,44 +148,44 @@ def assert_shared(one, other, among):
 ROBOTS, CARS = [f"robot.{row}" for row in range(4)], [f"car.{row}" for row in range(3)]
 
 
-def with_more(teams, notes):
+def with_more(teams: Teams, notes: Notes) -> Teams:
     return {**teams, "robot": team(notes, 5), "van": team(notes, 6, -3.0), "a": team(notes, 2, 9.0)}
 
 
-def with_fewer(teams, notes):
+def with_fewer(teams: Teams, notes: Notes) -> Teams:
     return {**teams, "robot": team(notes, 3)}
 
 
-def without_cars(teams, notes):
+def without_cars(teams: Teams, notes: Notes) -> Teams:
     return {"robot": teams["robot"]}
 
 
-def reordered(teams, notes):
+def reordered(teams: Teams, notes: Notes) -> Teams:
     return dict(reversed(teams.items()))
 
 
-def with_another_component(teams, notes):
+def with_another_component(teams: Teams, notes: Notes) -> Teams:
     class Another(Drawing):
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             self.random.random(5)
 
     return {**teams, "robot": team(notes, before={"another": lambda: Another(notes, 9), "more": sensor(dropout=0.9)})}
 
 
-def short_sighted_cars(teams, notes):
+def short_sighted_cars(teams: Teams, notes: Notes) -> Teams:
     return {**teams, "car": team(notes, 3, 5.0, sense=sensor(range=4.0, dropout=0.0))}
 
 
-def cars_far_away(teams, notes):
+def cars_far_away(teams: Teams, notes: Notes) -> Teams:
     return {**teams, "car": team(notes, 3, 500.0)}
 
 
-def cars_at_other_times(teams, notes):
+def cars_at_other_times(teams: Teams, notes: Notes) -> Teams:
     timing = Timing(period=3 * STEP, offset=STEP)
     return {**teams, "car": team(notes, 3, 5.0, timings={"sense": timing, "draw": timing})}
 
 
-def cars_that_draw_more(teams, notes):
+def cars_that_draw_more(teams: Teams, notes: Notes) -> Teams:
     return {**teams, "car": team(notes, 3, 5.0, many=17)}
 
 
@@ -174,13 +203,13 @@ def cars_that_draw_more(teams, notes):
         (cars_that_draw_more, ROBOTS),
     ],
 )
-def test_nobody_elses_draws_change(base, change, among):
+def test_nobody_elses_draws_change(base: Notes, change: Callable[[Teams, Notes], Teams], among: list[str]) -> None:
     # Of each agent its motion and what it measures of itself, in each turn; of each pair about seven of ten.
     own, pairs = len(among) * STEPS, len(among) * (len(among) - 1) * STEPS
     assert assert_shared(base, run(change), among) > 3 * own + 0.4 * pairs
 
 
-def test_a_component_that_is_put_before_another_leaves_what_that_one_draws(base):
+def test_a_component_that_is_put_before_another_leaves_what_that_one_draws(base: Notes) -> None:
     another = run(with_another_component)
     # The sensor that came before gave it another state in between, and nothing else.
     assert another.own == base.own
@@ -188,41 +217,41 @@ def test_a_component_that_is_put_before_another_leaves_what_that_one_draws(base)
     assert another.own_draws == base.own_draws
 
 
-def test_another_seed_draws_otherwise(base):
+def test_another_seed_draws_otherwise(base: Notes) -> None:
     other = run(seed=8)
     for kind in ("own", "others", "own_draws"):
         one, two = getattr(base, kind), getattr(other, kind)
         assert not any(one[key] == two[key] for key in one.keys() & two.keys())
 
 
-def test_nothing_is_drawn_twice(base):
+def test_nothing_is_drawn_twice(base: Notes) -> None:
     errors = [number - true for key, own in base.own.items() for number, true in zip(own, base.truth[key], strict=True)]
     assert len(np.unique(np.round(errors, 9))) == len(errors)
     drawn = [number for values in base.own_draws.values() for pair in values for number in pair]
     assert len(set(drawn)) == len(drawn)
 
 
-def test_who_draws_more_in_one_turn_draws_the_same_first_number_in_the_next(base):
+def test_who_draws_more_in_one_turn_draws_the_same_first_number_in_the_next(base: Notes) -> None:
     more = run(cars_that_draw_more)
     for key in base.own_draws:
         assert [each[0] for each in base.own_draws[key]] == [each[0] for each in more.own_draws[key]]
 
 
-def components_of(ready, group, name):
+def components_of(ready: Simulation, group: str, name: str) -> ComponentSelection:
     entry = next(entry for entry in ready.entries if entry.group.name == group and entry.name == name)
     return ComponentSelection(entry, range(len(entry.components) if name == "draw" else len(entry.group)))
 
 
-def fault(effect, at=3, lasting=4):
+def fault(effect: Effect, at: int = 3, lasting: int = 4) -> Fault:
     return Fault("fault", "something", "agents.car", effect, at * STEP, None, lasting * STEP)
 
 
-def test_faults_of_some_change_nothing_for_others_and_leave_no_trace_in_what_is_drawn_later(base):
-    def blind(ready):
+def test_faults_of_some_change_nothing_for_others_and_leave_no_trace_in_what_is_drawn_later(base: Notes) -> None:
+    def blind(ready: Simulation) -> list[Fault]:
         sense = components_of(ready, "car", "sense")
         return [fault(Blind([sense._replace(rows=[0, 2])]))]
 
-    def stop(ready):
+    def stop(ready: Simulation) -> list[Fault]:
         return [fault(Stop([AgentSelection(components_of(ready, "car", "sense").entry.group, [1])]))]
 
     for faults in (blind, stop):
@@ -234,9 +263,9 @@ def test_faults_of_some_change_nothing_for_others_and_leave_no_trace_in_what_is_
             assert late == {key: base.others[key] for key in late}
 
 
-def test_errors_that_a_fault_adds_depend_on_neither_the_other_agents_nor_when_it_began():
-    def wrong(rows, at, lasting=4):
-        def faults(ready):
+def test_errors_that_a_fault_adds_depend_on_neither_the_other_agents_nor_when_it_began() -> None:
+    def wrong(rows: Sequence[int], at: int, lasting: int = 4) -> Notes:
+        def faults(ready: Simulation) -> list[Fault]:
             sense = components_of(ready, "car", "sense")._replace(rows=rows)
             return [fault(MeasurementError([sense], np.zeros(2), np.ones(2)), at, lasting)]
 
@@ -251,7 +280,7 @@ def test_errors_that_a_fault_adds_depend_on_neither_the_other_agents_nor_when_it
     assert len(np.unique(errors)) == 12
 
 
-def test_process_noise_is_that_of_the_step_whatever_became_of_the_one_before():
+def test_process_noise_is_that_of_the_step_whatever_became_of_the_one_before() -> None:
     notes = Notes()
     ready, pushed = (simulation({"robot": team(notes)}) for _ in range(2))
     moves = []
@@ -266,15 +295,19 @@ def test_process_noise_is_that_of_the_step_whatever_became_of_the_one_before():
     assert moves[0] == pytest.approx(moves[1], abs=1e-12)
 
 
-def latencies(change=lambda teams: teams, faults=lambda ready: (), options=None):
+def latencies(
+    change: Callable[[Teams], Teams] = lambda teams: teams,
+    faults: Callable[[Simulation], Sequence[Fault]] = lambda ready: (),
+    options: RunOptions | None = None,
+) -> dict[tuple[str, int], Any]:
     """When the updates of each landed, by when they were computed."""
     landed = {}
 
     class Slowly(Component):
-        def _compute(self):
+        def _compute(self) -> Any:
             return self.now
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             landed[self.agent.id, value] = self.now - value
 
     timing = Timing(latency=Duration("uniform", 0.0, 0.04), period=STEP, jitter=10 * MILLISECOND)
@@ -284,13 +317,13 @@ def latencies(change=lambda teams: teams, faults=lambda ready: (), options=None)
     return landed
 
 
-def test_latency_and_jitter_are_those_of_the_agent_and_the_turn():
+def test_latency_and_jitter_are_those_of_the_agent_and_the_turn() -> None:
     everybody, some = latencies(), latencies(lambda members: {"a": members["a"]})
     assert len(some) >= 3 * (STEPS - 2)
     assert some == {key: value for key, value in everybody.items() if key[0] in {"a.0", "a.1", "a.2"}}
     assert len(set(everybody.values())) == len(everybody)
 
-    def slower(ready):
+    def slower(ready: Simulation) -> list[Fault]:
         rows = ComponentSelection(ready.entries[0], [1])
         return [fault(Slow([rows], Duration("normal", 0.02, 0.005)), 2, 3)]
 
@@ -300,8 +333,8 @@ def test_latency_and_jitter_are_those_of_the_agent_and_the_turn():
     assert all(2 * STEP <= instant < 5 * STEP for _, instant in differing)
 
 
-def test_a_period_of_ones_own_leaves_what_is_drawn_at_common_instants():
-    def at_times(period):
+def test_a_period_of_ones_own_leaves_what_is_drawn_at_common_instants() -> None:
+    def at_times(period: int) -> dict[Any, Any]:
         timing = Timing(period=period * STEP)
         return run(lambda teams, notes: {"car": team(notes, 3, timings={"draw": timing})}).own_draws
 
@@ -311,16 +344,16 @@ def test_a_period_of_ones_own_leaves_what_is_drawn_at_common_instants():
     assert {key: often[key] for key in common} == {key: seldom[key] for key in common}
 
 
-def test_turns_at_one_instant_draw_different_numbers():
+def test_turns_at_one_instant_draw_different_numbers() -> None:
     turns = []
 
     class Twice(Component):
         events = {"again": "take another turn"}  # noqa: RUF012 (as a plugin has it)
 
-        def _compute(self):
+        def _compute(self) -> Any:
             return self.random.random()
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             turns.append((self.turn, value))
             if self.turn.repetition < 2:
                 self.emit("again")
@@ -333,8 +366,8 @@ def test_turns_at_one_instant_draw_different_numbers():
     assert len({value for _, value in turns}) == 12
 
 
-def test_what_an_update_draws_belongs_to_the_turn_however_late_it_lands():
-    def drawn(latency):
+def test_what_an_update_draws_belongs_to_the_turn_however_late_it_lands() -> None:
+    def drawn(latency: float) -> list[Any]:
         timing = Timing(period=4 * STEP, latency=Duration("constant", latency))
         found = run(lambda teams, notes: {"car": team(notes, 3, timings={"draw": timing})}, steps=16).own_draws
         return [found[key] for key in sorted(found)]
@@ -342,18 +375,18 @@ def test_what_an_update_draws_belongs_to_the_turn_however_late_it_lands():
     assert drawn(0.0) == drawn(0.1)
 
 
-def test_nobody_has_a_generator_who_does_not_ask_for_one():
+def test_nobody_has_a_generator_who_does_not_ask_for_one() -> None:
     made = []
 
     class Idle(Component):
-        def initialise_component(self, *arguments):
+        def initialise_component(self, *arguments: Any) -> None:
             super().initialise_component(*arguments)
             made.append(self)
 
-        def _compute(self):
+        def _compute(self) -> None:
             return None
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     execute(simulation({"a": Team({"idle": Idle}, 50)}), 3)
@@ -377,7 +410,7 @@ agents:
 """
 
 
-def test_the_first_four_of_five_begin_as_the_four_did(tmp_path):
+def test_the_first_four_of_five_begin_as_the_four_did(tmp_path: Path) -> None:
     begun = []
     for count in (4, 5):
         document = yaml.safe_load(SCENARIO)

@@ -5,13 +5,15 @@ import random
 import signal
 import subprocess
 import time
+from pathlib import Path
+from typing import Any
 
 import pytest
-from simulating import COMMAND
+from simulating import COMMAND, Command, present
 from symaware_doubles import Progress
 
 from fuzzing.log_verbs import VERBS, called
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
 from symaware_cli.recording.digest import digest
 
 SCENARIO = """
@@ -30,7 +32,9 @@ agents:
 """
 
 
-def doomed(tmp_path, monkeypatch, slow, wall_time):
+def doomed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, slow: str, wall_time: float
+) -> tuple[Any, list[tuple[float, int]]]:
     """Kill a run that has lasted for some wall time; its progress, and what the log said when it was dead."""
     progress = tmp_path / "progress"
     monkeypatch.chdir(tmp_path)
@@ -59,8 +63,8 @@ def doomed(tmp_path, monkeypatch, slow, wall_time):
     ids=["fast", "slow", "bulky"],
 )
 def test_everything_up_to_the_last_second_is_read_and_the_loss_is_told(
-    slow, wall_time, doubles, command, tmp_path, monkeypatch
-):
+    slow: str, wall_time: float, doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     killed, turns = doomed(tmp_path, monkeypatch, slow, wall_time)
     # A turn that began a second before the end was recorded within the flush rule, unless the machine itself slept
     # in between: then what was written after its last sign of life cannot have been lost by us.
@@ -81,16 +85,18 @@ def test_everything_up_to_the_last_second_is_read_and_the_loss_is_told(
     assert "the end of the run is missing" in text.stdout
 
 
-def test_what_is_read_after_a_kill_is_what_an_undisturbed_run_records(doubles, command, tmp_path, monkeypatch):
+def test_what_is_read_after_a_kill_is_what_an_undisturbed_run_records(
+    doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     doomed(tmp_path, monkeypatch, "", 1.2)
     broken = open_log(tmp_path / "doomed.mcap")
-    duration = min(broken.end_time, 20_000_000_000) / 1e9
+    duration = min(present(broken.end_time), 20_000_000_000) / 1e9
     done = command("run", "doomed.yaml", "--set", f"run.duration={duration}", "--output", "whole.mcap")
     assert done.returncode == 0, done.stderr
     whole = open_log(tmp_path / "whole.mcap")
     end = int(duration * 1e9)
 
-    def content(log):
+    def content(log: Log) -> list[tuple[str, int, int, bytes]]:
         topics = [topic for topic in log.channels if topic != "/timing"]
         return [
             (message.channel.topic, message.time, message.sequence, message.data)
@@ -101,7 +107,9 @@ def test_what_is_read_after_a_kill_is_what_an_undisturbed_run_records(doubles, c
     assert len(content(whole)) > 100
 
 
-def test_a_turn_without_end_does_not_take_what_came_before_with_it(doubles, command, tmp_path, monkeypatch):
+def test_a_turn_without_end_does_not_take_what_came_before_with_it(
+    doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     progress = tmp_path / "progress"
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PROGRESS", str(progress))
@@ -124,7 +132,9 @@ def test_a_turn_without_end_does_not_take_what_came_before_with_it(doubles, comm
 
 
 @pytest.mark.slow
-def test_after_a_kill_at_any_moment_every_verb_tells_the_loss_and_shows_what_there_is(doubles, tmp_path, monkeypatch):
+def test_after_a_kill_at_any_moment_every_verb_tells_the_loss_and_shows_what_there_is(
+    doubles: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     slow = "slow: {use: doubles.sleeper, with: {duration: 0.002}}"  # or the log would take minutes to draw
     bulk = "\n      bulk: {use: doubles.bulky}"
     for number, wall_time in enumerate(random.Random(9).uniform(0.0, 3.0) for _ in range(10)):
@@ -135,9 +145,9 @@ def test_after_a_kill_at_any_moment_every_verb_tells_the_loss_and_shows_what_the
         content = path.read_bytes()
         promised = [now for wall, now in turns if wall <= min(killed, turns[-1][0]) - 1.0]
         log = open_log(path)
-        assert log.damage.end_missing
+        assert present(log.damage).end_missing
         if promised:
-            assert log.end_time >= promised[-1]
+            assert present(log.end_time) >= promised[-1]
         for verb, arguments in VERBS.items():
             written = folder / "written" / verb
             written.mkdir(parents=True)

@@ -1,5 +1,9 @@
 """The order of things within a step."""
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,14 +21,14 @@ from symaware_cli import (
 )
 
 
-def test_components_run_in_declared_order_and_each_for_every_agent():
+def test_components_run_in_declared_order_and_each_for_every_agent() -> None:
     turns = []
 
     class Notes(Component):
-        def _compute(self):
+        def _compute(self) -> None:
             turns.append((self.now, self.path))
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             pass
 
     simulate({"robot": Team({"one": Notes, "two": Notes}, count=2), "car": Team({"one": Notes})}, steps=2)
@@ -33,14 +37,14 @@ def test_components_run_in_declared_order_and_each_for_every_agent():
 
 
 class Drives(GroupComponent):
-    def _compute(self):
+    def _compute(self) -> Any:
         return np.tile([1.0, 0.0], (len(self.group), 1))
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self.group.control_input = value
 
 
-def test_the_world_moves_after_the_components_under_what_they_chose():
+def test_the_world_moves_after_the_components_under_what_they_chose() -> None:
     ready = simulation({"robot": Team({"drive": Drives})})
     execute(ready, 4)
     assert ready.environment.state(ready.groups[0])[0, 0] == pytest.approx(0.2)
@@ -48,7 +52,7 @@ def test_the_world_moves_after_the_components_under_what_they_chose():
 
 
 @pytest.mark.parametrize("steps", [1, 2, 7])
-def test_a_run_makes_as_many_steps_as_asked_and_the_last_state_is_recorded(steps, tmp_path):
+def test_a_run_makes_as_many_steps_as_asked_and_the_last_state_is_recorded(steps: int, tmp_path: Path) -> None:
     from symaware_cli import open_log
 
     log = tmp_path / "run.mcap"
@@ -65,7 +69,7 @@ class Tells(CommunicationSender):
 
     ids = ("a.0", "a.1", "b.0", "b.1")
 
-    def _compute(self):
+    def _compute(self) -> Any:
         me = self._agent.id
         return [Message(me, id, {"state": self._agent.self_state}) for id in self.ids if id != me]
 
@@ -73,7 +77,7 @@ class Tells(CommunicationSender):
 class Gathers(CommunicationReceiver):
     """Remembers all it heard, in order; what it does depends on that order."""
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         known = self._agent.self_knowledge
         heard = [(message.sender, message.sent_time, message.payload["state"].tolist()) for message in value]
         known["heard"] = [*known.get("heard", ()), heard]
@@ -82,7 +86,7 @@ class Gathers(CommunicationReceiver):
 class Follows(Controller):
     """Moves by what was heard last, so that what was heard in which order shows in the state."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         heard = self._agent.self_knowledge.get("heard", [[]])[-1]
         pull = np.array([0.3, 0.1]) * (1 + self._agent.row)
         for _, _, state in heard:
@@ -95,8 +99,8 @@ class Follows(Controller):
     groups=st.permutations(["a", "b"]),
     listening_first=st.booleans(),
 )
-def test_the_outcome_does_not_depend_on_the_order_of_agents(groups, listening_first):
-    def outcome(groups, names):
+def test_the_outcome_does_not_depend_on_the_order_of_agents(groups: list[str], listening_first: bool) -> None:
+    def outcome(groups: Sequence[str], names: Sequence[str]) -> dict[str, Any]:
         kinds = {"tell": Tells, "gather": Gathers, "follow": Follows}
         teams = {
             name: Team({each: kinds[each] for each in names}, count=2, state=[[0, ord(name)], [1, ord(name)]])
@@ -114,10 +118,10 @@ def test_the_outcome_does_not_depend_on_the_order_of_agents(groups, listening_fi
     assert outcome(groups, names) == outcome(["a", "b"], ["tell", "gather", "follow"])
 
 
-def test_progress_is_told_in_simulated_time():
+def test_progress_is_told_in_simulated_time() -> None:
     from symaware_cli.runtime.run import run
 
-    told = []
+    told: list[Any] = []
     run(simulation({"robot": Team()}), 5, on_progress=told.append)
     assert told
     assert told == sorted(told)

@@ -5,19 +5,22 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
-from simulating import COMMAND
+from simulating import COMMAND, present
 
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
 from symaware_cli.recording.digest import digest
+from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.scenario.problem import ScenarioError
 
-ROBOT = {
+ROBOT: dict[str, Any] = {
     "count": 5,
     "model": {"use": "single-integrator"},
     "state": {"uniform": [-5, 5]},
@@ -30,7 +33,13 @@ ROBOT = {
 }
 
 
-def document(mode="asynchronous", duration=1.0, workers=None, think=None, **run):
+def document(
+    mode: str = "asynchronous",
+    duration: float = 1.0,
+    workers: int | None = None,
+    think: Mapping[str, Any] | None = None,
+    **run: Any,
+) -> dict[str, Any]:
     components = {**ROBOT["components"]}
     components["think"] = {**components["think"], **(think or {})}
     return {
@@ -44,10 +53,10 @@ def document(mode="asynchronous", duration=1.0, workers=None, think=None, **run)
 
 
 @pytest.fixture
-def ran(doubles, tmp_path):
+def ran(doubles: Path, tmp_path: Path) -> Callable[..., tuple[RunSummary, Log]]:
     """Run a scenario, and return its summary and its log."""
 
-    def run(content, name="run"):
+    def run(content: Mapping[str, Any], name: str = "run") -> tuple[RunSummary, Log]:
         (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
         summary = execute(build(tmp_path / f"{name}.yaml"), tmp_path / f"{name}.mcap")
         return summary, open_log(tmp_path / f"{name}.mcap")
@@ -55,12 +64,14 @@ def ran(doubles, tmp_path):
     return run
 
 
-def channels(log):
+def channels(log: Log) -> dict[str, str]:
     return digest(log).channels
 
 
 @pytest.mark.parametrize(("mode", "latency"), [("synchronous", 0.0), ("asynchronous", 0.03)])
-def test_one_worker_or_two_or_none_give_the_same_bytes(mode, latency, ran):
+def test_one_worker_or_two_or_none_give_the_same_bytes(
+    mode: str, latency: float, ran: Callable[..., tuple[RunSummary, Log]]
+) -> None:
     logs = []
     for name, where, workers in (("here", "here", 1), ("one", "process", 1), ("two", "process", 2)):
         content = document(mode, workers=workers, think={"run_in": where, "latency": latency})
@@ -71,7 +82,7 @@ def test_one_worker_or_two_or_none_give_the_same_bytes(mode, latency, ran):
     assert logs[0] == logs[1] == logs[2]
 
 
-def test_what_further_sensors_measured_is_known_there_too(ran):
+def test_what_further_sensors_measured_is_known_there_too(ran: Callable[..., tuple[RunSummary, Log]]) -> None:
     logs = []
     for where in ("here", "process"):
         content = document(duration=0.5)
@@ -84,7 +95,7 @@ def test_what_further_sensors_measured_is_known_there_too(ran):
     assert logs[0] == logs[1]
 
 
-def test_statuses_of_specifications_are_known_there_too(ran):
+def test_statuses_of_specifications_are_known_there_too(ran: Callable[..., tuple[RunSummary, Log]]) -> None:
     logs = []
     for where in ("here", "process"):
         content = document(duration=2.0)
@@ -100,8 +111,10 @@ def test_statuses_of_specifications_are_known_there_too(ran):
 
 
 @pytest.mark.slow
-def test_a_thousand_agents_give_the_same_bytes_again_and_under_load_and_with_one_worker_or_two(ran):
-    def thousand(name, where="here", workers=1):
+def test_a_thousand_agents_give_the_same_bytes_again_and_under_load_and_with_one_worker_or_two(
+    ran: Callable[..., tuple[RunSummary, Log]],
+) -> None:
+    def thousand(name: str, where: str = "here", workers: int = 1) -> dict[str, str]:
         components = {
             "see": {"use": "perception.self"},
             "think": {"use": "doubles.thinker", "period": 0.01, "run_in": where},
@@ -126,7 +139,7 @@ def test_a_thousand_agents_give_the_same_bytes_again_and_under_load_and_with_one
     assert thousand("two", "process", 2) == quiet
 
 
-def test_all_events_of_a_turn_are_the_same_too(ran):
+def test_all_events_of_a_turn_are_the_same_too(ran: Callable[..., tuple[RunSummary, Log]]) -> None:
     logs = []
     for where in ("here", "process"):
         content = document(think={"run_in": where}, duration=0.4) | {"recording": {"events": "all"}}
@@ -143,7 +156,9 @@ def test_all_events_of_a_turn_are_the_same_too(ran):
         ("nan", "its control input is not finite"),
     ],
 )
-def test_what_happens_to_a_worker_is_a_failure_of_the_component(how, said, ran):
+def test_what_happens_to_a_worker_is_a_failure_of_the_component(
+    how: str, said: str, ran: Callable[..., tuple[RunSummary, Log]]
+) -> None:
     think = {"with": {"at": 0.3, "how": how, "agent": "robot.2"}}
     summary, log = ran(document(think=think))
     assert summary.status == "failed"
@@ -159,7 +174,9 @@ def test_what_happens_to_a_worker_is_a_failure_of_the_component(how, said, ran):
         assert "symaware_doubles.py" in failed[0].data["traceback"]
 
 
-def test_an_attribute_that_cannot_be_taken_is_a_failure_that_names_it(ran):
+def test_an_attribute_that_cannot_be_taken_is_a_failure_that_names_it(
+    ran: Callable[..., tuple[RunSummary, Log]],
+) -> None:
     summary, log = ran(document(think={"use": "doubles.keeper", "with": {"hidden": False}}))
     assert summary.status == "failed"
     (failed,) = [event for event in log.events() if event.name == "failed"]
@@ -168,7 +185,9 @@ def test_an_attribute_that_cannot_be_taken_is_a_failure_that_names_it(ran):
     assert "`uncaptured`" in failed.data["problem"]
 
 
-def test_what_a_component_tells_of_its_state_goes_to_its_worker_and_back(ran):
+def test_what_a_component_tells_of_its_state_goes_to_its_worker_and_back(
+    ran: Callable[..., tuple[RunSummary, Log]],
+) -> None:
     logs = []
     for where in ("here", "process"):
         summary, log = ran(document(think={"use": "doubles.keeper", "run_in": where}, duration=0.5), where)
@@ -177,14 +196,16 @@ def test_what_a_component_tells_of_its_state_goes_to_its_worker_and_back(ran):
     assert logs[0] == logs[1]
 
 
-def test_a_hang_is_a_failure_after_the_limit_of_wall_time(ran):
+def test_a_hang_is_a_failure_after_the_limit_of_wall_time(ran: Callable[..., tuple[RunSummary, Log]]) -> None:
     think = {"with": {"at": 0.3, "how": "hang", "agent": "robot.2"}}
     summary, log = ran(document(think=think, turn_limit=0.5))
     assert summary.status == "failed"
     assert "did not come back within 0.5 s of wall time" in list(log.events())[-1].data["problem"]
 
 
-def test_a_worker_that_died_is_replaced_where_the_component_is_restarted(ran):
+def test_a_worker_that_died_is_replaced_where_the_component_is_restarted(
+    ran: Callable[..., tuple[RunSummary, Log]],
+) -> None:
     think = {"with": {"at": 0.3, "how": "kill", "agent": "robot.2"}, "on_failure": "isolate"}
     summary, log = ran(document(think=think))
     assert summary.status == "finished", summary.failure
@@ -195,7 +216,9 @@ def test_a_worker_that_died_is_replaced_where_the_component_is_restarted(ran):
     assert series is not None
 
 
-def test_a_kill_of_the_run_takes_its_workers_with_it(doubles, tmp_path, monkeypatch):
+def test_a_kill_of_the_run_takes_its_workers_with_it(
+    doubles: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     think = {"with": {"at": 0.3, "how": "hang"}}
     Path("run.yaml").write_text(yaml.safe_dump(document(think=think), sort_keys=False))
@@ -216,14 +239,14 @@ def test_a_kill_of_the_run_takes_its_workers_with_it(doubles, tmp_path, monkeypa
         time.sleep(0.02)
 
 
-def children(pid):
+def children(pid: int) -> list[int]:
     try:
         return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
     except FileNotFoundError:
         return []
 
 
-def alive(pid):
+def alive(pid: int) -> bool:
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
@@ -231,7 +254,9 @@ def alive(pid):
 
 
 @pytest.mark.skipif(not os.path.exists("/proc"), reason="looks at processes as Linux shows them")
-def test_an_interrupt_ends_the_workers_and_finishes_the_log(doubles, tmp_path, monkeypatch):
+def test_an_interrupt_ends_the_workers_and_finishes_the_log(
+    doubles: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     think = {"with": {"at": 0.3, "how": "hang"}}
     Path("run.yaml").write_text(yaml.safe_dump(document(think=think), sort_keys=False))
@@ -247,14 +272,14 @@ def test_an_interrupt_ends_the_workers_and_finishes_the_log(doubles, tmp_path, m
     finally:
         process.kill()
         process.wait()
-    assert open_log(tmp_path / "run.mcap").outcome["status"] == "interrupted"
+    assert present(open_log(tmp_path / "run.mcap").outcome)["status"] == "interrupted"
     end = time.monotonic() + 20
     while any(alive(pid) for pid in workers):
         assert time.monotonic() < end
         time.sleep(0.02)
 
 
-LOOKING = {
+LOOKING: dict[str, dict[str, Any]] = {
     "uncertainty.gaussian": {"belief": {"use": "uncertainty.gaussian"}},
     "risk.collision": {"risk": {"use": "risk.collision", "with": {"reach": 9.0}}},
     "risk.time-to-collision": {"risk": {"use": "risk.time-to-collision", "with": {"reach": 9.0}}},
@@ -271,11 +296,13 @@ LOOKING = {
 
 @pytest.mark.parametrize("environment", ["kinematic", "pymunk", "pybullet"])
 @pytest.mark.parametrize("use", sorted(LOOKING))
-def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(use, environment, ran):
+def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(
+    use: str, environment: str, ran: Callable[..., tuple[RunSummary, Log]]
+) -> None:
     """The process follows the world, with all that moves in it, and knows what it has seen and written before."""
     logs = []
     for where in ("here", "process"):
-        components = {
+        components: dict[str, Any] = {
             "see": {"use": "perception.range", "with": {"range": 9.0, "self_noise": 0.02, "position_noise": 0.05}},
             "belief": {"use": "uncertainty.gaussian"},
             "steer": {"use": "control.go-to-goal"},
@@ -313,11 +340,13 @@ def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(use, environmen
 
 @pytest.mark.parametrize("environment", ["kinematic", "pymunk", "pybullet"])
 @pytest.mark.parametrize("use", sorted(LOOKING))
-def test_who_enters_and_leaves_does_so_in_workers_too(use, environment, ran):
+def test_who_enters_and_leaves_does_so_in_workers_too(
+    use: str, environment: str, ran: Callable[..., tuple[RunSummary, Log]]
+) -> None:
     """Those who are there see one enter late and one leave, in front of them; so does one who enters itself."""
     logs = []
     for where in ("here", "process"):
-        components = {
+        components: dict[str, Any] = {
             "see": {"use": "perception.range", "with": {"range": 9.0, "self_noise": 0.02}},
             "belief": {"use": "uncertainty.gaussian"},
             "steer": {"use": "control.go-to-goal"},
@@ -350,7 +379,9 @@ def test_who_enters_and_leaves_does_so_in_workers_too(use, environment, ran):
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_what_lives_on_awareness_alone_knows_of_who_enters_and_leaves(mode, ran):
+def test_what_lives_on_awareness_alone_knows_of_who_enters_and_leaves(
+    mode: str, ran: Callable[..., tuple[RunSummary, Log]]
+) -> None:
     logs = []
     for where in ("here", "process"):
         content = document(mode, think={"run_in": where, "latency": 0.03})
@@ -362,7 +393,7 @@ def test_what_lives_on_awareness_alone_knows_of_who_enters_and_leaves(mode, ran)
     assert logs[0] == logs[1]
 
 
-def test_who_looks_at_a_world_that_cannot_be_followed_stays_at_home(doubles, tmp_path):
+def test_who_looks_at_a_world_that_cannot_be_followed_stays_at_home(doubles: Path, tmp_path: Path) -> None:
     content = document()
     content["environment"] = {"use": "doubles.lonely-world"}
     content["agents"]["robot"]["components"] = {"see": {"use": "perception.self", "run_in": "process"}}

@@ -1,5 +1,9 @@
 """States taken while computations are to land or run elsewhere, faults are under way, agents enter, or turns wait."""
 
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
@@ -16,11 +20,13 @@ SEE = {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}}
 
 
 @pytest.fixture
-def scenario(doubles, tmp_path, monkeypatch):
+def scenario(doubles: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., sa.Scenario]:
     """Make a scenario of robots with a second component."""
     monkeypatch.chdir(tmp_path)
 
-    def make(component, mode="asynchronous", robot=None, **more):
+    def make(
+        component: Mapping[str, Any], mode: str = "asynchronous", robot: Mapping[str, Any] | None = None, **more: Any
+    ) -> sa.Scenario:
         robot = {**ROBOT, "components": {"see": SEE, "think": component}, **(robot or {})}
         document = {
             "symaware": 1,
@@ -37,7 +43,7 @@ def scenario(doubles, tmp_path, monkeypatch):
     return make
 
 
-def messages(path, since=0):
+def messages(path: Path | str, since: int = 0) -> list[tuple[int, int, str, bytes]]:
     return [
         (each.sequence, each.time, each.channel.topic, each.data)
         for each in sa.open_log(path).messages()
@@ -45,7 +51,7 @@ def messages(path, since=0):
     ]
 
 
-def check(scenario, step):
+def check(scenario: sa.Scenario, step: int) -> None:
     """Go on from a state, here and in another simulation, and compare the logs."""
     with scenario.start(output="whole.mcap") as simulation:
         simulation.step(step + 8)
@@ -66,13 +72,13 @@ def check(scenario, step):
 
 
 @pytest.mark.parametrize("where", ["home", "process"])
-def test_computations_that_are_to_land_are_part_of_the_state(scenario, where):
+def test_computations_that_are_to_land_are_part_of_the_state(scenario: Callable[..., sa.Scenario], where: str) -> None:
     elsewhere = {"run_in": "process"} if where == "process" else {}
     check(scenario({"use": "doubles.thinker", "period": 0.08, "latency": 0.03, "jitter": 0.01, **elsewhere}), 9)
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_faults_under_way_are_part_of_the_state(scenario, mode):
+def test_faults_under_way_are_part_of_the_state(scenario: Callable[..., sa.Scenario], mode: str) -> None:
     faults = {
         "still": {"stop": "robot.1", "at": 0.2, "for": 0.5},
         "slow": {"slow": {"of": "robot.0.think", "latency": 0.1}, "at": 0.3, "for": 0.6},
@@ -83,7 +89,9 @@ def test_faults_under_way_are_part_of_the_state(scenario, mode):
 @pytest.mark.parametrize("where", ["home", "process"])
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 @pytest.mark.parametrize("step", [2, 7, 9, 12])
-def test_who_enters_and_leaves_is_part_of_the_state(scenario, mode, step, where):
+def test_who_enters_and_leaves_is_part_of_the_state(
+    scenario: Callable[..., sa.Scenario], mode: str, step: int, where: str
+) -> None:
     """By a time, on a condition and with an event; before, between and behind what happens in steps 8 to 11."""
     elsewhere = {"run_in": "process"} if where == "process" else {}
     present = [
@@ -94,7 +102,7 @@ def test_who_enters_and_leaves_is_part_of_the_state(scenario, mode, step, where)
     check(scenario({"use": "risk.collision", "with": {"reach": 9.0}, **elsewhere}, mode, {"present": present}), step)
 
 
-def test_a_turn_that_waits_is_refused_and_one_that_is_over_is_not(scenario):
+def test_a_turn_that_waits_is_refused_and_one_that_is_over_is_not(scenario: Callable[..., sa.Scenario]) -> None:
     with scenario({"use": "doubles.napper", "period": 0.4}).start() as simulation:
         simulation.step(2)
         with pytest.raises(sa.StateError, match=r"cannot be captured: .* suspended coroutine"):
