@@ -1,7 +1,7 @@
 """Logs to export: of a real run, and put together message by message."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import pyarrow
@@ -18,7 +18,7 @@ from symaware_cli.scenario.execution import execute
 
 
 @pytest.fixture(scope="session")
-def noisy(scenarios, tmp_path_factory) -> Path:
+def noisy(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of three agents that know how unsure they are of themselves and of each other."""
     path = tmp_path_factory.mktemp("noisy") / "noisy.mcap"
     execute(build(scenarios / "noisy.yaml", ["run.duration=2"], None), path)
@@ -26,7 +26,7 @@ def noisy(scenarios, tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def sensing(tmp_path_factory) -> Path:
+def sensing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of all that sensors measure."""
     return write_sensing(tmp_path_factory.mktemp("sensing") / "sensing.mcap")
 
@@ -35,7 +35,13 @@ def sensing(tmp_path_factory) -> Path:
 def write(tmp_path: Path) -> Callable[..., Path]:
     """Write a log of one group of three, out of (time, message) on /agents/robot/<field>."""
 
-    def write(field, message_name, entries, metadata=None, group="robot") -> Path:
+    def write(
+        field: str,
+        message_name: str,
+        entries: Iterable[tuple[int, bytes]],
+        metadata: Mapping[str, str] | None = None,
+        group: str = "robot",
+    ) -> Path:
         with LogWriter(tmp_path / "log.mcap") as writer:
             agents = [f"{group}.0", f"{group}.1", f"{group}.2"]
             manifest = {"format": 1, "groups": {group: {"agents": agents}}, "entities": {}, "roster": agents}

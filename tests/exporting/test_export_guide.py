@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +14,10 @@ from symaware_cli.recording.reader import open_log
 GUIDE = Path(__file__).parents[2] / "docs" / "export.md"
 
 
-def test_the_functions_of_the_guide_read_what_was_exported(noisy, tmp_path):
+def test_the_functions_of_the_guide_read_what_was_exported(noisy: Path, tmp_path: Path) -> None:
     log = open_log(noisy)
     export_tables(log, tmp_path / "tables", PARQUET)
-    guide = {}
+    guide: dict[Any, Any] = {}
     for block in re.findall(r"(?ms)^```python\n(.*?)^```$", GUIDE.read_text(encoding="utf-8")):
         exec(block, guide)
     units = guide["units"](tmp_path / "tables" / "state" / "turner.parquet")

@@ -1,25 +1,35 @@
 """A log in columns, chunk by chunk."""
 
+from collections.abc import Sequence, Set
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import ArrayLike
+from simulating import untyped
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.wire.rows import Rows
 from symaware_cli.viewing.chunk import ChunkReader
+
+Story = list[tuple[int, tuple[str, wire.Rows | wire.SeriesRows]]]
 
 TABLE, SERIES = "/world/robot/state", "/agents/robot/risk"
 COUNT = 3
 COUNTS = {TABLE: COUNT, SERIES: COUNT}
 
 
-def rows(values, only=None):
+def rows(values: Sequence[list[int]], only: Sequence[int] | None = None) -> Rows:
     return wire.decode_rows(wire.encode_rows(np.array(values, float), only))
 
 
-def series(lengths, only=None, values=None):
+def series(
+    lengths: Sequence[int], only: Sequence[int] | None = None, values: ArrayLike | None = None
+) -> wire.SeriesRows:
     points = sum(lengths)
     flat = np.arange(points, dtype=float)[:, None] if values is None else np.array(values, float).reshape(points, -1)
     return wire.decode_series(wire.encode_series(np.arange(points), flat, lengths, only))
@@ -30,14 +40,14 @@ subsets = st.none() | st.lists(st.integers(0, COUNT - 1), min_size=1, unique=Tru
 
 
 @st.composite
-def table_messages(draw):
+def table_messages(draw: st.DrawFn) -> tuple[str, wire.Rows]:
     only = draw(subsets)
     values = draw(arrays(float, (COUNT if only is None else len(only), 2), elements=numbers))
     return TABLE, wire.Rows(None if only is None else np.array(only, np.uint32), values)
 
 
 @st.composite
-def series_messages(draw):
+def series_messages(draw: st.DrawFn) -> tuple[str, wire.SeriesRows]:
     only = draw(subsets)
     count = COUNT if only is None else len(only)
     shared = draw(st.booleans())
@@ -51,7 +61,7 @@ def series_messages(draw):
 stories = st.lists(st.tuples(st.integers(0, 2), st.one_of(table_messages(), series_messages())), max_size=12)
 
 
-def told(story, cut):
+def told(story: Story, cut: Set[int]) -> list[Any]:
     """The content of all chunks put together again, where one begins at each of some instants."""
     chunk_reader, chunks, time = ChunkReader(COUNTS), [], 0
     for pause, (topic, message) in story:
@@ -71,16 +81,16 @@ def told(story, cut):
 
 
 @given(stories, st.sets(st.integers(0, 24)))
-def test_a_log_says_the_same_however_it_is_cut(story, cut):
+def test_a_log_says_the_same_however_it_is_cut(story: Story, cut: set[int]) -> None:
     whole, parts = told(story, set()), told(story, cut)
     for one, other in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 @given(stories)
-def test_whoever_is_left_out_keeps_what_it_had(story):
+def test_whoever_is_left_out_keeps_what_it_had(story: Story) -> None:
     known = np.full((COUNT, 2), np.nan)
-    held = [[]] * COUNT
+    held: list[list[float]] = [[]] * COUNT
     chunk_reader, time = ChunkReader(COUNTS), 0
     for pause, (topic, message) in story:
         time += pause
@@ -89,7 +99,7 @@ def test_whoever_is_left_out_keeps_what_it_had(story):
         if topic == TABLE:
             known[list(only)] = message.values
             continue
-        each = np.broadcast_to(message.lengths, len(only))
+        each = np.broadcast_to(untyped(message).lengths, len(only))
         ends = np.cumsum(each)
         for row, length, end in zip(only, each, ends, strict=True):
             held[row] = message.values[end - length : end, 0].tolist()
@@ -104,20 +114,20 @@ def test_whoever_is_left_out_keeps_what_it_had(story):
         assert last == [value for values in held for value in values]
 
 
-def test_a_series_without_points_for_everybody_empties_what_was_there():
+def test_a_series_without_points_for_everybody_empties_what_was_there() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(SERIES, 0, series([1, 1, 1]))
     chunk_reader.take(SERIES, 1, wire.decode_series(wire.encode_series([], np.empty((3, 0, 1)))))
     assert chunk_reader.drain().strips[SERIES].lengths.tolist() == [[1, 1, 1], [0, 0, 0]]
 
 
-def test_the_first_points_of_series_are_nan_where_there_are_none():
+def test_the_first_points_of_series_are_nan_where_there_are_none() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(SERIES, 0, series([2, 0, 1]))
     np.testing.assert_array_equal(chunk_reader.drain().strips[SERIES].firsts.values[0, :, 0], [0.0, np.nan, 2.0])
 
 
-def test_values_at_other_instants_are_those_that_held_then():
+def test_values_at_other_instants_are_those_that_held_then() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(TABLE, 10, rows([[1, 1], [2, 2], [3, 3]]))
     chunk_reader.drain()
@@ -127,7 +137,7 @@ def test_values_at_other_instants_are_those_that_held_then():
     assert found[:, 0, 0].tolist() == [1.0, 1.0, 1.0]
 
 
-def test_what_is_known_stays_known_in_chunks_that_say_nothing_of_it():
+def test_what_is_known_stays_known_in_chunks_that_say_nothing_of_it() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(TABLE, 10, rows([[1, 1], [2, 2], [3, 3]]))
     chunk_reader.drain()
@@ -137,7 +147,7 @@ def test_what_is_known_stays_known_in_chunks_that_say_nothing_of_it():
     assert frames.at(np.array([30]))[0, 2].tolist() == [3.0, 3.0]
 
 
-def test_before_anything_is_known_values_are_nan():
+def test_before_anything_is_known_values_are_nan() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(TABLE, 10, rows([[1, 1]], [2]))
     frames = chunk_reader.drain().frames[TABLE]
@@ -146,20 +156,20 @@ def test_before_anything_is_known_values_are_nan():
 
 
 @pytest.mark.parametrize("message", [rows([[1, 2]], [COUNT]), series([1], [COUNT])])
-def test_a_row_that_the_group_does_not_have_is_a_damaged_log(message):
+def test_a_row_that_the_group_does_not_have_is_a_damaged_log(message: wire.Rows | wire.SeriesRows) -> None:
     topic = TABLE if isinstance(message, wire.Rows) else SERIES
     with pytest.raises(LogError, match="row 3 of a group of 3"):
         ChunkReader(COUNTS).take(topic, 0, message)
 
 
-def test_columns_that_change_are_a_damaged_log():
+def test_columns_that_change_are_a_damaged_log() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(TABLE, 0, rows([[1, 1], [2, 2], [3, 3]]))
     with pytest.raises(LogError, match="do not fit together"):
         chunk_reader.take(TABLE, 1, rows([[1, 1, 1]], [0]))
 
 
-def test_two_messages_of_one_instant_make_one_frame():
+def test_two_messages_of_one_instant_make_one_frame() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(TABLE, 0, rows([[1, 1]], [0]))
     chunk_reader.take(TABLE, 0, rows([[2, 2]], [1]))

@@ -8,7 +8,7 @@ from symaware_cli.viewing.detail import FEW, MANY, TABS, detail_of
 from symaware_cli.viewing.views import GroupView, RunView
 
 
-def run_view(**counts):
+def run_view(**counts: int) -> RunView:
     group_views = {
         name: GroupView(
             name=name,
@@ -26,7 +26,7 @@ def run_view(**counts):
     return RunView("test", 1, group_views, {}, (), 30.0)
 
 
-def test_of_a_few_everything_is_shown_and_each_has_a_tab():
+def test_of_a_few_everything_is_shown_and_each_has_a_tab() -> None:
     detail = detail_of(run_view(robot=FEW))
     assert len(detail.focus) == FEW
     assert detail.labels
@@ -35,7 +35,7 @@ def test_of_a_few_everything_is_shown_and_each_has_a_tab():
     assert "tabs for all agents" in detail.words
 
 
-def test_of_more_a_few_have_tabs_and_labels():
+def test_of_more_a_few_have_tabs_and_labels() -> None:
     detail = detail_of(run_view(robot=FEW + 1))
     assert detail.focus == tuple(f"robot.{row}" for row in range(TABS))
     assert not detail.labels
@@ -44,32 +44,32 @@ def test_of_more_a_few_have_tabs_and_labels():
     assert "--agents chooses" in detail.words
 
 
-def test_of_a_crowd_only_the_awareness_of_those_with_a_tab_is_shown():
+def test_of_a_crowd_only_the_awareness_of_those_with_a_tab_is_shown() -> None:
     detail = detail_of(run_view(robot=MANY + 1))
     assert not detail.awareness
     assert "intents and uncertainties of robot.0, robot.1, robot.2 and robot.3 only" in detail.words
 
 
-def test_one_agent_is_spoken_of_in_the_singular():
+def test_one_agent_is_spoken_of_in_the_singular() -> None:
     assert detail_of(run_view(car=1)).words.startswith("1 agent:")
 
 
-def test_a_group_stands_for_its_agents_and_an_agent_for_itself_once():
+def test_a_group_stands_for_its_agents_and_an_agent_for_itself_once() -> None:
     detail = detail_of(run_view(robot=2, car=1), ["car", "robot", "robot.1"])
     assert detail.focus == ("car", "robot.0", "robot.1")
 
 
-def test_the_tab_of_the_only_one_that_was_asked_for_is_in_front():
+def test_the_tab_of_the_only_one_that_was_asked_for_is_in_front() -> None:
     assert detail_of(run_view(robot=3), ["robot.1"]).single
     assert not detail_of(run_view(robot=3)).single
 
 
-def test_a_thousand_tabs_are_too_many():
+def test_a_thousand_tabs_are_too_many() -> None:
     detail = detail_of(run_view(robot=1000), ["robot"])
     assert len(detail.focus) == FEW
     assert f"the first {FEW} of 1000" in detail.words
 
 
-def test_nobody_of_that_name_is_told_with_the_nearest():
+def test_nobody_of_that_name_is_told_with_the_nearest() -> None:
     with pytest.raises(LogError, match=r"there is no agent 'robt.1'; did you mean 'robot.1'\?"):
         detail_of(run_view(robot=3), ["robt.1"])

@@ -1,10 +1,13 @@
 """Messages as arrows, and who was told what goes around."""
 
 import json
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
+from numpy.typing import ArrayLike, NDArray
 from rerun_files import STEP, Recording, Script, group, saved
 
 from symaware_cli import open_log
@@ -23,7 +26,7 @@ SEEN = 6
 
 
 @pytest.fixture
-def script(tmp_path):
+def script(tmp_path: Path) -> Script:
     """One who stands, and one who drives away from it along x, 0.1 m a step, for 20 steps."""
     script = Script(tmp_path / "a.mcap", {"mast": group("mast", shape=DISC), "car": group("car", shape=DISC)})
     script.say("/world/mast/state", STEP, wire.encode_rows([[0, 0]]), "Rows")
@@ -32,7 +35,7 @@ def script(tmp_path):
     return script
 
 
-def shown(recording):
+def shown(recording: Recording) -> list[tuple[int, list[NDArray[np.float64]], list[int]]]:
     """What is drawn of messages: time in steps, lines and their colours."""
     lines = dict(recording.rows["/world/messages", "LineStrips3D:strips"])
     colours = dict(recording.rows["/world/messages", "LineStrips3D:colors"])
@@ -43,16 +46,17 @@ def shown(recording):
     ]
 
 
-def packed(colour):
+def packed(colour: ArrayLike) -> int:
     return int.from_bytes(bytes(np.asarray(colour).tolist()), "big")
 
 
-def tip(line):
+def tip(line: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where an arrow points to: of its last strokes, which have this point in common."""
-    return line[-2]
+    result: NDArray[np.float64] = line[-2]
+    return result
 
 
-def test_an_arrow_goes_with_those_at_its_ends_fades_and_is_gone(script, tmp_path):
+def test_an_arrow_goes_with_those_at_its_ends_fades_and_is_gone(script: Script, tmp_path: Path) -> None:
     script.message(4 * STEP, "mast", "car", sent_time=STEP)
     found = shown(saved(script.finish(), tmp_path))
     assert [step for step, _, _ in found] == list(range(4, 4 + SEEN + 1))
@@ -65,7 +69,7 @@ def test_an_arrow_goes_with_those_at_its_ends_fades_and_is_gone(script, tmp_path
     assert found[-1][1] == []
 
 
-def test_the_head_of_an_arrow_is_at_the_receiver(script, tmp_path):
+def test_the_head_of_an_arrow_is_at_the_receiver(script: Script, tmp_path: Path) -> None:
     script.message(4 * STEP, "car", "mast", sent_time=STEP)
     _, (line,), _ = shown(saved(script.finish(), tmp_path))[0]
     assert tip(line)[0] == pytest.approx(0.5, abs=0.2)
@@ -74,14 +78,14 @@ def test_the_head_of_an_arrow_is_at_the_receiver(script, tmp_path):
     assert (line[:, 2] > 0.5).all()
 
 
-def test_what_is_lost_is_red_and_breaks_off_on_its_way(script, tmp_path):
+def test_what_is_lost_is_red_and_breaks_off_on_its_way(script: Script, tmp_path: Path) -> None:
     script.message(4 * STEP, "mast", "car", stage=DROPPED, sent_time=STEP)
     _, (line,), colours = shown(saved(script.finish(), tmp_path))[0]
     assert colours == [packed(LOSS)]
     assert 1.0 < line[:, 0].max() < 0.6 * 5.4
 
 
-def test_of_a_link_the_latest_message_is_shown_and_both_ways_are_apart(script, tmp_path):
+def test_of_a_link_the_latest_message_is_shown_and_both_ways_are_apart(script: Script, tmp_path: Path) -> None:
     script.message(4 * STEP, "mast", "car", sent_time=STEP)
     script.message(4 * STEP, "car", "mast", sent_time=STEP)
     script.message(6 * STEP, "mast", "car", stage=DROPPED, sent_time=5 * STEP)
@@ -93,12 +97,12 @@ def test_of_a_link_the_latest_message_is_shown_and_both_ways_are_apart(script, t
     assert [len(lines) for lines, _ in found.values()] == [2] * 6 + [1] * 2 + [0]
 
 
-def test_nobody_who_is_nowhere_says_anything(script, tmp_path):
+def test_nobody_who_is_nowhere_says_anything(script: Script, tmp_path: Path) -> None:
     script.message(0, "mast", "car", sent_time=0)
     assert all(step > 0 for step, lines, _ in shown(saved(script.finish(), tmp_path)) if lines)
 
 
-def test_where_a_log_is_cut_into_chunks_does_not_show(script, tmp_path):
+def test_where_a_log_is_cut_into_chunks_does_not_show(script: Script, tmp_path: Path) -> None:
     for step, sender, receiver in ((2, "mast", "car"), (4, "car", "mast"), (5, "mast", "car"), (11, "mast", "car")):
         script.message(step * STEP + 1000, sender, receiver, sent_time=0)
     log = script.finish()
@@ -124,7 +128,7 @@ def test_where_a_log_is_cut_into_chunks_does_not_show(script, tmp_path):
 
 
 @pytest.mark.parametrize("draw", [arrows, broken])
-def test_arrows_may_point_anywhere(draw):
+def test_arrows_may_point_anywhere(draw: Callable[..., NDArray[np.float64]]) -> None:
     targets = np.array([[3.0, 0, 0], [0, -2, 0], [0, 0, 4], [0, 0, -4], [1, 2, -3]])
     count = len(targets)
     lines = draw(np.zeros((count, 3)), targets, np.full(count, 0.1), np.full(count, 0.9), np.full(count, 0.2))
@@ -134,7 +138,7 @@ def test_arrows_may_point_anywhere(draw):
     )
 
 
-def test_who_was_told_and_who_told_has_a_dot_from_then_on(tmp_path):
+def test_who_was_told_and_who_told_has_a_dot_from_then_on(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1", "a.2"), "car": group("car")})
     for step in range(4):
         script.say("/world/a/state", step * STEP, wire.encode_rows([[step, 0], [step, 1], [step, 2]]), "Rows")

@@ -3,14 +3,17 @@
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pybullet_data
 import pytest
 from plot_logs import log_of
-from rerun_files import saved
+from rerun_files import Recording, saved
 from scipy.spatial.transform import Rotation
+from simulating import present
 
+from symaware_cli import Log
 from symaware_cli.recording.geometry import geometry_of
 from symaware_cli.viewing.views import run_view_of
 
@@ -63,7 +66,7 @@ CAR = "/world/figures/racecar"
 
 
 @pytest.fixture(scope="module")
-def logged(tmp_path_factory):
+def logged(tmp_path_factory: pytest.TempPathFactory) -> Log:
     folder = tmp_path_factory.mktemp("surfaces")
     (folder / "rock.obj").write_text(TETRAHEDRON)
     log = log_of(folder, SCENARIO)
@@ -72,17 +75,19 @@ def logged(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def recording(logged, tmp_path_factory):
+def recording(logged: Log, tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return saved(logged, tmp_path_factory.mktemp("recording"))
 
 
-def entity(recording, beginning):
+def entity(recording: Recording, beginning: str) -> str:
     """The only Rerun entity with such a path, whose last part is a number."""
     (found,) = (name for name in recording.entities if name.startswith(beginning))
     return found
 
 
-def test_a_mesh_is_that_of_the_file_which_the_log_brings_along_once_for_all_that_look_like_it(recording):
+def test_a_mesh_is_that_of_the_file_which_the_log_brings_along_once_for_all_that_look_like_it(
+    recording: Recording,
+) -> None:
     rock = entity(recording, "/world/figures/mesh")
     (blob,) = recording.static(rock, "Asset3D:blob")
     assert bytes(blob).decode() == TETRAHEDRON
@@ -93,7 +98,7 @@ def test_a_mesh_is_that_of_the_file_which_the_log_brings_along_once_for_all_that
     )
 
 
-def test_each_mesh_of_a_vehicle_is_there_once_however_many_groups_drive_it(recording):
+def test_each_mesh_of_a_vehicle_is_there_once_however_many_groups_drive_it(recording: Recording) -> None:
     cars = [name for name, component in recording.rows if component == "Asset3D:blob" and name.startswith(CAR)]
     assert len(cars) == len(set(cars)) == 8  # chassis, lidar, two hinges, four wheels
     assert all(len(recording.values(name, "InstancePoses3D:translations")[0]) == 3 for name in cars)
@@ -102,7 +107,7 @@ def test_each_mesh_of_a_vehicle_is_there_once_however_many_groups_drive_it(recor
         assert bytes(recording.static(chassis, "Asset3D:blob")[0]) == file.read()
 
 
-def test_wheels_and_hinges_are_where_their_joints_turned_them(logged, recording):
+def test_wheels_and_hinges_are_where_their_joints_turned_them(logged: Log, recording: Recording) -> None:
     joints, pose = logged.series("car", "joints"), logged.series("car", "pose")
     columns = logged.channels["/world/car/joints"].metadata["columns"].split(",")
     turned = joints.values[..., columns.index("left_steering_hinge_joint")]
@@ -120,7 +125,7 @@ def test_wheels_and_hinges_are_where_their_joints_turned_them(logged, recording)
     assert (Rotation.from_quat(orientations) * expected.inv()).magnitude().max() < 1e-6
 
 
-def test_a_box_that_tips_over_tips_over_in_the_replay(logged, recording):
+def test_a_box_that_tips_over_tips_over_in_the_replay(logged: Log, recording: Recording) -> None:
     poses = logged.series("plank", "pose")
     plank = entity(recording, "/world/scenery/plank/box")
     times = recording.times(plank, "InstancePoses3D:quaternions")
@@ -131,7 +136,7 @@ def test_a_box_that_tips_over_tips_over_in_the_replay(logged, recording):
     assert upright[2] < 0.99
 
 
-def test_a_quadrotor_leans_as_its_state_says(logged, recording):
+def test_a_quadrotor_leans_as_its_state_says(logged: Log, recording: Recording) -> None:
     assert "/world/drone/pose" not in logged.channels
     state = logged.series("drone", "world").values
     (body,) = (
@@ -143,14 +148,16 @@ def test_a_quadrotor_leans_as_its_state_says(logged, recording):
 
 
 @pytest.mark.parametrize(("name", "low", "high"), [("post", 0.0, 1.5), ("tank", 3.25, 4.75)])
-def test_what_has_no_height_stands_on_the_ground_and_else_around_its_middle(recording, name, low, high):
+def test_what_has_no_height_stands_on_the_ground_and_else_around_its_middle(
+    recording: Recording, name: str, low: float, high: float
+) -> None:
     path = entity(recording, f"/world/scenery/{name}/")
     ((place,),) = recording.values(path, "InstancePoses3D:translations")
     heights = np.array(recording.static(path, "Mesh3D:vertex_positions"))[:, 2] + place[2]
     assert (heights.min(), heights.max()) == pytest.approx((low, high))
 
 
-def test_a_log_is_replayed_where_neither_the_engine_nor_its_files_are(logged, tmp_path):
+def test_a_log_is_replayed_where_neither_the_engine_nor_its_files_are(logged: Log, tmp_path: Path) -> None:
     log = shutil.copy(logged.path, tmp_path / "a.mcap")
     program = f"""
 import sys
@@ -164,11 +171,11 @@ replay_session(open_log({str(log)!r})).save(Path({str(tmp_path / "b.rrd")!r}))
     assert (tmp_path / "b.rrd").stat().st_size > 700_000  # what the racecar looks like
 
 
-def test_the_geometry_that_was_written_is_read(logged):
+def test_the_geometry_that_was_written_is_read(logged: Log) -> None:
     geometry = geometry_of(logged.attachments)
     assert geometry.of("car") is geometry.of("truck")
     assert geometry.of("rock") is geometry.of("stone")
-    assert [visual.mesh for visual in geometry.of("rock").links[0].visuals] == ["scenario/rock.obj"]
+    assert [visual.mesh for visual in present(geometry.of("rock")).links[0].visuals] == ["scenario/rock.obj"]
     assert geometry.heights["post"] == 0.75
     assert geometry.ground == 0.0
 
@@ -179,7 +186,7 @@ TROLLEY = """<robot name='trolley'><link name='base'>
   <visual><geometry><mesh filename='rock.obj' scale='3 3 3'/></geometry></visual></link></robot>"""
 
 
-def test_parts_of_a_body_that_look_the_same_are_there_once(tmp_path):
+def test_parts_of_a_body_that_look_the_same_are_there_once(tmp_path: Path) -> None:
     (tmp_path / "rock.obj").write_text(TETRAHEDRON)
     (tmp_path / "trolley.urdf").write_text(TROLLEY)
     entities = "{a: {shape: {urdf: {file: trolley.urdf, radius: 1}}, position: [5, 5, 1]}}"
@@ -196,7 +203,7 @@ agents: {{r: {{model: {{use: single-integrator}}, state: [0, 0]}}}}
     assert recording.values(large, "InstancePoses3D:scales") == [[[3, 3, 3]]]
 
 
-def test_a_ring_goes_around_each_vehicle_in_its_colour(logged, recording):
+def test_a_ring_goes_around_each_vehicle_in_its_colour(logged: Log, recording: Recording) -> None:
     run_view = run_view_of(logged)
     centres = np.array(recording.values("/world/agents/car/body", "Cylinders3D:centers"))
     assert centres.shape[1:] == (2, 3)
@@ -208,11 +215,11 @@ def test_a_ring_goes_around_each_vehicle_in_its_colour(logged, recording):
     ]
 
 
-def test_the_eye_of_an_agents_tab_has_something_to_follow(recording):
+def test_the_eye_of_an_agents_tab_has_something_to_follow(recording: Recording) -> None:
     assert recording.static("/as/car.0/place", "Points3D:positions") == [[0.0, 0.0, 0.0]]
 
 
-def test_a_world_of_space_is_one_however_its_agents_move(tmp_path):
+def test_a_world_of_space_is_one_however_its_agents_move(tmp_path: Path) -> None:
     log = log_of(tmp_path, "three-worlds.yaml", "environment.use=pybullet", "run.duration=0.1")
     run_view = run_view_of(log)
     assert run_view.is_spatial

@@ -2,16 +2,18 @@
 
 import itertools
 import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import rerun as rr
 from outlines import distance, placed
 from plot_logs import AIRCRAFT, YARD, log_of
-from rerun_files import STEP, Script, group, saved
+from rerun_files import STEP, Recording, Script, group, saved
 from simulating import Team, simulate
 
-from symaware_cli import AwarenessVector, Component, Shape, TimeSeries
+from symaware_cli import AwarenessVector, Component, Log, Shape, TimeSeries
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -20,18 +22,18 @@ from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY
 DISC = {"circle": {"radius": 0.5}}
 
 
-def colour(packed):
+def colour(packed: int) -> list[int]:
     return [packed >> 24, packed >> 16 & 255, packed >> 8 & 255]
 
 
 @pytest.fixture(scope="module")
-def yard(tmp_path_factory):
+def yard(tmp_path_factory: pytest.TempPathFactory) -> tuple[Log, Recording]:
     folder = tmp_path_factory.mktemp("yard")
     log = log_of(folder, YARD)
     return log, saved(log, folder)
 
 
-def test_boxes_are_where_their_agents_truly_are(yard):
+def test_boxes_are_where_their_agents_truly_are(yard: tuple[Log, Recording]) -> None:
     log, recording = yard
     truth = log.series("cart", "world")
     assert recording.times("/world/agents/cart/body", "Boxes3D:centers") == truth.times.tolist()
@@ -42,7 +44,7 @@ def test_boxes_are_where_their_agents_truly_are(yard):
     np.testing.assert_allclose(np.cos(headings), np.cos(truth.values[..., 2]), atol=1e-5)
 
 
-def test_polygons_are_drawn_around_where_their_agents_are(yard):
+def test_polygons_are_drawn_around_where_their_agents_are(yard: tuple[Log, Recording]) -> None:
     log, recording = yard
     truth = log.series("guard", "world")
     strips = np.array(recording.values("/world/agents/guard/body", "LineStrips3D:strips"))
@@ -50,7 +52,7 @@ def test_polygons_are_drawn_around_where_their_agents_are(yard):
     np.testing.assert_allclose(strips[:, 0, 0, :2] - truth.values[:, :2], [[-0.3, -0.3]] * len(strips), atol=1e-5)
 
 
-def test_goals_and_waypoints_are_crosses_in_their_places(yard):
+def test_goals_and_waypoints_are_crosses_in_their_places(yard: tuple[Log, Recording]) -> None:
     _, recording = yard
     (carts,) = recording.values("/world/agents/cart/goal", "LineStrips3D:strips")
     assert sorted({tuple(np.mean(stroke, axis=0).round(4)[:2].tolist()) for stroke in carts}) == [(-2, 0.3), (2, 0)]
@@ -58,7 +60,7 @@ def test_goals_and_waypoints_are_crosses_in_their_places(yard):
     assert [list(map(list, np.array(strip)[:, :2].tolist())) for strip in guard][-1] == [[-1, -1], [1, -1]]
 
 
-def test_a_gate_moves_and_a_pillar_stays(yard):
+def test_a_gate_moves_and_a_pillar_stays(yard: tuple[Log, Recording]) -> None:
     log, recording = yard
     gate = np.array(recording.values("/world/scenery/gate", "Transform3D:translation"))[:, 0]
     np.testing.assert_array_equal(gate[:, :2], log.series("gate", "world").values[:, :2].astype(np.float32))
@@ -66,7 +68,7 @@ def test_a_gate_moves_and_a_pillar_stays(yard):
     assert {"/world/scenery/fence/0", "/world/scenery/fence/1"} <= recording.entities
 
 
-def test_curves_are_what_the_log_says_with_names_and_units(yard):
+def test_curves_are_what_the_log_says_with_names_and_units(yard: tuple[Log, Recording]) -> None:
     log, recording = yard
     state = log.series("cart.1", "state")
     path = "/curves/agents/cart.1/state"
@@ -79,7 +81,7 @@ def test_curves_are_what_the_log_says_with_names_and_units(yard):
     np.testing.assert_array_equal(recording.values("/curves/risk/cart", "Scalars:scalars"), risks)
 
 
-def test_separation_is_the_least_between_any_two_outlines(yard):
+def test_separation_is_the_least_between_any_two_outlines(yard: tuple[Log, Recording]) -> None:
     log, recording = yard
     carts, guard = log.series("cart", "world"), log.series("guard", "world")
     shapes = [Shape.model_validate(log.manifest["groups"][name]["entity"]["shape"]) for name in ("cart", "guard")]
@@ -91,7 +93,7 @@ def test_separation_is_the_least_between_any_two_outlines(yard):
         assert shown[step] == pytest.approx(min(distance(*pair) for pair in itertools.combinations(bodies, 2)))
 
 
-def test_where_curves_are_thinned_extremes_stay(yard):
+def test_where_curves_are_thinned_extremes_stay(yard: tuple[Log, Recording]) -> None:
     _, recording = yard
     kept = {
         "/curves/risk/cart": "Max",
@@ -104,7 +106,7 @@ def test_where_curves_are_thinned_extremes_stay(yard):
         assert recording.static(path, "SeriesLines:aggregation_policy") == [getattr(policies, policy).value], path
 
 
-def test_intents_run_ahead_of_their_agents_and_fade(yard):
+def test_intents_run_ahead_of_their_agents_and_fade(yard: tuple[Log, Recording]) -> None:
     log, recording = yard
     path = "/awareness/cart/intent"
     first, colours = recording.values(path, "LineStrips3D:strips")[0], recording.values(path, "LineStrips3D:colors")[0]
@@ -115,7 +117,7 @@ def test_intents_run_ahead_of_their_agents_and_fade(yard):
     assert brightness[0] > 2 * brightness[-1]
 
 
-def test_every_event_is_a_line_with_its_time_and_level(yard):
+def test_every_event_is_a_line_with_its_time_and_level(yard: tuple[Log, Recording]) -> None:
     log, recording = yard
     lines = recording.values("/log/events", "TextLog:text")
     assert len(lines) == len(list(log.events()))
@@ -124,13 +126,13 @@ def test_every_event_is_a_line_with_its_time_and_level(yard):
     assert levels <= {"INFO", "WARN", "ERROR", "DEBUG"}
 
 
-def test_in_space_bodies_are_at_their_height(tmp_path):
+def test_in_space_bodies_are_at_their_height(tmp_path: Path) -> None:
     log = log_of(tmp_path, AIRCRAFT)
     positions = np.array(saved(log, tmp_path).values("/world/agents/plane/body", "Points3D:positions"))
     np.testing.assert_array_equal(positions, log.series("plane", "world").values[..., :3].astype(np.float32))
 
 
-def test_a_few_agents_are_drawn_as_red_as_their_risk_was(tmp_path):
+def test_a_few_agents_are_drawn_as_red_as_their_risk_was(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1", shape=DISC)})
     for step in range(3):
         script.say("/world/a/state", step * STEP, wire.encode_rows([[0, 0], [step, 1]]), "Rows")
@@ -142,7 +144,7 @@ def test_a_few_agents_are_drawn_as_red_as_their_risk_was(tmp_path):
     assert shown == [own, [own[0], list(RISK)], [list(RISK), own[1]]]
 
 
-def test_a_risk_that_is_unset_again_tints_nobody(tmp_path):
+def test_a_risk_that_is_unset_again_tints_nobody(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1", shape=DISC)})
     script.say("/agents/a/risk", 0, wire.encode_series([], np.empty((2, 0, 0))), "SeriesRows")
     script.say("/agents/a/risk", STEP, wire.encode_series([0], np.ones((2, 1, 1))), "SeriesRows")
@@ -154,7 +156,7 @@ def test_a_risk_that_is_unset_again_tints_nobody(tmp_path):
     assert reds == [False, True, False]
 
 
-def test_a_group_without_recorded_truth_is_drawn_where_it_believes_to_be(tmp_path):
+def test_a_group_without_recorded_truth_is_drawn_where_it_believes_to_be(tmp_path: Path) -> None:
     log = log_of(tmp_path, YARD, "recording.omit=[world]")
     recording = saved(log, tmp_path)
     centres = np.array(recording.values("/world/agents/cart/body", "Boxes3D:centers"))
@@ -165,7 +167,7 @@ def test_a_group_without_recorded_truth_is_drawn_where_it_believes_to_be(tmp_pat
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "mesh"])
-def test_what_is_round_from_above_has_its_radius(kind, tmp_path):
+def test_what_is_round_from_above_has_its_radius(kind: str, tmp_path: Path) -> None:
     more = {"height": 1.0} if kind == "cylinder" else {"file": "a.stl"}
     script = Script(tmp_path / "a.mcap", {"a": group("a", shape={kind: {"radius": 0.7, **more}})})
     script.say("/world/a/state", 0, wire.encode_rows([[0, 0]]), "Rows")
@@ -173,7 +175,7 @@ def test_what_is_round_from_above_has_its_radius(kind, tmp_path):
     assert recording.static("/world/agents/a/body", "Points3D:radii") == pytest.approx([0.7])
 
 
-def test_rows_that_appear_late_are_nowhere_before(tmp_path):
+def test_rows_that_appear_late_are_nowhere_before(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1", "a.2", shape=DISC)})
     script.say("/world/a/state", 0, wire.encode_rows([[1, 1]], [1]), "Rows")
     script.say("/world/a/state", STEP, wire.encode_rows([[2, 2]], [2]), "Rows")
@@ -186,7 +188,7 @@ def test_rows_that_appear_late_are_nowhere_before(tmp_path):
     np.testing.assert_allclose(separation, [np.nan, np.sqrt(2) - 1, np.sqrt(2) - 1])
 
 
-def test_samples_are_drawn_as_a_fan(tmp_path):
+def test_samples_are_drawn_as_a_fan(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a", shape=DISC)})
     fan = np.arange(12, dtype=float).reshape(1, 3, 4)
     script.say("/agents/a/uncertainty", 0, wire.encode_series([0, 1, 2], fan), "SeriesRows", "x.0,y.0,x.1,y.1")
@@ -195,7 +197,7 @@ def test_samples_are_drawn_as_a_fan(tmp_path):
     assert [[point[:2] for point in way] for way in ways] == [[[0, 1], [4, 5], [8, 9]], [[2, 3], [6, 7], [10, 11]]]
 
 
-def test_a_body_of_another_kind_has_a_colour_of_its_own_and_what_stays_is_grey(tmp_path):
+def test_a_body_of_another_kind_has_a_colour_of_its_own_and_what_stays_is_grey(tmp_path: Path) -> None:
     ball = {"shape": DISC, "position": [0, 3], "heading": 0.0, "moves": True}
     obstacle_views = {"ball1": ball, "ball2": ball, "cue": ball, "rail": {**ball, "moves": False}}
     script = Script(tmp_path / "a.mcap", {"a": group("a", shape=DISC)}, obstacle_views)
@@ -210,7 +212,7 @@ def test_a_body_of_another_kind_has_a_colour_of_its_own_and_what_stays_is_grey(t
     assert np.ptp(shades["rail"]) < 10
 
 
-def test_messages_are_lines_at_every_stage(tmp_path):
+def test_messages_are_lines_at_every_stage(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1"), "car": group("car")})
     script.message(0, "a.1", "car", stage=v1.Message.SENT, sent_time=0, payload=json.dumps("long" * 500))
     script.message(STEP, "a.1", "car", sent_time=0)
@@ -223,7 +225,7 @@ def test_messages_are_lines_at_every_stage(tmp_path):
     assert recording.values("/log/messages", "TextLog:level")[-1] == ["WARN"]
 
 
-def test_a_contact_flashes_where_two_touch_goes_with_them_and_ends(tmp_path):
+def test_a_contact_flashes_where_two_touch_goes_with_them_and_ends(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1", shape=DISC)})
     for step in range(21):
         # Both drift along x; they touch from 0.2 s to 0.6 s.
@@ -241,12 +243,12 @@ def test_a_contact_flashes_where_two_touch_goes_with_them_and_ends(tmp_path):
     assert all(len(each) == 1 for each in rings[:-1])
     centres = [np.mean(np.array(each[0])[:-1], axis=0) for each in rings[:-1]]
     widths = [np.ptp(np.array(each[0])[:, 0]) for each in rings[:-1]]
-    drift = np.array(times[:-1]) // STEP * 0.1
-    np.testing.assert_allclose([centre[0] for centre in centres], drift + 0.45, atol=1e-5)
+    moved = np.array(times[:-1]) // STEP * 0.1
+    np.testing.assert_allclose([centre[0] for centre in centres], moved + 0.45, atol=1e-5)
     assert widths[0] > 1.5 * widths[-1]
 
 
-def test_a_contact_with_an_entity_is_where_the_agent_is(tmp_path):
+def test_a_contact_with_an_entity_is_where_the_agent_is(tmp_path: Path) -> None:
     wall = {"shape": {"box": {"length": 20, "width": 1}}, "position": [0, 10], "heading": 0.0}
     script = Script(tmp_path / "a.mcap", {"a": group("a", shape=DISC)}, {"wall": wall})
     script.say("/world/a/state", 0, wire.encode_rows([[7, 9]]), "Rows")
@@ -256,7 +258,7 @@ def test_a_contact_with_an_entity_is_where_the_agent_is(tmp_path):
     np.testing.assert_allclose(np.mean(np.array(ring[0])[:-1], axis=0)[:2], [7, 9], atol=1e-5)
 
 
-def test_events_and_knowledge_of_agents_in_focus_are_modes(tmp_path):
+def test_events_and_knowledge_of_agents_in_focus_are_modes(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1"), "car": group("car")})
     script.knowledge(0, "car", {0: {"phase": "near", "armed": False, "goal": [1, 2]}})
     script.event(0, "slowed", "agents.car.steer")
@@ -271,7 +273,7 @@ def test_events_and_knowledge_of_agents_in_focus_are_modes(tmp_path):
     assert recording.values("/log/events", "TextLog:level")[-1] == ["ERROR"]
 
 
-def test_ghosts_stand_where_others_are_believed_to_be(tmp_path):
+def test_ghosts_stand_where_others_are_believed_to_be(tmp_path: Path) -> None:
     log = log_of(tmp_path, "noisy.yaml", "run.duration=2.0")
     recording = saved(log, tmp_path)
     beliefs = log.beliefs("watcher", "straight")
@@ -285,7 +287,7 @@ def test_ghosts_stand_where_others_are_believed_to_be(tmp_path):
 
 
 @pytest.mark.parametrize("names", [("risk", "separation"), ("scenery", "messages"), ("contacts", "agents")])
-def test_agents_may_be_called_like_what_is_shown_besides(names, tmp_path):
+def test_agents_may_be_called_like_what_is_shown_besides(names: tuple[str, str], tmp_path: Path) -> None:
     pillar = {"shape": {"circle": {"radius": 1}}, "position": [0, 3], "heading": 0.0}
     script = Script(tmp_path / "a.mcap", {name: group(name, shape=DISC) for name in names}, {"body": pillar})
     for row, name in enumerate(names):
@@ -302,12 +304,12 @@ def test_agents_may_be_called_like_what_is_shown_besides(names, tmp_path):
 class Guesses(Component):
     """Believes for a while to know where another means to go: first one way, then a longer one, then none."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         step = self.now // STEP
         way = {1.0: [1.0, 2.0], 2.0: [3.0, 2.0]} | ({} if step < 2 else {3.0: [3.0, 6.0]})
         return TimeSeries() if step >= 4 else TimeSeries(way)
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         if self._agent.row == 0:
             others = self._agent.awareness_database
             if "robot.1" not in others:
@@ -315,7 +317,7 @@ class Guesses(Component):
             others["robot.1"].intent = value
 
 
-def test_the_ways_that_an_agent_believes_others_to_mean_are_drawn_where_its_ghosts_stand(tmp_path):
+def test_the_ways_that_an_agent_believes_others_to_mean_are_drawn_where_its_ghosts_stand(tmp_path: Path) -> None:
     simulate({"robot": Team({"see": SelfPerception, "guess": Guesses}, count=2)}, 7, tmp_path / "log")
     recording = saved(tmp_path / "log", tmp_path, ["robot"])
     path = "/as/robot.0/others/intent"

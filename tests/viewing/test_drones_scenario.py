@@ -1,6 +1,8 @@
 """What scenarios/drones.yaml promises of its pictures."""
 
 import io
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +13,10 @@ from plot_logs import log_of
 DARK = 60
 
 
-def test_each_camera_sees_another_drone_and_the_risk_is_no_flat_line(tmp_path):
+def test_each_camera_sees_another_drone_and_the_risk_is_no_flat_line(tmp_path: Path) -> None:
     pytest.importorskip("pybullet")
     log = log_of(tmp_path, "drones.yaml", "run.duration=2.6")
-    seen = {}
+    seen: dict[Any, Any] = {}
     for image in log.images("drone"):
         if image.kind == "COLOUR":
             shown = np.asarray(Image.open(io.BytesIO(image.data)).convert("L"))

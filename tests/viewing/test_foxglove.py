@@ -1,17 +1,20 @@
 """What Foxglove is given: read back with nothing but what the file itself says."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from google.protobuf import descriptor_pool, message_factory
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from foxglove_files import Messages, read
+from google.protobuf.message import Message as ProtobufMessage
 from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 from sensing_log import write_sensing
-from simulating import Team, simulate
+from simulating import Team, present, simulate
 
+from symaware_cli import Log
 from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -26,33 +29,18 @@ from symaware_cli.viewing.views import run_view_of
 SECOND = 1_000_000_000
 
 
-def read(path):
-    """The messages of an MCAP, decoded with the schemas in it: topic -> [(time, message)]."""
-    kinds, messages = {}, {}
-    with open(path, "rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
-            if schema.id not in kinds:
-                pool = descriptor_pool.DescriptorPool()
-                for each in FileDescriptorSet.FromString(schema.data).file:
-                    pool.Add(each)
-                kinds[schema.id] = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
-            messages.setdefault(channel.topic, []).append((message.log_time, kinds[schema.id].FromString(message.data)))
-            assert message.publish_time == message.log_time
-    return messages
+def nanoseconds(time: Any) -> int:
+    return int(time.seconds * SECOND + time.nanos)
 
 
-def nanoseconds(time):
-    return time.seconds * SECOND + time.nanos
-
-
-def exported(log, folder):
+def exported(log: Path, folder: Path) -> Messages:
     path = folder / "foxglove.mcap"
     export_foxglove(open_log(log), path)
     return read(path)
 
 
 @pytest.fixture(scope="session")
-def crossing(scenarios, tmp_path_factory) -> Path:
+def crossing(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of robots with risks, intents, uncertainties and walls around them."""
     path = tmp_path_factory.mktemp("crossing") / "crossing.mcap"
     execute(build(scenarios / "crossing.yaml", ["run.duration=4"], None), path)
@@ -60,15 +48,19 @@ def crossing(scenarios, tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def shown(crossing, tmp_path_factory):
+def shown(crossing: Path, tmp_path_factory: pytest.TempPathFactory) -> Messages:
     """The same for Foxglove."""
     return exported(crossing, tmp_path_factory.mktemp("shown"))
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path) -> Callable[..., Path]:
     """Write a log of two robots and a moving cart out of (time, topic, kind, data)."""
-    model = {"use": "unicycle", "state": [["x", "m"], ["y", "m"], ["heading", "rad"]], "control_input": []}
+    model: dict[str, Any] = {
+        "use": "unicycle",
+        "state": [["x", "m"], ["y", "m"], ["heading", "rad"]],
+        "control_input": [],
+    }
     model |= {"position": [0, 1], "heading": 2}
     agents = ["robot.0", "robot.1"]
     body = {"shape": {"box": {"length": 2.0, "width": 1.0}}, "mass": 1.0}
@@ -77,10 +69,10 @@ def write(tmp_path):
     manifest = {"format": 1, "name": "hand", "seed": 1, "mode": "synchronous", "time_step": SECOND, "steps": 3}
     manifest |= {"groups": {"robot": group}, "entities": {"cart": cart}, "roster": [*agents, "cart"]}
 
-    def write(*entries):
+    def write(*entries: tuple[int, str, str, bytes | ProtobufMessage]) -> Path:
         with LogWriter(tmp_path / "hand.mcap") as writer:
             writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
-            channels = {}
+            channels: dict[Any, Any] = {}
             for time, topic, kind, data in entries:
                 metadata = {"columns": "x,y", "units": "m,m"} if kind == "SeriesRows" else {}
                 if kind == "Rows":
@@ -97,10 +89,10 @@ def write(tmp_path):
 class Scene:
     """What is up, as Foxglove keeps it: an update deletes, then adds or replaces."""
 
-    def __init__(self):
-        self.up = {}
+    def __init__(self) -> None:
+        self.up: dict[Any, Any] = {}
 
-    def apply(self, update):
+    def apply(self, update: Any) -> None:
         for deletion in update.deletions:
             entity = self.up.get(deletion.id)
             if entity is not None and nanoseconds(entity.timestamp) < nanoseconds(deletion.timestamp):
@@ -108,12 +100,12 @@ class Scene:
         for entity in update.entities:
             self.up[entity.id] = entity
 
-    def at(self, time):
+    def at(self, time: int) -> set[str]:
         lasting = {id: nanoseconds(entity.timestamp) + nanoseconds(entity.lifetime) for id, entity in self.up.items()}
         return {id for id, end in lasting.items() if end == nanoseconds(self.up[id].timestamp) or time < end}
 
 
-def test_every_agent_is_a_frame_that_moves_as_it_truly_did(crossing, shown):
+def test_every_agent_is_a_frame_that_moves_as_it_truly_did(crossing: Path, shown: Messages) -> None:
     log = open_log(crossing)
     series = log.series("robot", "world")
     frames = shown["/tf/robot"]
@@ -129,7 +121,7 @@ def test_every_agent_is_a_frame_that_moves_as_it_truly_did(crossing, shown):
         np.testing.assert_allclose(np.sin(turns), np.sin(values[:, 2]), atol=1e-6)
 
 
-def test_a_body_keeps_its_name_and_stays_in_its_frame(crossing, shown):
+def test_a_body_keeps_its_name_and_stays_in_its_frame(crossing: Path, shown: Messages) -> None:
     agents = open_log(crossing).manifest["groups"]["robot"]["agents"]
     for _, update in shown["/bodies/robot"]:
         assert [entity.id for entity in update.entities] == agents
@@ -138,7 +130,7 @@ def test_a_body_keeps_its_name_and_stays_in_its_frame(crossing, shown):
         assert not update.deletions
 
 
-def test_a_body_is_the_redder_the_more_risk_it_is_at(write, tmp_path):
+def test_a_body_is_the_redder_the_more_risk_it_is_at(write: Callable[..., Path], tmp_path: Path) -> None:
     risks = [[0.0, 0.0], [1.0, 0.5], [1.0, 0.51], [np.inf, 0.0]]
     told = []
     for time, risk in enumerate(risks):
@@ -155,7 +147,7 @@ def test_a_body_is_the_redder_the_more_risk_it_is_at(write, tmp_path):
     assert [bodies[0][1].entities[0].cubes[0].size.x, bodies[0][1].entities[0].cubes[0].size.y] == [2.0, 1.0]
 
 
-def test_walls_stand_where_they_stand(crossing, shown):
+def test_walls_stand_where_they_stand(crossing: Path, shown: Messages) -> None:
     (time, scenery), *more = shown["/scenery"]
     assert (time, more) == (0, [])
     entities = open_log(crossing).manifest["entities"]
@@ -169,7 +161,7 @@ def test_walls_stand_where_they_stand(crossing, shown):
         assert (min(xs), max(xs)) == (-5.0, 5.0)
 
 
-def test_intents_are_lines_through_their_points(crossing, shown):
+def test_intents_are_lines_through_their_points(crossing: Path, shown: Messages) -> None:
     messages = list(open_log(crossing).messages("/agents/robot/intent"))
     assert len(shown["/intents/robot"]) == len(messages)
     for message, (time, update) in zip(messages, shown["/intents/robot"], strict=True):
@@ -178,7 +170,7 @@ def test_intents_are_lines_through_their_points(crossing, shown):
             assert [[point.x, point.y] for point in entity.lines[0].points] == values.tolist()
 
 
-def test_uncertainties_are_ellipses_of_95_percent(crossing, shown):
+def test_uncertainties_are_ellipses_of_95_percent(crossing: Path, shown: Messages) -> None:
     log = open_log(crossing)
     believed, uncertainty = log.series("robot", "state"), log.series("robot", "uncertainty")
     time, update = shown["/uncertainties/robot"][-1]
@@ -193,7 +185,7 @@ def test_uncertainties_are_ellipses_of_95_percent(crossing, shown):
         assert np.pi / 4.0 * ball.size.x * ball.size.y == pytest.approx(area, rel=1e-3)
 
 
-def test_numbers_can_be_plotted_by_name_and_agent(crossing, shown):
+def test_numbers_can_be_plotted_by_name_and_agent(crossing: Path, shown: Messages) -> None:
     log = open_log(crossing)
     for field, topic in (("world", "/world/robot/state"), ("state", "/agents/robot/state")):
         series = log.series("robot", field)
@@ -211,14 +203,14 @@ def test_numbers_can_be_plotted_by_name_and_agent(crossing, shown):
     np.testing.assert_array_equal(risk.risk, log.series("robot", "risk").values[5, :, 0])
 
 
-def test_events_are_lines_of_a_log(crossing, shown):
+def test_events_are_lines_of_a_log(crossing: Path, shown: Messages) -> None:
     events = list(open_log(crossing).events())
     assert [time for time, _ in shown["/events"]] == [event.time for event in events]
     assert [(line.name, line.level) for _, line in shown["/events"]] == [(event.source, 2) for event in events]
     assert shown["/events"][0][1].message == f"started {events[0].text}"
 
 
-def test_trails_end_where_agents_are(crossing, shown):
+def test_trails_end_where_agents_are(crossing: Path, shown: Messages) -> None:
     series = open_log(crossing).series("robot", "world")
     for time, update in shown["/trails/robot"]:
         values = series.values[np.searchsorted(series.times, time)]
@@ -226,23 +218,24 @@ def test_trails_end_where_agents_are(crossing, shown):
         np.testing.assert_array_equal(ends, values[:, :2])
 
 
-def test_messages_come_in_the_order_of_simulated_time(crossing, tmp_path):
+def test_messages_come_in_the_order_of_simulated_time(crossing: Path, tmp_path: Path) -> None:
     counts = export_foxglove(open_log(crossing), tmp_path / "one.mcap")
     with open(tmp_path / "one.mcap", "rb") as file:
         reader = make_reader(file)
         times = [message.log_time for _, _, message in reader.iter_messages(log_time_order=False)]
-        statistics = reader.get_summary().statistics
+        statistics = present(reader.get_summary()).statistics
     assert times == sorted(times)
+    assert statistics is not None
     assert sum(counts.values()) == len(times) == statistics.message_count
 
 
-def test_the_same_log_makes_the_same_bytes(crossing, tmp_path):
+def test_the_same_log_makes_the_same_bytes(crossing: Path, tmp_path: Path) -> None:
     for name in ("one.mcap", "two.mcap"):
         export_foxglove(open_log(crossing), tmp_path / name)
     assert (tmp_path / "one.mcap").read_bytes() == (tmp_path / "two.mcap").read_bytes()
 
 
-def test_an_intent_that_is_given_up_is_taken_down(write, tmp_path):
+def test_an_intent_that_is_given_up_is_taken_down(write: Callable[..., Path], tmp_path: Path) -> None:
     ways = np.arange(12.0).reshape(2, 3, 2)
     messages = exported(
         write(
@@ -260,18 +253,18 @@ def test_an_intent_that_is_given_up_is_taken_down(write, tmp_path):
     assert [len(entity.lines[0].points) for entity in scene.up.values()] == [3, 2]
 
 
-def test_a_contact_is_marked_while_it_lasts(write, tmp_path):
-    def contact(a, b, stage):
+def test_a_contact_is_marked_while_it_lasts(write: Callable[..., Path], tmp_path: Path) -> None:
+    def contact(a: str, b: str, stage: v1.Contact.Stage) -> v1.Contact:
         return v1.Contact(a=a, b=b, point=[1.0, 2.0], depth=0.1, stage=stage)
 
     states = wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])
     messages = exported(
         write(
             (0, "/world/robot/state", "Rows", states),
-            (10, "/contacts", "Contact", contact("robot.0", "robot.1", 1)),
-            (20, "/contacts", "Contact", contact("robot.0", "cart", 1)),
-            (30, "/contacts", "Contact", contact("robot.0", "robot.1", 2)),
-            (40, "/contacts", "Contact", contact("robot.0", "cart", 2)),
+            (10, "/contacts", "Contact", contact("robot.0", "robot.1", v1.Contact.BEGIN)),
+            (20, "/contacts", "Contact", contact("robot.0", "cart", v1.Contact.BEGIN)),
+            (30, "/contacts", "Contact", contact("robot.0", "robot.1", v1.Contact.END)),
+            (40, "/contacts", "Contact", contact("robot.0", "cart", v1.Contact.END)),
         ),
         tmp_path,
     )
@@ -282,7 +275,7 @@ def test_a_contact_is_marked_while_it_lasts(write, tmp_path):
     assert up == [["robot.0 robot.1"], ["robot.0 cart", "robot.0 robot.1"], ["robot.0 cart"], []]
 
 
-def test_whoever_jumps_into_the_middle_sees_all_that_is_up(shown):
+def test_whoever_jumps_into_the_middle_sees_all_that_is_up(shown: Messages) -> None:
     checked = 0
     for topic, messages in shown.items():
         if topic.split("/")[1] in ("bodies", "labels", "trails", "goals", "intents", "uncertainties", "scenery"):
@@ -294,8 +287,8 @@ def test_whoever_jumps_into_the_middle_sees_all_that_is_up(shown):
     assert checked > 100
 
 
-def test_a_message_is_an_arrow_for_a_moment(write, tmp_path):
-    def message(stage):
+def test_a_message_is_an_arrow_for_a_moment(write: Callable[..., Path], tmp_path: Path) -> None:
+    def message(stage: v1.Message.Stage) -> v1.Message:
         return v1.Message(id=3, sender="robot.0", receiver="robot.1", kind="hello", stage=stage)
 
     states = wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])
@@ -318,14 +311,14 @@ def test_a_message_is_an_arrow_for_a_moment(write, tmp_path):
     assert 0.5 < ends[0] @ way < 1.5 < 3.5 < ends[1] @ way < 4.5
 
 
-def test_entities_that_move_have_frames_as_well(write, tmp_path):
+def test_entities_that_move_have_frames_as_well(write: Callable[..., Path], tmp_path: Path) -> None:
     messages = exported(write((5, "/world/cart/state", "Rows", wire.encode_rows([[5.5, 5.0, 1.0]]))), tmp_path)
     ((time, frames),) = messages["/tf/cart"]
     assert (time, frames.transforms[0].child_frame_id, frames.transforms[0].translation.x) == (5, "cart", 5.5)
     assert messages["/scenery"][0][1].entities[0].frame_id == "cart"
 
 
-def test_who_tilts_has_a_frame_that_tilts(tmp_path):
+def test_who_tilts_has_a_frame_that_tilts(tmp_path: Path) -> None:
     state = [0.0, 0.0, 1.0, 0.3, -0.2, 0.7, *[0.0] * 6]
     simulate({"drone": Team(count=1, state=[state], model=Quadrotor())}, 1, tmp_path / "tilt.mcap")
     _, frames = exported(tmp_path / "tilt.mcap", tmp_path)["/tf/drone"][0]
@@ -334,7 +327,7 @@ def test_who_tilts_has_a_frame_that_tilts(tmp_path):
     np.testing.assert_allclose(turned.as_euler("ZYX"), [0.7, -0.2, 0.3], atol=1e-9)
 
 
-def test_where_the_truth_was_not_recorded_bodies_follow_the_belief(write, tmp_path):
+def test_where_the_truth_was_not_recorded_bodies_follow_the_belief(write: Callable[..., Path], tmp_path: Path) -> None:
     states = wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])
     later = wire.encode_rows([[9.0, 2.0, 0.0]], [1])
     messages = exported(
@@ -344,7 +337,7 @@ def test_where_the_truth_was_not_recorded_bodies_follow_the_belief(write, tmp_pa
     assert places == [[1.0, 4.0], [1.0, 9.0]]
 
 
-def test_a_message_that_does_not_fit_is_told_with_its_place(write, tmp_path):
+def test_a_message_that_does_not_fit_is_told_with_its_place(write: Callable[..., Path], tmp_path: Path) -> None:
     states = wire.encode_rows([[1.0, 2.0, 0.0]], [7])
     log = open_log(write((5, "/world/robot/state", "Rows", states)))
     with pytest.raises(LogError, match=r"the messages on /world/robot/state in .* do not fit together: at 5 ns"):
@@ -352,7 +345,7 @@ def test_a_message_that_does_not_fit_is_told_with_its_place(write, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["hand.mcap"]
 
 
-def test_a_folder_that_is_missing_is_told_and_nothing_is_left(crossing, tmp_path):
+def test_a_folder_that_is_missing_is_told_and_nothing_is_left(crossing: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="its folder does not exist"):
         export_foxglove(open_log(crossing), tmp_path / "nowhere" / "out.mcap")
     assert list(tmp_path.iterdir()) == []
@@ -362,14 +355,14 @@ def test_a_folder_that_is_missing_is_told_and_nothing_is_left(crossing, tmp_path
 
 
 @pytest.fixture(scope="session")
-def sensing(tmp_path_factory):
+def sensing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Log, Messages]:
     """A log of all that sensors measure, and the same for Foxglove."""
     folder = tmp_path_factory.mktemp("sensing")
     path = write_sensing(folder / "sensing.mcap")
     return open_log(path), exported(path, folder)
 
 
-def test_a_scan_ends_where_its_rays_ended(sensing):
+def test_a_scan_ends_where_its_rays_ended(sensing: tuple[Log, Messages]) -> None:
     log, shown = sensing
     for agent in ("robot.0", "robot.1"):
         scans = list(log.scans(agent))
@@ -388,12 +381,12 @@ def test_a_scan_ends_where_its_rays_ended(sensing):
             assert (message.frame_id, message.pose.position.z) == ("world", height)
 
 
-def test_rays_that_are_not_spread_evenly_make_no_scan(write, tmp_path):
+def test_rays_that_are_not_spread_evenly_make_no_scan(write: Callable[..., Path], tmp_path: Path) -> None:
     scan = v1.Scan(angles=[0.0, 0.1, 0.5], distances=[1.0] * 6, poses=[0.0] * 8, range=9.0)
     assert "/scan/robot.0/look" not in exported(write((0, "/agents/robot/scan/look", "Scan", scan)), tmp_path)
 
 
-def test_images_are_shown_as_they_were_taken(sensing):
+def test_images_are_shown_as_they_were_taken(sensing: tuple[Log, Messages]) -> None:
     log, shown = sensing
     colours = [image for image in log.images("robot.1") if image.kind == "COLOUR"]
     depths = [image.pixels for image in log.images("robot.1") if image.kind == "DEPTH"]
@@ -404,7 +397,7 @@ def test_images_are_shown_as_they_were_taken(sensing):
         np.testing.assert_allclose(pixels[pixels > 0] / 1e3, depth[pixels > 0], atol=1e-9)
 
 
-def test_the_lens_puts_what_a_camera_sees_where_it_stands(sensing):
+def test_the_lens_puts_what_a_camera_sees_where_it_stands(sensing: tuple[Log, Messages]) -> None:
     """A pixel and its depth, through the lens and the frame of the camera, are a point on the front of the crate."""
     log, shown = sensing
     (_, frame), (_, lens) = shown["/tf/robot.0/eye"][0], shown["/camera/robot.0/eye/calibration"][0]
@@ -420,7 +413,7 @@ def test_the_lens_puts_what_a_camera_sees_where_it_stands(sensing):
     np.testing.assert_allclose(place, [2.5, 0.5, 1.0], atol=0.13)
 
 
-def test_readings_can_be_plotted_by_name_and_agent(sensing):
+def test_readings_can_be_plotted_by_name_and_agent(sensing: tuple[Log, Messages]) -> None:
     log, shown = sensing
     series = log.series("robot", "inertia")
     for (time, message), instant, values in zip(

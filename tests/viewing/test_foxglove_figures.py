@@ -1,11 +1,11 @@
 """Links, meshes and tumbling bodies, as Foxglove is given them."""
 
-import numpy as np
 import pytest
+from foxglove_files import Messages, frames, read
 from plot_logs import log_of
 from scipy.spatial.transform import Rotation
-from test_foxglove import read
 
+from symaware_cli import Log
 from symaware_cli.viewing.foxglove import export_foxglove
 
 SCENARIO = """
@@ -33,7 +33,7 @@ agents:
 
 
 @pytest.fixture(scope="module")
-def links(tmp_path_factory):
+def links(tmp_path_factory: pytest.TempPathFactory) -> tuple[Log, Messages]:
     folder = tmp_path_factory.mktemp("links")
     (folder / "rock.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1/1 2/2 3/3 -1\n")
     log = log_of(folder, SCENARIO)
@@ -41,31 +41,20 @@ def links(tmp_path_factory):
     return log, read(folder / "foxglove.mcap")
 
 
-def frames(message):
-    """By name its parent, translation and rotation."""
-    return {
-        each.child_frame_id: (
-            each.parent_frame_id,
-            np.array([each.translation.x, each.translation.y, each.translation.z]),
-            Rotation.from_quat([each.rotation.x, each.rotation.y, each.rotation.z, each.rotation.w]),
-        )
-        for each in message.transforms
-    }
-
-
-def test_links_move_with_their_bodies_as_their_joints_stand(links):
+def test_links_move_with_their_bodies_as_their_joints_stand(links: tuple[Log, Messages]) -> None:
     log, messages = links
     time, turned = messages["/tf/car/links"][-1]
     joints, names = log.series("car", "joints"), log.channels["/world/car/joints"].metadata["columns"].split(",")
     assert time == joints.times[-1]
     parent, at, rotation = frames(turned)["car.0/left_steering_hinge"]
-    assert (parent, at) == ("car.0", pytest.approx([0.325, 0.1, 0.05], abs=1e-6))
+    assert parent == "car.0"
+    assert at == pytest.approx([0.325, 0.1, 0.05], abs=1e-6)
     angle = joints.values[-1, 0, names.index("left_steering_hinge_joint")]
     hung = Rotation.from_euler("y", 1.5708) * Rotation.from_rotvec([-angle, 0, 0])
     assert (rotation * hung.inv()).magnitude() < 1e-6
 
 
-def test_a_vehicle_has_all_its_links_and_each_a_frame_that_is_said(links):
+def test_a_vehicle_has_all_its_links_and_each_a_frame_that_is_said(links: tuple[Log, Messages]) -> None:
     _, messages = links
     ((_, update),) = messages["/models/car"]
     shown = {made.frame_id for made in update.entities}
@@ -77,7 +66,7 @@ def test_a_vehicle_has_all_its_links_and_each_a_frame_that_is_said(links):
     assert (chassis.triangles[0].color.b, chassis.triangles[0].color.r) == pytest.approx((0.8, 0.0))
 
 
-def test_bodies_lie_as_the_log_has_them(links):
+def test_bodies_lie_as_the_log_has_them(links: tuple[Log, Messages]) -> None:
     log, messages = links
     poses = log.series("plank", "pose")
     assert [time for time, _ in messages["/tf/plank"]] == poses.times.tolist()
@@ -87,7 +76,7 @@ def test_bodies_lie_as_the_log_has_them(links):
         assert (rotation * Rotation.from_quat(pose[3:]).inv()).magnitude() < 1e-6
 
 
-def test_a_mesh_is_triangles_of_its_size(links):
+def test_a_mesh_is_triangles_of_its_size(links: tuple[Log, Messages]) -> None:
     _, messages = links
     ((_, scenery),) = messages["/scenery"]
     rock = next(made for made in scenery.entities if made.id == "rock")
@@ -96,7 +85,7 @@ def test_a_mesh_is_triangles_of_its_size(links):
     assert list(surface.indices) == [0, 1, 2, 0, 2, 3]
 
 
-def test_a_ring_shows_who_a_vehicle_is(links):
+def test_a_ring_shows_who_a_vehicle_is(links: tuple[Log, Messages]) -> None:
     _, messages = links
     bodies = messages["/bodies/car"][0][1].entities
     assert [len(made.lines) for made in bodies] == [1, 1]

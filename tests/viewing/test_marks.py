@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 import rerun as rr
+from foxglove_files import read
 from rerun_files import Recording
-from test_foxglove import read
 
 from symaware_cli.viewing.foxglove.output import Output
 from symaware_cli.viewing.foxglove.show import show

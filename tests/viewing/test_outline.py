@@ -16,30 +16,30 @@ SHAPES = [
 
 
 @pytest.mark.parametrize(("shape", "area"), SHAPES)
-def test_an_outline_has_the_area_of_its_shape_and_runs_counter_clockwise(shape, area):
+def test_an_outline_has_the_area_of_its_shape_and_runs_counter_clockwise(shape: Shape, area: float) -> None:
     (outline,) = outlines(shape.pieces)
     ring = shapely.LinearRing(outline)
     assert ring.is_ccw
     assert shapely.Polygon(outline).area == pytest.approx(area, rel=0.01)
 
 
-def test_a_wall_of_two_segments_has_two_pieces():
+def test_a_wall_of_two_segments_has_two_pieces() -> None:
     assert len(outlines(Shape(wall=Wall(points=[(0, 0), (1, 0), (1, 1)])).pieces)) == 2
 
 
-def test_a_circle_is_closed():
+def test_a_circle_is_closed() -> None:
     ring = circle(2.0, corners=8)
     np.testing.assert_allclose(ring[0], ring[-1], atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(ring, axis=1), 2.0)
 
 
-def test_an_outline_turns_with_the_heading_and_moves_with_the_position():
+def test_an_outline_turns_with_the_heading_and_moves_with_the_position() -> None:
     corners = placed(np.array([[1.0, 0.0]]), np.array([[5.0, 6.0, 7.0]]), np.array([0.5 * np.pi]))
     np.testing.assert_allclose(corners, [[[5.0, 7.0, 7.0]]])
 
 
 @pytest.mark.parametrize(("shape", "area"), SHAPES)
-def test_a_prism_is_closed_and_has_the_volume_of_its_outline_times_its_height(shape, area):
+def test_a_prism_is_closed_and_has_the_volume_of_its_outline_times_its_height(shape: Shape, area: float) -> None:
     (outline,) = outlines(shape.pieces)
     vertices, triangles = mesh(outline, 1.0, 4.0)
     one, two, three = vertices[triangles].swapaxes(0, 1)
@@ -50,7 +50,7 @@ def test_a_prism_is_closed_and_has_the_volume_of_its_outline_times_its_height(sh
     assert {(b, a) for a, b in edges} == edges
 
 
-def test_a_prism_without_height_is_one_face():
+def test_a_prism_without_height_is_one_face() -> None:
     vertices, triangles = mesh(circle(1.0, corners=6)[:-1], 0.5, 0.5)
     assert (len(vertices), len(triangles)) == (6, 4)
     assert (vertices[:, 2] == 0.5).all()

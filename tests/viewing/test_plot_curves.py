@@ -1,11 +1,15 @@
 """Quantities over time, and who they belong to."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from plot_logs import AIRCRAFT, YARD, log_of
 from sensing_log import write_sensing
+from simulating import present, untyped
 
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.writer import LogWriter
@@ -20,21 +24,21 @@ from symaware_cli.viewing.views import run_view_of
 
 
 @pytest.fixture(scope="module")
-def yard(tmp_path_factory):
+def yard(tmp_path_factory: pytest.TempPathFactory) -> Log:
     return log_of(tmp_path_factory.mktemp("yard"), YARD)
 
 
-def panels(log, **request):
+def panels(log: Log, **request: Any) -> dict[str, Any]:
     names = tuple(SeriesName.parse(name) for name in request.pop("series", ()))
     return {panel.name: panel for panel in gather(log, PlotRequest(series=names, **request)).panels}
 
 
-def test_a_value_holds_until_the_next_and_is_unknown_before_the_first():
+def test_a_value_holds_until_the_next_and_is_unknown_before_the_first() -> None:
     values = held(np.array([10, 20]), np.array([[1.0], [2.0]]), np.array([5, 10, 15, 20, 99]))
     np.testing.assert_array_equal(values[:, 0], [np.nan, 1, 1, 2, 2])
 
 
-def test_a_log_has_the_panels_that_it_has_data_for(tmp_path, yard):
+def test_a_log_has_the_panels_that_it_has_data_for(tmp_path: Path, yard: Log) -> None:
     assert list(panels(yard)) == ["trajectories", "separation", "risk", "speed"]
     assert list(panels(log_of(tmp_path, "hello.yaml", "run.duration=0.2"))) == ["trajectories", "separation", "speed"]
     assert list(panels(log_of(tmp_path, AIRCRAFT, "run.duration=0.5")))[-1] == "altitude"
@@ -42,14 +46,14 @@ def test_a_log_has_the_panels_that_it_has_data_for(tmp_path, yard):
     assert list(panels(alone)) == ["trajectories", "speed"]
 
 
-def test_panels_come_in_the_order_in_which_they_are_asked_for(yard):
+def test_panels_come_in_the_order_in_which_they_are_asked_for(yard: Log) -> None:
     shown = panels(yard, show=("risk", "control"))
     assert list(shown) == [*("risk", "control speed", "control turn_rate", "control velocity_x", "control velocity_y")]
     assert [line.name for line in shown["control speed"].lines] == ["cart.0", "cart.1"]
     assert [line.name for line in shown["control velocity_x"].lines] == ["guard"]
 
 
-def test_speed_is_that_of_the_true_positions(yard):
+def test_speed_is_that_of_the_true_positions(yard: Log) -> None:
     speed = panels(yard, show=("speed",))["speed"]
     assert [line.name for line in speed.lines] == ["cart.0", "cart.1", "guard"]
     truth = yard.series("cart.0", "world")
@@ -61,7 +65,7 @@ def test_speed_is_that_of_the_true_positions(yard):
     assert who in ("cart.0", "cart.1", "guard")
 
 
-def test_risk_is_the_present_one_of_those_that_have_one(yard):
+def test_risk_is_the_present_one_of_those_that_have_one(yard: Log) -> None:
     risk = panels(yard, show=("risk",))["risk"]
     recorded = yard.series("cart.0", "risk")
     assert [line.name for line in risk.lines] == ["cart.0", "cart.1"]
@@ -70,13 +74,13 @@ def test_risk_is_the_present_one_of_those_that_have_one(yard):
     assert risk.facts()["maximum"]["value"] == np.nanmax(risk.values)
 
 
-def test_the_altitude_is_the_third_coordinate(tmp_path):
+def test_the_altitude_is_the_third_coordinate(tmp_path: Path) -> None:
     altitude = panels(log_of(tmp_path, AIRCRAFT, "run.duration=0.5"), show=("altitude",))["altitude"]
     assert altitude.values[0].tolist() == [100.0, 112.0]
     assert altitude.unit == "m"
 
 
-def test_a_series_by_name_has_a_panel_for_each_column(yard):
+def test_a_series_by_name_has_a_panel_for_each_column(yard: Log) -> None:
     shown = panels(yard, series=["cart.0:world"])
     assert {name: curves.unit for name, curves in shown.items()} == {"x": "m", "y": "m", "heading": "rad"}
     truth = yard.series("cart.0", "world")
@@ -86,7 +90,7 @@ def test_a_series_by_name_has_a_panel_for_each_column(yard):
     assert list(panels(yard, series=["cart.0:world:2"])) == ["heading"]
 
 
-def test_series_that_measure_the_same_share_a_panel_and_are_told_apart(yard):
+def test_series_that_measure_the_same_share_a_panel_and_are_told_apart(yard: Log) -> None:
     shown = panels(yard, series=["cart.0:world:x", "cart.1:world:x", "gate:world:x"])
     assert [line.name for line in shown["x"].lines] == ["cart.0", "cart.1", "gate"]
     assert len({line.colour for line in shown["x"].lines}) == 3
@@ -95,7 +99,7 @@ def test_series_that_measure_the_same_share_a_panel_and_are_told_apart(yard):
     assert [line.dashed for line in both] == [False, False, True, True]
 
 
-def test_a_window_begins_with_what_held_before_it(yard):
+def test_a_window_begins_with_what_held_before_it(yard: Log) -> None:
     times = panels(yard, series=["guard:control:0"], start=1.01, end=1.52)["velocity_x"].times
     assert (times[0], times[-1]) == (1_010_000_000, 1_520_000_000)
     truth = panels(yard, show=("trajectories",), start=1.01, end=1.52)["trajectories"].motion.times
@@ -113,7 +117,9 @@ def test_a_window_begins_with_what_held_before_it(yard):
     ],
     ids=str,
 )
-def test_what_the_log_does_not_have_is_told_with_what_there_is(yard, request_of, name, known):
+def test_what_the_log_does_not_have_is_told_with_what_there_is(
+    yard: Log, request_of: dict[str, Any], name: str, known: str
+) -> None:
     with pytest.raises(UnknownNameError) as caught:
         panels(yard, **request_of)
     assert caught.value.name == name
@@ -137,20 +143,20 @@ def test_what_the_log_does_not_have_is_told_with_what_there_is(yard, request_of,
     ],
     ids=str,
 )
-def test_what_has_no_values_is_a_sentence(yard, request_of):
+def test_what_has_no_values_is_a_sentence(yard: Log, request_of: dict[str, Any]) -> None:
     with pytest.raises(LogError) as caught:
         panels(yard, **request_of)
     assert "\n" not in str(caught.value)
 
 
-def test_agents_are_plotted_as_if_there_were_no_others(yard):
+def test_agents_are_plotted_as_if_there_were_no_others(yard: Log) -> None:
     content = gather(yard, PlotRequest(agents=("cart.1", "guard")))
     assert content.chosen.agents == ("cart.1", "guard")
-    assert content.panels[0].motion.positions.shape[1] == 2
+    assert untyped(content.panels[0]).motion.positions.shape[1] == 2
     assert content.facts()["agents"] == 2
 
 
-def test_colours_are_those_of_the_replay_and_nobody_has_those_of_another(tmp_path):
+def test_colours_are_those_of_the_replay_and_nobody_has_those_of_another(tmp_path: Path) -> None:
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=14")
     run_view = run_view_of(log)
     lines = choose(run_view).lines
@@ -158,7 +164,7 @@ def test_colours_are_those_of_the_replay_and_nobody_has_those_of_another(tmp_pat
     assert len({(line.colour, line.dashed) for line in lines}) == 14
 
 
-def test_a_few_of_many_are_told_apart(tmp_path):
+def test_a_few_of_many_are_told_apart(tmp_path: Path) -> None:
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=40")
     everybody = choose(run_view_of(log))
     assert everybody.many
@@ -168,7 +174,7 @@ def test_a_few_of_many_are_told_apart(tmp_path):
     assert len({line.colour for line in few.lines}) == 2
 
 
-def test_an_infinite_value_is_no_extreme():
+def test_an_infinite_value_is_no_extreme() -> None:
     times = np.arange(2) * 10**9
     curves = PlottedCurves(
         "x", "", times, np.array([[np.nan, 1.0], [np.inf, 0.0]]), (LineStyle("a", "#000"), LineStyle("b", "#000"))
@@ -179,10 +185,10 @@ def test_an_infinite_value_is_no_extreme():
     assert nothing.extreme() is None
 
 
-def test_beliefs_stand_in_for_a_truth_that_was_not_recorded(tmp_path):
+def test_beliefs_stand_in_for_a_truth_that_was_not_recorded(tmp_path: Path) -> None:
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world]")
     content = gather(log, PlotRequest())
-    assert content.panels[0].believed == ("robot",)
+    assert untyped(content.panels[0]).believed == ("robot",)
     assert "what robot believed" in content.notes[0]
     bare = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world, state]")
     assert gather(bare, PlotRequest(show=("control",))).panels
@@ -190,7 +196,7 @@ def test_beliefs_stand_in_for_a_truth_that_was_not_recorded(tmp_path):
         gather(bare, PlotRequest())
 
 
-def test_a_group_whose_states_are_lost_does_not_take_the_others_along(yard, tmp_path):
+def test_a_group_whose_states_are_lost_does_not_take_the_others_along(yard: Log, tmp_path: Path) -> None:
     with LogWriter(tmp_path / "part.mcap") as writer:
         writer.attach("manifest.json", "application/json", yard.attachments["manifest.json"])
         channel = writer.channel("/world/cart/state", "Rows", {"columns": "x,y,heading", "units": "m,m,rad"})
@@ -198,13 +204,13 @@ def test_a_group_whose_states_are_lost_does_not_take_the_others_along(yard, tmp_
             writer.add(channel, time, wire.encode_rows(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])))
         writer.finish({"status": "finished"})
     plane, separation, speed = gather(open_log(tmp_path / "part.mcap"), PlotRequest()).panels
-    assert np.isnan(plane.motion.positions[:, 2, :2]).all()
-    assert separation.agents.pair.tolist() == [[0, 1], [0, 1]]
-    assert speed.extreme() == (0.0, 0.0, "cart.0")
+    assert np.isnan(untyped(plane).motion.positions[:, 2, :2]).all()
+    assert present(untyped(separation).agents).pair.tolist() == [[0, 1], [0, 1]]
+    assert untyped(speed).extreme() == (0.0, 0.0, "cart.0")
     plot(open_log(tmp_path / "part.mcap"), tmp_path / "part.png")
 
 
-def test_readings_are_series_by_the_name_of_their_sensor(tmp_path):
+def test_readings_are_series_by_the_name_of_their_sensor(tmp_path: Path) -> None:
     log = open_log(write_sensing(tmp_path / "sensing.mcap"))
     shown = panels(log, series=("robot:inertia:rate_z", "robot.1:bumper"))
     assert [(panel.name, panel.unit) for panel in shown.values()] == [

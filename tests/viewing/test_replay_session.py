@@ -1,10 +1,15 @@
 """A log in a file, in a picture, in part."""
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from plot_logs import AIRCRAFT, YARD, log_of
 from rerun_files import STEP, Recording, Script, coloured, group, needs_graphics, pixels, saved
 
+from symaware_cli import Log
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
 from symaware_cli.viewing import chunk
@@ -14,11 +19,11 @@ BODY = "/world/agents/cart/body", "Boxes3D:centers"
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     return log_of(tmp_path_factory.mktemp("yard"), YARD)
 
 
-def content(recording):
+def content(recording: Recording) -> dict[tuple[str, str], list[tuple[int | None, list[Any] | None]]]:
     return {
         key: [(time, value) for time, value in rows]
         for key, rows in recording.rows.items()
@@ -26,7 +31,7 @@ def content(recording):
     }
 
 
-def test_an_rrd_has_its_blueprint_inside_and_simulated_time_only(log, tmp_path):
+def test_an_rrd_has_its_blueprint_inside_and_simulated_time_only(log: Log, tmp_path: Path) -> None:
     from rerun.chunk import RrdReader
 
     replay_session(log).save(tmp_path / "a.rrd")
@@ -35,13 +40,15 @@ def test_an_rrd_has_its_blueprint_inside_and_simulated_time_only(log, tmp_path):
     assert names == {"time"}
 
 
-def test_two_files_of_one_log_say_the_same(log, tmp_path):
+def test_two_files_of_one_log_say_the_same(log: Log, tmp_path: Path) -> None:
     # Rerun orders what belongs to different entities by when its threads come to it.
     one, other = (sorted(content(saved(log, tmp_path)).items()) for _ in range(2))
     assert repr(one) == repr(other)
 
 
-def test_a_log_cut_into_small_chunks_makes_the_same_recording(log, tmp_path, monkeypatch):
+def test_a_log_cut_into_small_chunks_makes_the_same_recording(
+    log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     whole = content(saved(log, tmp_path))
     original = chunk.ChunkReader.chunks
     monkeypatch.setattr(chunk.ChunkReader, "chunks", lambda self, messages: original(self, messages, 3000))
@@ -51,7 +58,7 @@ def test_a_log_cut_into_small_chunks_makes_the_same_recording(log, tmp_path, mon
         assert repr(parts[key]) == repr(rows), key
 
 
-def test_a_stretch_begins_with_what_holds_by_then(log, tmp_path):
+def test_a_stretch_begins_with_what_holds_by_then(log: Log, tmp_path: Path) -> None:
     begin, end = 1_020_000_000, 2_000_000_000
     part, whole = saved(log, tmp_path, start=begin, end=end), saved(log, tmp_path)
     times = part.times(*BODY)
@@ -70,33 +77,35 @@ def test_a_stretch_begins_with_what_holds_by_then(log, tmp_path):
     )
 
 
-def test_a_contact_that_lasts_into_a_stretch_is_shown_there(tmp_path):
+def test_a_contact_that_lasts_into_a_stretch_is_shown_there(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1", shape={"circle": {"radius": 0.5}})})
     for step in range(10):
-        script.say("/world/a/state", step * STEP, wire.encode_rows([[0, 0], [0.9, 0.1 * step]]), "Rows")
+        script.say("/world/a/state", step * STEP, wire.encode_rows([[0.0, 0.0], [0.9, 0.1 * step]]), "Rows")
         if step == 1:
             script.contact(step * STEP, "a.0", "a.1")
     recording = saved(script.finish(), tmp_path, start=5 * STEP)
     assert recording.times("/world/contacts", "LineStrips3D:strips")[0] == 5 * STEP
 
 
-def test_nothing_in_a_stretch_is_told(log):
+def test_nothing_in_a_stretch_is_told(log: Log) -> None:
     with pytest.raises(LogError, match="nothing to show in that interval"):
         replay_session(log, start=10_000_000_000)
 
 
-def test_a_log_that_broke_off_before_its_first_message_is_told(tmp_path):
+def test_a_log_that_broke_off_before_its_first_message_is_told(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"has nothing to show$"):
         replay_session(Script(tmp_path / "a.mcap", {"a": group("a")}).finish())
 
 
-def test_a_log_of_many_kinds_of_messages_and_no_models_is_a_damaged_one(sample_writer_path, tmp_path):
+def test_a_log_of_many_kinds_of_messages_and_no_models_is_a_damaged_one(
+    sample_writer_path: Log, tmp_path: Path
+) -> None:
     with pytest.raises(LogError, match=r"manifest in .* is damaged"):
         replay_session(sample_writer_path)
 
 
 @pytest.fixture
-def sample_writer_path(tmp_path):
+def sample_writer_path(tmp_path: Path) -> Log:
     from sample_log import write_sample
 
     from symaware_cli import open_log
@@ -106,7 +115,7 @@ def sample_writer_path(tmp_path):
 
 @needs_graphics
 @pytest.mark.parametrize(("scenario", "agents"), [(YARD, ()), (YARD, ["cart.1"]), (AIRCRAFT, ())])
-def test_the_viewer_shows_it_without_complaint(scenario, agents, tmp_path):
+def test_the_viewer_shows_it_without_complaint(scenario: str, agents: Sequence[str], tmp_path: Path) -> None:
     opened = log_of(tmp_path, scenario)
     shown = replay_session(opened, agents)
     views = shown.picture(tmp_path / "a.png", None, "900x600")
@@ -124,7 +133,9 @@ def test_the_viewer_shows_it_without_complaint(scenario, agents, tmp_path):
 @pytest.mark.slow
 @needs_graphics
 @pytest.mark.parametrize(("scenario", "duration"), [("crossing", 14), ("circle-swap", 10), ("swarm", 3)])
-def test_the_examples_are_shown_without_complaint_be_they_few_or_a_thousand(scenario, duration, tmp_path):
+def test_the_examples_are_shown_without_complaint_be_they_few_or_a_thousand(
+    scenario: str, duration: int, tmp_path: Path
+) -> None:
     opened = log_of(tmp_path, f"{scenario}.yaml", f"run.duration={duration}")
     views = replay_session(opened).picture(tmp_path / "a.png", int(0.8 * duration * 1e9), "1200x800")
     assert [report for view in views for report in view.reports] == []

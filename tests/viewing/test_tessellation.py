@@ -16,7 +16,7 @@ SOLIDS = [
 
 
 @pytest.mark.parametrize(("visual", "volume"), SOLIDS, ids=lambda value: getattr(value, "kind", ""))
-def test_the_surface_is_closed_and_encloses_the_volume_of_the_solid(visual, volume):
+def test_the_surface_is_closed_and_encloses_the_volume_of_the_solid(visual: Visual, volume: float) -> None:
     vertices, _, corners = tessellated(visual)
     first, second, third = (vertices[corners[:, place]] for place in range(3))
     # The divergence theorem; triangles that run the wrong way round would count negative.
@@ -25,7 +25,7 @@ def test_the_surface_is_closed_and_encloses_the_volume_of_the_solid(visual, volu
 
 
 @pytest.mark.parametrize(("visual", "volume"), SOLIDS, ids=lambda value: getattr(value, "kind", ""))
-def test_normals_point_outwards(visual, volume):
+def test_normals_point_outwards(visual: Visual, volume: float) -> None:
     vertices, normals, corners = tessellated(visual)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
     first, second, third = (vertices[corners[:, place]] for place in range(3))
@@ -37,6 +37,8 @@ def test_normals_point_outwards(visual, volume):
 @pytest.mark.parametrize(
     ("visual", "half"), [(SOLIDS[2][0], [2, 2, 2]), (SOLIDS[3][0], [1, 1, 1.5]), (SOLIDS[4][0], [1, 1, 2.5])]
 )
-def test_round_solids_reach_as_far_as_they_say(visual, half):
+def test_round_solids_reach_as_far_as_they_say(visual: Visual, half: list[float]) -> None:
     vertices = tessellated(visual).vertices
-    np.testing.assert_allclose([vertices.min(axis=0), vertices.max(axis=0)], [np.negative(half), half], atol=1e-2)
+    np.testing.assert_allclose(
+        [vertices.min(axis=0), vertices.max(axis=0)], [[-each for each in half], half], atol=1e-2
+    )

@@ -1,13 +1,16 @@
 """A tilted entity is tilted in replays, for Foxglove and, seen from above, in plots."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from foxglove_files import frames, read
 from plot_logs import log_of
 from rerun_files import saved
 from scipy.spatial.transform import Rotation
-from test_foxglove import read
-from test_foxglove_figures import frames
 
+from symaware_cli import Log
 from symaware_cli.viewing.foxglove import export_foxglove
 from symaware_cli.viewing.views import run_view_of
 
@@ -31,26 +34,26 @@ RAMP = Rotation.from_euler("ZYX", [0.4, 0.5, 0.1])
 
 
 @pytest.fixture(scope="module")
-def slope(tmp_path_factory):
+def slope(tmp_path_factory: pytest.TempPathFactory) -> tuple[Log, Path]:
     folder = tmp_path_factory.mktemp("slope")
     return log_of(folder, SCENARIO), folder
 
 
-def apart(quaternion, rotation):
-    return (Rotation.from_quat(quaternion) * rotation.inv()).magnitude()
+def apart(quaternion: Any, rotation: Rotation) -> float:
+    return float((Rotation.from_quat(quaternion) * rotation.inv()).magnitude())
 
 
-def test_the_log_says_how_things_are_tilted(slope):
+def test_the_log_says_how_things_are_tilted(slope: tuple[Log, Path]) -> None:
     log, _ = slope
     assert log.manifest["entities"]["ramp"]["pitch"] == 0.5
     assert apart(log.series("crate", "pose").values[0, 3:], Rotation.from_euler("x", 0.7)) < 1e-9
 
 
-def test_a_replay_draws_them_tilted(slope):
+def test_a_replay_draws_them_tilted(slope: tuple[Log, Path]) -> None:
     log, folder = slope
     recording = saved(log, folder)
 
-    def turned(name):
+    def turned(name: str) -> list[Any]:
         (path,) = (each for each in recording.entities if each.startswith(f"/world/scenery/{name}/"))
         return recording.values(path, "InstancePoses3D:quaternions")
 
@@ -60,7 +63,7 @@ def test_a_replay_draws_them_tilted(slope):
     assert apart(turned("lift")[-1][0], Rotation.from_euler("ZYX", [0.2 + 0.4 * 0.4, -0.3, 0.0])) < 1e-6
 
 
-def test_foxglove_is_told_that_they_are_tilted(slope):
+def test_foxglove_is_told_that_they_are_tilted(slope: tuple[Log, Path]) -> None:
     log, folder = slope
     export_foxglove(log, folder / "foxglove.mcap")
     messages = read(folder / "foxglove.mcap")
@@ -70,7 +73,7 @@ def test_foxglove_is_told_that_they_are_tilted(slope):
     assert (rotation * Rotation.from_euler("ZYX", [0.2, -0.3, 0.0]).inv()).magnitude() < 1e-6
 
 
-def test_seen_from_above_they_cover_more_or_less_than_upright(slope):
+def test_seen_from_above_they_cover_more_or_less_than_upright(slope: tuple[Log, Path]) -> None:
     log, _ = slope
     obstacle_views = run_view_of(log).obstacle_views
     corners = np.array(obstacle_views["ramp"].shape.pieces[0][0])

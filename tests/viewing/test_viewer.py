@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 from rerun_files import needs_graphics
+from simulating import present
 
 from symaware_cli.viewing.viewer import ViewerError, require_reachable, viewer
 
 
-def listening(pid):
+def listening(pid: int) -> set[str]:
     """The addresses that a process listens on."""
     sockets = {os.readlink(each) for each in Path(f"/proc/{pid}/fd").iterdir() if each.is_symlink()}
     found = set()
@@ -31,7 +32,7 @@ linux_only = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 
 @linux_only
-def test_for_browsers_it_listens_on_this_machine_alone_and_serves_the_link():
+def test_for_browsers_it_listens_on_this_machine_alone_and_serves_the_link() -> None:
     with viewer(web=True, web_port=0) as running:
         assert listening(running.process.pid) == {"0100007F"}
         page = running.link.partition("?")[0]
@@ -41,13 +42,13 @@ def test_for_browsers_it_listens_on_this_machine_alone_and_serves_the_link():
 
 
 @linux_only
-def test_it_listens_to_all_if_that_is_asked_for():
+def test_it_listens_to_all_if_that_is_asked_for() -> None:
     with viewer(web=True, web_port=0, bind="0.0.0.0") as running:
         assert listening(running.process.pid) == {"00000000"}
         assert running.link.startswith("http://127.0.0.1:")
 
 
-def test_a_port_that_is_taken_is_told_and_nobody_else_is_sent_anything():
+def test_a_port_that_is_taken_is_told_and_nobody_else_is_sent_anything() -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -58,13 +59,13 @@ def test_a_port_that_is_taken_is_told_and_nobody_else_is_sent_anything():
             other.accept()
 
 
-def test_an_address_that_this_machine_does_not_have_is_told():
+def test_an_address_that_this_machine_does_not_have_is_told() -> None:
     # Of TEST-NET-1, RFC 5737: nobody's.
     with pytest.raises(ViewerError, match="does not have the address"), viewer(web=True, web_port=0, bind="192.0.2.1"):
         pass
 
 
-def test_without_a_screen_the_way_out_is_told(monkeypatch):
+def test_without_a_screen_the_way_out_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(ViewerError, match="no screen or graphics driver; --web shows"), viewer():
@@ -72,7 +73,7 @@ def test_without_a_screen_the_way_out_is_told(monkeypatch):
 
 
 @needs_graphics
-def test_it_neither_reads_nor_writes_in_the_user_s_home(tmp_path, monkeypatch):
+def test_it_neither_reads_nor_writes_in_the_user_s_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     home, temporary = tmp_path / "home", tmp_path / "tmp"
     home.mkdir()
     temporary.mkdir()
@@ -92,18 +93,18 @@ def test_it_neither_reads_nor_writes_in_the_user_s_home(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("url", ["", "nonsense", "http://127.0.0.1:9/proxy", "rerun+http://127.0.0.1:99999/proxy"])
-def test_what_is_not_the_url_of_a_viewer_is_told(url):
+def test_what_is_not_the_url_of_a_viewer_is_told(url: str) -> None:
     with pytest.raises(ViewerError, match="is not the URL of a viewer"):
         require_reachable(url)
 
 
-def test_where_nobody_listens_nothing_is_waited_for():
+def test_where_nobody_listens_nothing_is_waited_for() -> None:
     with pytest.raises(ViewerError, match="cannot be reached: connection refused"):
         require_reachable("rerun+http://127.0.0.1:1/proxy")
 
 
 @linux_only
-def test_kill_9_leaves_no_viewer_behind():
+def test_kill_9_leaves_no_viewer_behind() -> None:
     code = """
 import sys, time
 from symaware_cli.viewing.viewer import viewer
@@ -112,10 +113,10 @@ with viewer(web=True, web_port=0) as running:
     time.sleep(60)
 """
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    child = int(parent.stdout.readline())
+    child = int(present(parent.stdout).readline())
     parent.send_signal(signal.SIGKILL)
     parent.wait()
-    parent.stdout.close()
+    present(parent.stdout).close()
     deadline = time.monotonic() + 20
     while Path(f"/proc/{child}/cmdline").exists() and Path(f"/proc/{child}/cmdline").read_bytes():
         assert time.monotonic() < deadline, "the viewer lives on"

@@ -1,6 +1,8 @@
 """Who takes part in a log."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.viewing.views import in_space, run_view_of
 
 
-def test_everybody_is_there_with_body_model_and_colour(tmp_path):
+def test_everybody_is_there_with_body_model_and_colour(tmp_path: Path) -> None:
     run_view = run_view_of(log_of(tmp_path, YARD))
     assert list(run_view.agents) == ["cart.0", "cart.1", "guard"]
     assert run_view.place["cart.1"] == ("cart", 1)
@@ -23,32 +25,32 @@ def test_everybody_is_there_with_body_model_and_colour(tmp_path):
     assert not run_view.is_spatial
 
 
-def test_who_flies_makes_the_world_one_of_space(tmp_path):
+def test_who_flies_makes_the_world_one_of_space(tmp_path: Path) -> None:
     run_view = run_view_of(log_of(tmp_path, AIRCRAFT))
     assert run_view.is_spatial
     assert run_view.group_views["plane"].positions(np.array([[1.0, 2.0, 3.0, 0.5]])).tolist() == [[1.0, 2.0, 3.0]]
 
 
-def test_how_far_they_see_is_in_the_scenario_that_the_log_keeps(scenarios, tmp_path):
+def test_how_far_they_see_is_in_the_scenario_that_the_log_keeps(scenarios: Path, tmp_path: Path) -> None:
     assert (
         run_view_of(log_of(tmp_path, "noisy.yaml", "run.duration=0.1")).group_views["straight"].perception_range == 5.0
     )
 
 
 @pytest.mark.parametrize("scenario", [b"", b"[", b"3", b"agents: 3", b"agents: {a: {components: [1]}}", b"\xff"])
-def test_a_scenario_that_says_nothing_of_it_is_no_hindrance(scenario, tmp_path):
+def test_a_scenario_that_says_nothing_of_it_is_no_hindrance(scenario: bytes, tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a")})
     script.attach("resolved.yaml", scenario)
     assert run_view_of(script.finish()).group_views["a"].perception_range is None
 
 
-def test_where_the_truth_was_left_out_belief_stands_for_it(tmp_path):
+def test_where_the_truth_was_left_out_belief_stands_for_it(tmp_path: Path) -> None:
     log = log_of(tmp_path, YARD, "recording.omit=[world]")
     assert run_view_of(log).group_views["cart"].whereabouts == "/agents/cart/state"
 
 
 @pytest.mark.parametrize("damage", [{"groups": {"a": {"agents": ["a"]}}}, {"entities": {"b": {}}}, {"roster": None}])
-def test_a_manifest_that_lacks_something_is_told(damage, tmp_path):
+def test_a_manifest_that_lacks_something_is_told(damage: dict[str, Any], tmp_path: Path) -> None:
     from symaware_cli.recording.writer import LogWriter
 
     content = {"format": 1, "name": "a", "seed": 1, "groups": {}, "entities": {}, "roster": []} | damage
@@ -59,6 +61,6 @@ def test_a_manifest_that_lacks_something_is_told(damage, tmp_path):
         run_view_of(open_log(tmp_path / "a.mcap"))
 
 
-def test_a_plane_lies_at_height_zero():
+def test_a_plane_lies_at_height_zero() -> None:
     assert in_space(np.array([[1.0, 2.0]])).tolist() == [[1.0, 2.0, 0.0]]
     assert in_space(np.array([1.0, 2.0, 3.0])).tolist() == [1.0, 2.0, 3.0]
