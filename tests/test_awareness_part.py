@@ -2,32 +2,34 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 from documented_plugins import command, install
+from simulating import Command
 
 from symaware_cli import open_log
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     points = {"mine.attend": "my_attention:Attend", "mine.notice": "my_attention:Notice"}
     folder = tmp_path_factory.mktemp("attention")
     return install(folder, {"my_attention": '"""Attention'}, points, "attention.yaml")
 
 
 @pytest.fixture(scope="module")
-def symaware(folder):
+def symaware(folder: Path) -> Command:
     return command(folder)
 
 
 @pytest.fixture(scope="module")
-def log(folder, symaware):
+def log(folder: Path, symaware: Command) -> Path:
     symaware("run", "attention.yaml", "--quiet")
     return folder / "attention.mcap"
 
 
-def test_the_plugin_is_one_file_of_less_than_sixty_lines(folder):
+def test_the_plugin_is_one_file_of_less_than_sixty_lines(folder: Path) -> None:
     lines = (folder / "site" / "my_attention.py").read_text(encoding="utf-8").splitlines()
     assert len(lines) < 60
     assert [line for line in lines if "symaware_cli" in line] == [
@@ -35,7 +37,7 @@ def test_the_plugin_is_one_file_of_less_than_sixty_lines(folder):
     ]
 
 
-def test_the_log_has_the_part_and_says_what_it_is(log):
+def test_the_log_has_the_part_and_says_what_it_is(log: Path) -> None:
     series = open_log(log).series("robot", "attention")
     assert series.columns == ("ahead", "left", "behind", "right")
     assert series.values.shape == (160, 3, 4)
@@ -44,7 +46,9 @@ def test_the_log_has_the_part_and_says_what_it_is(log):
     assert (part.kind, part.drawn, part.description) == ("vector", "bars", "share of each side")
 
 
-def test_a_component_that_writes_it_may_compute_in_a_process_of_its_own(log, folder, symaware):
+def test_a_component_that_writes_it_may_compute_in_a_process_of_its_own(
+    log: Path, folder: Path, symaware: Command
+) -> None:
     here = folder / "here.mcap"
     symaware(
         "run", "attention.yaml", "--quiet", "--output", here, "--set", "agents.robot.components.attend.run_in=here"
@@ -53,13 +57,13 @@ def test_a_component_that_writes_it_may_compute_in_a_process_of_its_own(log, fol
     assert one.tobytes() == other.tobytes()
 
 
-def test_it_is_told_along_and_found_in_what_is_known_of_others(log):
+def test_it_is_told_along_and_found_in_what_is_known_of_others(log: Path) -> None:
     told = next(each for each in open_log(log).communications() if each.payload)
     assert len(told.payload["awareness"]["attention"]) == 4
     assert any(event.name == "inattentive" for event in open_log(log).events())
 
 
-def test_a_condition_and_an_end_look_at_it(folder, symaware):
+def test_a_condition_and_an_end_look_at_it(folder: Path, symaware: Command) -> None:
     condition = "agents.robot.components.steer.condition=attention[3] < 0"
     symaware("run", "attention.yaml", "--quiet", "--output", folder / "still.mcap", "--set", condition)
     assert not open_log(folder / "still.mcap").series("robot", "control").values.any()
@@ -70,14 +74,16 @@ def test_a_condition_and_an_end_look_at_it(folder, symaware):
     assert (greatest[:-1] <= 0.7).all()
 
 
-def test_a_name_that_is_nearly_that_of_the_part_is_found_out(symaware):
+def test_a_name_that_is_nearly_that_of_the_part_is_found_out(symaware: Command) -> None:
     done = symaware(
         "validate", "attention.yaml", "--set", "agents.robot.components.steer.condition=attenton[0] < 1", status=2
     )
     assert "did you mean `attention`?" in done.stderr
 
 
-def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(log, folder, symaware):
+def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(
+    log: Path, folder: Path, symaware: Command
+) -> None:
     shown = symaware("inspect", log, "--series", "robot.0:attention:ahead", plugin=False)
     assert "ahead [1]" in shown.stdout
     symaware("export", log, "--format", "csv", "--fields", "attention", "--output", folder / "tables", plugin=False)
@@ -94,7 +100,9 @@ def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(log, fo
     symaware("replay", log, "--save", folder / "attention.rrd", plugin=False)
 
 
-def test_the_replay_has_bars_beside_the_agents_and_curves_in_their_tabs(log, folder, symaware):
+def test_the_replay_has_bars_beside_the_agents_and_curves_in_their_tabs(
+    log: Path, folder: Path, symaware: Command
+) -> None:
     from rerun_files import Recording
 
     symaware("replay", log, "--save", folder / "shown.rrd", plugin=False)
@@ -103,7 +111,7 @@ def test_the_replay_has_bars_beside_the_agents_and_curves_in_their_tabs(log, fol
     assert recording.values("/curves/agents/robot.0/attention", "Scalars:scalars")
 
 
-def test_it_can_be_left_out_of_the_log(folder, symaware):
+def test_it_can_be_left_out_of_the_log(folder: Path, symaware: Command) -> None:
     symaware(
         *("run", "attention.yaml", "--quiet", "--output", folder / "less.mcap", "--set", "recording.omit=[attention]"),
     )
@@ -112,6 +120,6 @@ def test_it_can_be_left_out_of_the_log(folder, symaware):
     assert "did you mean `attention`?" in done.stderr
 
 
-def test_the_editor_knows_the_part(symaware):
+def test_the_editor_knows_the_part(symaware: Command) -> None:
     schema = json.loads(symaware("schema").stdout)
     assert "attention" in schema["$defs"]["Recording"]["properties"]["omit"]["items"]["enum"]

@@ -4,17 +4,22 @@ import json
 import re
 import shutil
 import tomllib
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
 from symaware_cli.recording.digest import digest
+from symaware_cli.recording.reader import LogMessage
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.testing import assert_repeatable
+
+Found = dict[tuple[str, str], list[Any]]
 
 SCENARIOS = sorted(
     path
@@ -24,20 +29,20 @@ SCENARIOS = sorted(
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda path: path.name)
-def test_every_example_repeats_itself_byte_for_byte_in_another_process(scenario):
+def test_every_example_repeats_itself_byte_for_byte_in_another_process(scenario: Path) -> None:
     duration = min(2.0, build(scenario).document.run.duration)
     result = assert_repeatable(scenario, [f"run.duration={duration}"], timeout=120)
     assert any(topic.startswith("/world/") for topic in result.channels)
     assert "/timing" not in result.channels
 
 
-def test_another_seed_is_another_run(tmp_path):
+def test_another_seed_is_another_run(tmp_path: Path) -> None:
     scenario = write(tmp_path / "crowd.yaml", CROWD)
     short = ["run.duration=0.5"]
     assert assert_repeatable(scenario, short, seed=1).combined != assert_repeatable(scenario, short, seed=2).combined
 
 
-def test_a_run_that_does_not_finish_is_no_proof(tmp_path, doubles):
+def test_a_run_that_does_not_finish_is_no_proof(tmp_path: Path, doubles: Path) -> None:
     crowd = crowd_with(fault={"use": "doubles.fault"})
     with pytest.raises(AssertionError, match=r"exited with 1: .*doubles.fault"):
         assert_repeatable(write(tmp_path / "fault.yaml", crowd))
@@ -47,7 +52,7 @@ def test_a_run_that_does_not_finish_is_no_proof(tmp_path, doubles):
 
 # A set of strings is ordered by their hashes; an address is where the object happens to lie.
 @pytest.mark.parametrize("source", ["address", "set", "time", "random", "numpy", "processor"])
-def test_a_plugin_that_depends_on_chance_is_found_out_and_located(source, tmp_path, doubles):
+def test_a_plugin_that_depends_on_chance_is_found_out_and_located(source: str, tmp_path: Path, doubles: Path) -> None:
     crowd = crowd_with(chance={"use": "doubles.chance", "with": {"source": source}})
     with pytest.raises(AssertionError) as caught:
         assert_repeatable(write(tmp_path / "chance.yaml", crowd), ["run.duration=0.4"])
@@ -58,12 +63,12 @@ def test_a_plugin_that_depends_on_chance_is_found_out_and_located(source, tmp_pa
     assert said.count("values=") == 2
 
 
-def test_the_same_plugin_passes_where_it_depends_on_nothing(tmp_path, doubles):
+def test_the_same_plugin_passes_where_it_depends_on_nothing(tmp_path: Path, doubles: Path) -> None:
     crowd = crowd_with(chance={"use": "doubles.chance", "with": {"source": "nothing"}})
     assert_repeatable(write(tmp_path / "chance.yaml", crowd), ["run.duration=0.5"])
 
 
-ROBOT = {
+ROBOT: dict[str, Any] = {
     "count": 5,
     "entity": {"shape": {"circle": {"radius": 0.3}}},
     "model": {"use": "unicycle", "with": {"max_speed": 1.5}},
@@ -71,20 +76,20 @@ ROBOT = {
     "knowledge": {"goal": {"normal": [[0, 0], 4]}, "home": {"all": ["a", "b"]}},
     "components": {"sense": {"use": "perception.omniscient"}, "steer": {"use": "control.go-to-goal"}},
 }
-CAR = {
+CAR: dict[str, Any] = {
     "model": {"use": "single-integrator", "with": {"max_speed": 2.0}},
     "state": [{"uniform": [-1, 1]}, 3.0],
     "knowledge": {"goal": [3, -3]},
     "components": {"sense": {"use": "perception.self"}, "steer": {"use": "control.go-to-goal"}},
 }
-FAR = {
+FAR: dict[str, Any] = {
     "count": 3,
     "model": {"use": "single-integrator"},
     "state": {"normal": [[1000, 1000], 1]},
     "knowledge": {"goal": {"all": [1000, 1000]}},
     "components": {"sense": {"use": "perception.self"}, "steer": {"use": "control.go-to-goal"}},
 }
-CROWD = {
+CROWD: dict[str, Any] = {
     "symaware": 1,
     "name": "crowd",
     "seed": 11,
@@ -94,20 +99,20 @@ CROWD = {
 }
 
 
-def write(path, document):
+def write(path: Path, document: Mapping[str, Any]) -> Path:
     path.write_text(yaml.safe_dump(document, sort_keys=False))
     return path
 
 
-def crowd_with(**components):
+def crowd_with(**components: Any) -> dict[str, Any]:
     return CROWD | {"agents": {"robot": ROBOT | {"components": ROBOT["components"] | components}}}
 
 
 @pytest.fixture
-def recorded(tmp_path):
+def recorded(tmp_path: Path) -> Callable[..., Found]:
     """Run a document and return what each agent did, saw and wanted, by its id: bytes that can be compared."""
 
-    def run(document, name="run"):
+    def run(document: Mapping[str, Any], name: str = "run") -> Found:
         summary = execute(build(write(tmp_path / f"{name}.yaml", document)), tmp_path / f"{name}.mcap")
         assert summary.status == "finished"
         return by_agent(open_log(tmp_path / f"{name}.mcap"))
@@ -115,9 +120,9 @@ def recorded(tmp_path):
     return run
 
 
-def by_agent(log):
+def by_agent(log: Log) -> Found:
     """For each agent and kind of data, all that was recorded of it, in order."""
-    found = {}
+    found: dict[Any, Any] = {}
     roster = log.manifest["roster"]
     for group, content in log.manifest["groups"].items():
         ids = content["agents"]
@@ -137,7 +142,7 @@ def by_agent(log):
 KINDS = ("state", "intent", "uncertainty", "risk", "control", "awareness", "knowledge")
 
 
-def rows(message, ids, roster):
+def rows(message: LogMessage, ids: Sequence[str], roster: Sequence[str]) -> Iterator[tuple[str, Any]]:
     """What a message says of each agent."""
     content = message.decode()
     kind = message.channel.schema.rpartition(".")[2]
@@ -166,7 +171,9 @@ def rows(message, ids, roster):
             yield id, tuple(known)
 
 
-def test_the_order_of_agents_in_the_file_changes_nothing_about_any_of_them(recorded):
+def test_the_order_of_agents_in_the_file_changes_nothing_about_any_of_them(
+    recorded: Callable[..., Found],
+) -> None:
     document = CROWD | {"agents": {"robot": ROBOT, "car": CAR, "far": FAR}}
     plain = recorded(document)
     turned = recorded(document | {"agents": {"far": FAR, "car": CAR, "robot": ROBOT}}, "turned")
@@ -176,7 +183,7 @@ def test_the_order_of_agents_in_the_file_changes_nothing_about_any_of_them(recor
     assert {kind for _, kind in plain} >= {"world/state", "agents/state", "agents/intent", "agents/control"}
 
 
-def _of_several_groups():
+def _of_several_groups() -> Iterator[Any]:
     for path in SCENARIOS:
         content = path.read_text()
         document = tomllib.loads(content) if path.suffix == ".toml" else yaml.safe_load(content)
@@ -185,7 +192,7 @@ def _of_several_groups():
 
 
 @pytest.mark.parametrize("scenario", list(_of_several_groups()), ids=lambda path: path.name)
-def test_the_order_of_groups_in_the_file_changes_no_byte_of_the_log(scenario, tmp_path):
+def test_the_order_of_groups_in_the_file_changes_no_byte_of_the_log(scenario: Path, tmp_path: Path) -> None:
     """All channels are compared, the events and messages that the groups share among them."""
     folder = tmp_path / "scenarios"
     shutil.copytree(scenario.parent, folder)
@@ -202,7 +209,9 @@ def test_the_order_of_groups_in_the_file_changes_no_byte_of_the_log(scenario, tm
     assert len(digests) == 1
 
 
-def test_the_order_of_keys_in_the_file_changes_nothing_about_any_agent(recorded):
+def test_the_order_of_keys_in_the_file_changes_nothing_about_any_agent(
+    recorded: Callable[..., Found],
+) -> None:
     turned = {
         key: value if key == "components" else dict(reversed(value.items())) if isinstance(value, dict) else value
         for key, value in reversed(ROBOT.items())
@@ -210,7 +219,9 @@ def test_the_order_of_keys_in_the_file_changes_nothing_about_any_agent(recorded)
     assert recorded(CROWD) == recorded(CROWD | {"agents": {"robot": turned, "car": CAR}}, "turned")
 
 
-def test_the_order_of_components_that_do_not_read_each_other_changes_nothing_else(recorded):
+def test_the_order_of_components_that_do_not_read_each_other_changes_nothing_else(
+    recorded: Callable[..., Found],
+) -> None:
     components = {"stray": {"use": "perception.self"}, **CAR["components"]}
     turned = {**CAR["components"], "stray": {"use": "perception.self"}}
     one = recorded(CROWD | {"agents": {"car": CAR | {"components": components}}})
@@ -218,13 +229,13 @@ def test_the_order_of_components_that_do_not_read_each_other_changes_nothing_els
     assert one == other
 
 
-def others_of(found, ids):
+def others_of(found: Found, ids: Collection[str]) -> Found:
     """What was recorded of some agents only."""
     return {key: value for key, value in found.items() if key[0] in ids}
 
 
 @pytest.mark.parametrize("name", ["aaa", "zzz"])
-def test_a_group_far_away_changes_nothing_about_the_others(name, recorded):
+def test_a_group_far_away_changes_nothing_about_the_others(name: str, recorded: Callable[..., Found]) -> None:
     alone = recorded(CROWD)
     together = recorded(CROWD | {"agents": {name: FAR, **CROWD["agents"]}}, "together")
     assert others_of(together, {id for id, _ in alone}) == alone
@@ -232,14 +243,16 @@ def test_a_group_far_away_changes_nothing_about_the_others(name, recorded):
 
 
 @pytest.mark.parametrize("count", [6, 11, 70])
-def test_more_agents_of_a_group_change_nothing_about_those_that_were_there(count, recorded):
+def test_more_agents_of_a_group_change_nothing_about_those_that_were_there(
+    count: int, recorded: Callable[..., Found]
+) -> None:
     few = recorded(CROWD)
     many = recorded(CROWD | {"agents": {"robot": ROBOT | {"count": count}, "car": CAR}}, "many")
     assert others_of(many, {id for id, _ in few}) == few
     assert len({id for id, _ in many if id.startswith("robot")}) == count
 
 
-def test_how_many_runs_were_made_in_a_process_changes_nothing(tmp_path):
+def test_how_many_runs_were_made_in_a_process_changes_nothing(tmp_path: Path) -> None:
     scenario = write(tmp_path / "crowd.yaml", CROWD)
     results = set()
     for number in range(3):
@@ -251,11 +264,13 @@ def test_how_many_runs_were_made_in_a_process_changes_nothing(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "count"), [("aaa", 3), ("zzz", 80)])
-def test_who_is_far_away_changes_nothing_for_who_perceives_estimates_and_avoids(name, count, tmp_path):
+def test_who_is_far_away_changes_nothing_for_who_perceives_estimates_and_avoids(
+    name: str, count: int, tmp_path: Path
+) -> None:
     """With eighty more, neighbours are found by a tree and no longer by looking at all pairs."""
     document = yaml.safe_load((Path(__file__).parents[1] / "scenarios" / "crossing.yaml").read_text())
     document["run"]["duration"] = 13.0
-    logs = []
+    logs: list[Any] = []
     far = {**document["agents"]["robot"], "count": count, "state": [[5000.0, 4.0 * row, 0.0] for row in range(count)]}
     far["knowledge"] = {"goal": [[5020.0, 4.0 * row] for row in range(count)]}
     for agents in (document["agents"], {name: far, **document["agents"]}):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,17 +30,17 @@ KINDS = {
 
 
 @pytest.mark.parametrize("name", [name for name in target_names() if any((CORPUS / name).glob("*"))])
-def test_what_was_found_once_is_found_no_more(name):
+def test_what_was_found_once_is_found_no_more(name: str) -> None:
     tried = list(replay(name, sorted((CORPUS / name).glob("*"))))
     assert [(path.name, result.found) for path, result in tried if result.found] == []
 
 
-def test_each_folder_of_the_corpus_has_a_target():
+def test_each_folder_of_the_corpus_has_a_target() -> None:
     assert {path.name for path in CORPUS.glob("*")} <= set(target_names())
 
 
 @pytest.mark.parametrize("name", target_names())
-def test_cases_depend_on_nothing_but_their_seed(name, tmp_path):
+def test_cases_depend_on_nothing_but_their_seed(name: str, tmp_path: Path) -> None:
     """Otherwise a campaign could not be repeated."""
     lines = [
         "import pathlib, random, sys",
@@ -65,7 +66,7 @@ def test_cases_depend_on_nothing_but_their_seed(name, tmp_path):
 
 
 @pytest.mark.parametrize("content", KINDS)
-def test_a_worker_survives_and_tells_of(content, tmp_path):
+def test_a_worker_survives_and_tells_of(content: str, tmp_path: Path) -> None:
     files = [tmp_path / f"{number}" for number in range(3)]
     for path, word in zip(files, ("fine", content, "fine"), strict=True):
         path.write_text(word)
@@ -78,12 +79,12 @@ def test_a_worker_survives_and_tells_of(content, tmp_path):
     assert text in found.text
 
 
-def pursued(state, **options):
+def pursued(state: Any, **options: Any) -> Any:
     pursue({AWKWARD: state}, **{"minutes": 5, "cases": 12, "jobs": 2, "report": lambda name, result: None, **options})
     return state
 
 
-def test_a_campaign_goes_on_where_it_was_and_does_the_same_cases(tmp_path):
+def test_a_campaign_goes_on_where_it_was_and_does_the_same_cases(tmp_path: Path) -> None:
     at_once = pursued(State.load(tmp_path / "a", 3))
     for cases in (1, 5, 12):
         in_parts = pursued(State.load(tmp_path / "b", 3), cases=cases, jobs=1)
@@ -96,7 +97,7 @@ def test_a_campaign_goes_on_where_it_was_and_does_the_same_cases(tmp_path):
     assert State.load(tmp_path / "a", 4).done == 0
 
 
-def test_cases_that_were_not_done_come_first(tmp_path):
+def test_cases_that_were_not_done_come_first(tmp_path: Path) -> None:
     state = State.load(tmp_path, 3)
     first = state.take()
     state.save()
@@ -106,8 +107,8 @@ def test_cases_that_were_not_done_come_first(tmp_path):
     assert (again.next, again.pending) == (4, [])
 
 
-def test_ctrl_c_leaves_no_process_and_loses_nothing(tmp_path):
-    line = [sys.executable, "-m", "fuzzing", "--target", "logs", "--state", tmp_path / "state", "5"]
+def test_ctrl_c_leaves_no_process_and_loses_nothing(tmp_path: Path) -> None:
+    line: list[str | Path] = [sys.executable, "-m", "fuzzing", "--target", "logs", "--state", tmp_path / "state", "5"]
     process = subprocess.Popen(
         line, cwd=ROOT, stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(tmp_path)}
     )
@@ -123,7 +124,7 @@ def test_ctrl_c_leaves_no_process_and_loses_nothing(tmp_path):
     assert state.done + len(state.pending) == state.next
 
 
-def test_every_target_is_bounded():
+def test_every_target_is_bounded() -> None:
     for name in target_names():
         assert 0 < target(name).time_limit <= 600
         assert target(name).address_space <= 16 << 30

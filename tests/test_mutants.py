@@ -2,6 +2,7 @@
 
 import ast
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,17 +12,17 @@ from fuzzing.mutants import FOLDERS, Mutant, drawn, mutants, rounds, verdict
 
 
 @pytest.fixture(autouse=True)
-def checkout(monkeypatch):
+def checkout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(Path(__file__).parent.parent)
 
 
-def changes(tmp_path, source):
+def changes(tmp_path: Path, source: str) -> set[str]:
     path = tmp_path / "module.py"
     path.write_text(source)
     return {mutant.applied(source) for mutant in mutants(path)}
 
 
-def test_a_seed_draws_the_same_mutants_from_each_folder_again():
+def test_a_seed_draws_the_same_mutants_from_each_folder_again() -> None:
     chosen = drawn(10, seed=3)
     assert chosen == drawn(10, seed=3) != drawn(10, seed=4)
     assert Counter(Path(mutant.path).parts[1] for mutant in chosen) == dict(
@@ -29,13 +30,13 @@ def test_a_seed_draws_the_same_mutants_from_each_folder_again():
     )
 
 
-def test_every_mutant_compiles_and_is_another_module():
+def test_every_mutant_compiles_and_is_another_module() -> None:
     for mutant in drawn(200, seed=5):
         source = Path(mutant.path).read_text()
         assert ast.dump(ast.parse(mutant.applied(source))) != ast.dump(ast.parse(source))
 
 
-def test_operators_conditions_constants_results_and_calls_are_changed(tmp_path):
+def test_operators_conditions_constants_results_and_calls_are_changed(tmp_path: Path) -> None:
     assert changes(tmp_path, "a = b < 1\n") == {"a = (b <= 1)\n", "a = b < (2)\n"}
     assert changes(tmp_path, "a = b and not c\n") == {"a = (b or not c)\n", "a = b and (c)\n"}
     assert changes(tmp_path, "def f():\n    g('ä')\n    return 'ü'\n") == {
@@ -44,14 +45,14 @@ def test_operators_conditions_constants_results_and_calls_are_changed(tmp_path):
     }
 
 
-def test_annotations_errors_and_imports_for_types_stay(tmp_path):
+def test_annotations_errors_and_imports_for_types_stay(tmp_path: Path) -> None:
     assert not changes(
         tmp_path, "if TYPE_CHECKING:\n    a = 1\n\nx: Literal[1]\n\n\ndef f(y: Literal[2]): raise E(3)\n"
     )
 
 
-def test_tests_named_like_the_module_or_its_package_come_before_all_of_its_folder():
-    def rounds_of(path):
+def test_tests_named_like_the_module_or_its_package_come_before_all_of_its_folder() -> None:
+    def rounds_of(path: str) -> list[list[str]]:
         return rounds(Mutant(f"symaware_cli/{path}", 1, 0, 0, "", ""))
 
     near, folder, wider = rounds_of("network/outbox.py")
@@ -63,12 +64,12 @@ def test_tests_named_like_the_module_or_its_package_come_before_all_of_its_folde
 
 
 @pytest.fixture
-def checked(tmp_path):
+def checked(tmp_path: Path) -> Callable[[str], dict[str, object]]:
     """A checkout with one module, and the verdict on a mutant of it after some tests."""
     (tmp_path / "doubling.py").write_text("def double(x):\n    return x * 2\n")
     (tmp_path / "pytest.ini").write_text("[pytest]\n")
 
-    def verdict_of(tests):
+    def verdict_of(tests: str) -> dict[str, object]:
         (tmp_path / "test_doubling.py").write_text(f"from doubling import double\n\n\n{tests}")
         (mutant,) = (each for each in mutants(tmp_path / "doubling.py") if each.after == "(x + 2)")
         found = verdict(replace(mutant, path="doubling.py"), ["test_doubling.py"], tmp_path)
@@ -78,18 +79,18 @@ def checked(tmp_path):
     return verdict_of
 
 
-def test_a_mutant_is_killed_by_a_test_that_fails_with_it_alone(checked):
+def test_a_mutant_is_killed_by_a_test_that_fails_with_it_alone(checked: Callable[[str], dict[str, object]]) -> None:
     assert checked("def test_it():\n    assert double(3) == 6\n") == {
         "killed": True,
         "by": "test_doubling.py::test_it",
     }
 
 
-def test_a_test_that_fails_in_any_case_kills_no_mutant(checked):
+def test_a_test_that_fails_in_any_case_kills_no_mutant(checked: Callable[[str], dict[str, object]]) -> None:
     assert not checked("def test_it():\n    assert double(2) == 5\n")["killed"]
 
 
-def test_a_test_that_fails_now_and_then_kills_no_mutant(checked):
+def test_a_test_that_fails_now_and_then_kills_no_mutant(checked: Callable[[str], dict[str, object]]) -> None:
     assert not checked(
         "def test_it():\n"
         "    from pathlib import Path\n\n"

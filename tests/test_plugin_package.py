@@ -6,7 +6,9 @@ import subprocess
 import sys
 import venv
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,10 +19,10 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def wheels(tmp_path_factory):
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The two wheels, built from copies of what git knows or would know."""
     folder = tmp_path_factory.mktemp("wheels")
-    built = []
+    built: list[Any] = []
     for source in (CHECKOUT, EXAMPLE):
         subprocess.run(
             [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source],
@@ -34,7 +36,9 @@ def wheels(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def elsewhere(wheels, tmp_path_factory):
+def elsewhere(
+    wheels: list[Path], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run a command of a fresh environment that has both wheels, in a folder far from the checkout."""
     folder = tmp_path_factory.mktemp("elsewhere")
     venv.create(folder / "venv", with_pip=True)
@@ -43,8 +47,8 @@ def elsewhere(wheels, tmp_path_factory):
     outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     (folder / "work").mkdir()
 
-    def run(program, *arguments):
-        line = [folder / "venv" / "bin" / program, *map(str, arguments)]
+    def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+        line: list[str | Path] = [folder / "venv" / "bin" / program, *map(str, arguments)]
         done = subprocess.run(
             line, cwd=folder / "work", env=outside, capture_output=True, text=True, timeout=300, check=False
         )
@@ -54,7 +58,7 @@ def elsewhere(wheels, tmp_path_factory):
     return run
 
 
-def test_the_wheel_holds_the_package_its_marker_of_types_and_nothing_else(wheels):
+def test_the_wheel_holds_the_package_its_marker_of_types_and_nothing_else(wheels: list[Path]) -> None:
     names = zipfile.ZipFile(wheels[0]).namelist()
     assert "symaware_cli/py.typed" in names
     assert "symaware_cli/testing.py" in names
@@ -74,14 +78,16 @@ def test_the_wheel_holds_the_package_its_marker_of_types_and_nothing_else(wheels
     }
 
 
-def test_the_example_uses_the_public_api_only():
+def test_the_example_uses_the_public_api_only() -> None:
     for file in (EXAMPLE / "src").rglob("*.py"):
         for line in file.read_text().splitlines():
             if "symaware_cli" in line:
                 assert line.startswith("from symaware_cli import"), f"{file.name}: {line}"
 
 
-def test_a_fresh_environment_lists_shows_and_describes_the_plugins(elsewhere):
+def test_a_fresh_environment_lists_shows_and_describes_the_plugins(
+    elsewhere: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
     listed = elsewhere("symaware", "list", "components")
     assert listed.returncode == 0
     assert "example.patrol" in listed.stdout
@@ -99,7 +105,9 @@ def test_a_fresh_environment_lists_shows_and_describes_the_plugins(elsewhere):
     assert not [name for name in built_in["$defs"] if "example" in name]
 
 
-def test_a_fresh_environment_validates_and_runs_the_examples_scenario(elsewhere):
+def test_a_fresh_environment_validates_and_runs_the_examples_scenario(
+    elsewhere: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
     scenario = EXAMPLE / "scenarios" / "rounds.yaml"
     validated = elsewhere("symaware", "validate", scenario)
     assert validated.returncode == 0, validated.stderr
@@ -113,12 +121,16 @@ def test_a_fresh_environment_validates_and_runs_the_examples_scenario(elsewhere)
     assert versions["symaware-example"] == "0.1.0"
 
 
-def test_a_fresh_environment_passes_the_examples_own_tests(elsewhere):
+def test_a_fresh_environment_passes_the_examples_own_tests(
+    elsewhere: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
     done = elsewhere("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", EXAMPLE / "tests")
     assert done.returncode == 0, done.stdout
 
 
-def test_a_parameter_out_of_range_is_located_in_the_file(elsewhere):
+def test_a_parameter_out_of_range_is_located_in_the_file(
+    elsewhere: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
     done = elsewhere(
         *("symaware", "validate", EXAMPLE / "scenarios" / "rounds.yaml"),
         *("--set", "agents.guard.components.patrol.with.speed=-1"),

@@ -4,8 +4,10 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from simulating import Command
 
 from symaware_cli import open_log, processor
 
@@ -21,12 +23,12 @@ print(json.dumps([processor.numpy_kernels(), [[each.kernel, each.threads] for ea
 """
 
 
-def clean(**variables):
+def clean(**variables: str) -> dict[str, str]:
     """The environment of a shell in which nobody has chosen kernels."""
     return {name: value for name, value in os.environ.items() if name not in processor.VARIABLES} | variables
 
 
-def python(code, **variables):
+def python(code: str, **variables: str) -> str:
     done = subprocess.run(
         [sys.executable, "-P", "-W", "error", "-c", code], env=clean(**variables), capture_output=True, text=True
     )
@@ -35,7 +37,7 @@ def python(code, **variables):
 
 
 @needs_level
-def test_numpy_leaves_avx_512_alone_and_each_openblas_takes_the_same_kernels_and_one_thread():
+def test_numpy_leaves_avx_512_alone_and_each_openblas_takes_the_same_kernels_and_one_thread() -> None:
     kernels, blas = json.loads(python(TOLD))
     assert kernels
     assert not [name for name in kernels if name.startswith("AVX512") or name == "X86_V4"]
@@ -43,13 +45,13 @@ def test_numpy_leaves_avx_512_alone_and_each_openblas_takes_the_same_kernels_and
     assert blas == [["Haswell", 1]] * 2
 
 
-def test_nothing_is_pinned_that_numpy_would_warn_of():
+def test_nothing_is_pinned_that_numpy_would_warn_of() -> None:
     # -W error makes an error of the warning.
     python("import symaware_cli, numpy")
 
 
 @needs_level
-def test_what_somebody_has_set_is_respected():
+def test_what_somebody_has_set_is_respected() -> None:
     kernels, blas = json.loads(
         python(TOLD, NPY_DISABLE_CPU_FEATURES="", OPENBLAS_CORETYPE="Nehalem", OMP_NUM_THREADS="2")
     )
@@ -59,7 +61,7 @@ def test_what_somebody_has_set_is_respected():
 
 
 @needs_level
-def test_a_run_says_that_somebody_has_set_something_else_and_so_does_its_log(command, scenarios):
+def test_a_run_says_that_somebody_has_set_something_else_and_so_does_its_log(command: Command, scenarios: Path) -> None:
     short = ("--set", "run.duration=0.1")
     done = command("run", scenarios / "hello.yaml", *short, "-o", "a.mcap", env=clean(OPENBLAS_CORETYPE="Nehalem"))
     assert done.returncode == 0
@@ -87,7 +89,7 @@ from symaware_cli import processor
 
 
 @needs_level
-def test_where_numpy_came_first_nothing_is_changed_and_a_run_warns(scenarios):
+def test_where_numpy_came_first_nothing_is_changed_and_a_run_warns(scenarios: Path) -> None:
     code = f"""{LATE}
 import warnings
 from pathlib import Path
@@ -107,7 +109,7 @@ print([(each.category.__name__, str(each.message)) for each in caught])
 
 
 @needs_level
-def test_a_process_for_workers_computes_as_the_one_that_starts_it_even_where_numpy_came_first():
+def test_a_process_for_workers_computes_as_the_one_that_starts_it_even_where_numpy_came_first() -> None:
     code = f"""{LATE}
 import subprocess, sys
 code = "import symaware_cli, numpy; from symaware_cli import processor; print(processor.in_force())"
@@ -120,7 +122,7 @@ subprocess.run([sys.executable, "-P", "-c", code], env=processor.environment(), 
 
 
 @needs_level
-def test_workers_compute_with_the_same_kernels_as_the_run(command, doubles, tmp_path):
+def test_workers_compute_with_the_same_kernels_as_the_run(command: Command, doubles: Path, tmp_path: Path) -> None:
     (tmp_path / "kernels.yaml").write_text(
         """
 symaware: 1
@@ -144,13 +146,13 @@ agents:
         assert (variables.get("OPENBLAS_CORETYPE", "Haswell")) in told.pop()
 
 
-def test_the_program_starts_without_numpy_and_pins_all_the_same(command):
+def test_the_program_starts_without_numpy_and_pins_all_the_same(command: Command) -> None:
     assert command("--version", env=clean()).returncode == 0
     assert "numpy" not in python("import sys, symaware_cli.cli; print(*sys.modules)").split()
 
 
 @needs_level
-def test_a_blas_that_was_built_for_one_processor_is_no_reason_to_warn_and_tells_workers_nothing():
+def test_a_blas_that_was_built_for_one_processor_is_no_reason_to_warn_and_tells_workers_nothing() -> None:
     code = """
 import symaware_cli, numpy
 from symaware_cli import processor

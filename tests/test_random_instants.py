@@ -10,7 +10,7 @@ SCRIPT = Path(__file__).parents[1] / "benchmarks" / "capture.py"
 
 
 @pytest.mark.slow
-def test_what_follows_fifty_random_instants_is_equal_unless_an_engine_is_refused():
+def test_what_follows_fifty_random_instants_is_equal_unless_an_engine_is_refused() -> None:
     told = subprocess.run([sys.executable, SCRIPT, "--seed", "2"], check=True, capture_output=True, text=True).stdout
     rows = [line for line in told.splitlines() if "scenarios/" in line]
     assert len(rows) == 50

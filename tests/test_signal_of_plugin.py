@@ -2,10 +2,12 @@
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from documented_plugins import command, install
+from simulating import Command
 
 from symaware_cli import open_log
 
@@ -14,29 +16,29 @@ POINTS = {"mine.gauge": "my_effort:Gauge", "mine.radar": "my_radar:Radar", "mine
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return install(tmp_path_factory.mktemp("signals"), MODULES, POINTS, "radar.yaml")
 
 
 @pytest.fixture(scope="module")
-def symaware(folder):
+def symaware(folder: Path) -> Command:
     return command(folder)
 
 
 @pytest.fixture(scope="module")
-def log(folder, symaware):
+def log(folder: Path, symaware: Command) -> Path:
     symaware("run", "radar.yaml", "--quiet")
     return folder / "radar.mcap"
 
 
-def test_each_plugin_is_one_file_that_knows_the_public_interface_alone(folder):
+def test_each_plugin_is_one_file_that_knows_the_public_interface_alone(folder: Path) -> None:
     for module, most in (("my_effort", 30), ("my_radar", 60)):
         lines = (folder / "site" / f"{module}.py").read_text(encoding="utf-8").splitlines()
         assert len(lines) < most
         assert len([line for line in lines if "symaware_cli" in line]) == 1
 
 
-def test_numbers_are_a_series_by_component_and_name(log):
+def test_numbers_are_a_series_by_component_and_name(log: Path) -> None:
     read = open_log(log)
     effort = read.series("robot", "gauge.effort")
     assert (effort.columns, effort.units) == (("power", "energy"), ("W", "J"))
@@ -52,7 +54,7 @@ def test_numbers_are_a_series_by_component_and_name(log):
     assert "/agents/robot/effort/gauge" in read.channels
 
 
-def test_a_table_is_read_whole_or_entry_by_entry(log):
+def test_a_table_is_read_whole_or_entry_by_entry(log: Path) -> None:
     read = open_log(log)
     tables = list(read.tables("robot.0", "radar.returns"))
     assert {len(table.values) for table in tables} <= {0, 1, 2}
@@ -66,7 +68,7 @@ def test_a_table_is_read_whole_or_entry_by_entry(log):
     assert entries.column("distance").max() < 6.5
 
 
-def test_a_sensor_may_compute_in_a_process_of_its_own(log, folder, symaware):
+def test_a_sensor_may_compute_in_a_process_of_its_own(log: Path, folder: Path, symaware: Command) -> None:
     here = "agents.robot.components.radar.run_in=here"
     symaware("run", "radar.yaml", "--quiet", "--output", folder / "here.mcap", "--set", here)
     one, other = (open_log(path).series("robot.1", "radar.returns") for path in (log, folder / "here.mcap"))
@@ -74,11 +76,11 @@ def test_a_sensor_may_compute_in_a_process_of_its_own(log, folder, symaware):
     assert one.times.tolist() == other.times.tolist()
 
 
-def test_a_component_of_an_agent_looks_at_what_the_sensor_of_its_group_found(log):
+def test_a_component_of_an_agent_looks_at_what_the_sensor_of_its_group_found(log: Path) -> None:
     assert any(event.name == "approached" for event in open_log(log).events())
 
 
-def test_two_components_of_one_class_have_a_signal_each(folder, symaware):
+def test_two_components_of_one_class_have_a_signal_each(folder: Path, symaware: Command) -> None:
     second = "agents.robot.components.meter={use: mine.gauge, period: 1.0}"
     symaware("run", "radar.yaml", "--quiet", "--output", folder / "two.mcap", "--set", second)
     read = open_log(folder / "two.mcap")
@@ -86,7 +88,9 @@ def test_two_components_of_one_class_have_a_signal_each(folder, symaware):
     assert len(read.series("robot.0", "meter.effort").times) == 8
 
 
-def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(log, folder, symaware):
+def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(
+    log: Path, folder: Path, symaware: Command
+) -> None:
     for series in ("robot.0:gauge.effort:power", "robot.0:radar.returns"):
         assert "[" in symaware("inspect", log, "--series", series, plugin=False).stdout
     refused = symaware("inspect", log, "--series", "robot:radar.returns", plugin=False, status=2)
@@ -109,12 +113,14 @@ def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(log, fo
     asked = symaware(
         *("plot", log, "--show", "radar.returns", "--output", folder / "returns.png", "--json"), plugin=False
     )
-    panels = {panel["panel"]: panel for panel in json.loads(asked.stdout)["panels"]}
-    assert set(panels) == {f"radar.returns {column}" for column in ("distance", "bearing", "approach")}
-    assert panels["radar.returns distance"]["maximum"]["value"] < 6.5
+    shown = {panel["panel"]: panel for panel in json.loads(asked.stdout)["panels"]}
+    assert set(shown) == {f"radar.returns {column}" for column in ("distance", "bearing", "approach")}
+    assert shown["radar.returns distance"]["maximum"]["value"] < 6.5
 
 
-def test_a_replay_has_a_dot_where_each_return_came_from_and_curves_of_the_numbers(log, folder, symaware):
+def test_a_replay_has_a_dot_where_each_return_came_from_and_curves_of_the_numbers(
+    log: Path, folder: Path, symaware: Command
+) -> None:
     from rerun_files import Recording
 
     symaware("replay", log, "--save", folder / "radar.rrd", plugin=False)
@@ -125,14 +131,14 @@ def test_a_replay_has_a_dot_where_each_return_came_from_and_curves_of_the_number
     assert recording.values("/curves/agents/robot.0/effort/gauge/1", "Scalars:scalars")
 
 
-def test_foxglove_has_the_numbers_and_the_dots(log, folder, symaware):
+def test_foxglove_has_the_numbers_and_the_dots(log: Path, folder: Path, symaware: Command) -> None:
     symaware("export", log, "--format", "foxglove", "--output", folder / "fox.mcap", plugin=False)
     channels = open_log(folder / "fox.mcap").channels
     assert "/radar.returns/robot" in channels
     assert "/agents/robot/effort/gauge" in channels
 
 
-def test_it_can_be_left_out_of_the_log_by_its_name(folder, symaware):
+def test_it_can_be_left_out_of_the_log_by_its_name(folder: Path, symaware: Command) -> None:
     symaware("run", "radar.yaml", "--quiet", "--output", folder / "less.mcap", "--set", "recording.omit=[returns]")
     channels = open_log(folder / "less.mcap").channels
     assert "/agents/robot/returns/radar" not in channels
@@ -141,13 +147,15 @@ def test_it_can_be_left_out_of_the_log_by_its_name(folder, symaware):
     assert "did you mean `returns`?" in done.stderr
 
 
-def test_show_and_the_editor_know_the_signal(symaware):
+def test_show_and_the_editor_know_the_signal(symaware: Command) -> None:
     assert "effort  a vector of power, energy: of the motion" in symaware("show", "mine.gauge").stdout
     schema = json.loads(symaware("schema").stdout)
     assert {"effort", "returns"} <= set(schema["$defs"]["Recording"]["properties"]["omit"]["items"]["enum"])
 
 
-def test_several_processes_record_the_signals_of_their_own_agents_and_their_logs_are_one(log, folder, symaware):
+def test_several_processes_record_the_signals_of_their_own_agents_and_their_logs_are_one(
+    log: Path, folder: Path, symaware: Command
+) -> None:
     from concurrent.futures import ThreadPoolExecutor
 
     from ports import free_port

@@ -6,9 +6,12 @@ import os
 import pty
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
+from simulating import Command
 
 import symaware_cli
 
@@ -16,13 +19,13 @@ SCRIPT = Path(sys.executable).parent / "symaware"
 VERBS = {"run", "validate", "new", "inspect", "list", "show", "schema"}
 
 
-def test_the_version_is_the_packages(command):
+def test_the_version_is_the_packages(command: Command) -> None:
     for arguments in (["--version"], ["--version", "run"]):
         done = command(*arguments)
         assert (done.returncode, done.stdout) == (0, f"symaware {symaware_cli.__version__}\n")
 
 
-def test_help_names_every_verb_and_exit_status(command):
+def test_help_names_every_verb_and_exit_status(command: Command) -> None:
     done = command("--help")
     assert done.returncode == 0
     words = set(done.stdout.split())
@@ -46,7 +49,9 @@ HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybulle
     ],
     ids=lambda value: value[0],
 )
-def test_a_verb_imports_nothing_heavy_that_it_does_not_need(line, unneeded, scenarios, tmp_path):
+def test_a_verb_imports_nothing_heavy_that_it_does_not_need(
+    line: list[str], unneeded: list[str], scenarios: Path, tmp_path: Path
+) -> None:
     line = [str(scenarios / word) if word == "hello.yaml" else word for word in line]
     code = (
         f"import sys; sys.argv = ['symaware', *{line!r}]\ntry:\n from symaware_cli.cli import main; main()\nfinally:\n"
@@ -80,28 +85,30 @@ def test_a_verb_imports_nothing_heavy_that_it_does_not_need(line, unneeded, scen
     ],
     ids=" ".join,
 )
-def test_nonsense_is_wrong_input_told_without_a_traceback(arguments, command, tmp_path):
+def test_nonsense_is_wrong_input_told_without_a_traceback(
+    arguments: list[str], command: Command, tmp_path: Path
+) -> None:
     done = command(*arguments)
     assert done.returncode == 2
     assert done.stderr.strip()
     assert os.listdir(tmp_path) == []
 
 
-def test_without_anything_it_shows_its_help(command):
+def test_without_anything_it_shows_its_help(command: Command) -> None:
     done = command()
     assert "Usage" in done.stdout + done.stderr
     assert set((done.stdout + done.stderr).split()) >= VERBS
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_completion_script_is_made_for_every_common_shell(shell):
+def test_a_completion_script_is_made_for_every_common_shell(shell: str) -> None:
     done = complete(f"source_{shell}")
     assert done.returncode == 0
     assert "_SYMAWARE_COMPLETE" in done.stdout
     assert "symaware" in done.stdout
 
 
-def complete(what, **more):
+def complete(what: str, **more: str) -> subprocess.CompletedProcess[str]:
     surroundings = {**os.environ, "_SYMAWARE_COMPLETE": what, **more}
     return subprocess.run([SCRIPT], env=surroundings, capture_output=True, text=True, timeout=60, check=False)
 
@@ -114,13 +121,13 @@ def complete(what, **more):
         ("fish", {"_TYPER_COMPLETE_ARGS": "symaware ru", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}),
     ],
 )
-def test_completing_ru_yields_run(shell, more):
+def test_completing_ru_yields_run(shell: str, more: dict[str, Any]) -> None:
     done = complete(f"complete_{shell}", **more)
     assert "run" in done.stdout
     assert not any(verb in done.stdout for verb in VERBS - {"run"})
 
 
-def test_bash_itself_completes_with_the_script(tmp_path):
+def test_bash_itself_completes_with_the_script(tmp_path: Path) -> None:
     (tmp_path / "completion.bash").write_text(complete("source_bash").stdout)
     lines = f"""
 PATH={SCRIPT.parent}:$PATH
@@ -133,14 +140,14 @@ echo "${{COMPREPLY[@]}}"
     assert done.stdout.split() == ["validate"]
 
 
-def test_a_script_for_ones_own_shell_is_shown_on_demand(tmp_path):
+def test_a_script_for_ones_own_shell_is_shown_on_demand(tmp_path: Path) -> None:
     done = subprocess.run(
         ["bash", "-c", f"{SCRIPT} --show-completion bash; true"], capture_output=True, text=True, timeout=60, check=True
     )
     assert "complete -o default -F" in done.stdout
 
 
-def on_a_terminal(environment, *arguments):
+def on_a_terminal(environment: Mapping[str, str], *arguments: str) -> str:
     """What the command prints on a terminal of its own."""
     terminal, its_end = pty.openpty()
     settings = {**os.environ, "TERM": "xterm-256color", "NO_COLOR": "", **environment}
@@ -158,7 +165,7 @@ def on_a_terminal(environment, *arguments):
 @pytest.mark.parametrize(
     "words", ["--help", "rnu", "list", "show unicycle", "run missing.yaml", "run HELLO --no-record"]
 )
-def test_nothing_but_text_is_printed_where_that_is_wanted(words, scenarios):
+def test_nothing_but_text_is_printed_where_that_is_wanted(words: str, scenarios: Path) -> None:
     line = words.replace("HELLO", str(scenarios / "hello.yaml")).split()
     assert "\x1b" in on_a_terminal({}, *line)
     for environment in ({"NO_COLOR": "1"}, {"TERM": "dumb"}):
@@ -170,7 +177,7 @@ def test_nothing_but_text_is_printed_where_that_is_wanted(words, scenarios):
 @pytest.mark.parametrize(
     ("typed", "some"), [("", {"unicycle", "kinematic", "ring", "tcp", "control.mpc"}), ("uni", {"unicycle"})]
 )
-def test_show_completes_the_names_of_plugins(typed, some, command):
+def test_show_completes_the_names_of_plugins(typed: str, some: set[str], command: Command) -> None:
     known = {plugin["name"] for plugin in json.loads(command("list", "--json").stdout)}
     words = {"_SYMAWARE_COMPLETE": "complete_bash", "COMP_WORDS": f"symaware show {typed}", "COMP_CWORD": "2"}
     done = subprocess.run(

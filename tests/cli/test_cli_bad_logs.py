@@ -3,14 +3,14 @@
 import os
 import random
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from mcap.records import Attachment
 from mcap.writer import CompressionType, Writer
-from simulating import COMMAND
+from simulating import COMMAND, Command, untyped
 from small_disk import on_a_small_disk
 
 from fuzzing.anatomy import put_together, take_apart
@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
 
 
 @pytest.fixture
-def attempt(tmp_path):
+def attempt(tmp_path: Path) -> Callable[[str, Path], Outcome]:
     """Run a verb on a log, and see to what must hold whatever comes of it."""
 
     def run(verb: str, log: Path) -> Outcome:
@@ -74,7 +74,7 @@ def attempt(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def real(tmp_path_factory, scenarios) -> bytes:
+def real(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> bytes:
     """The log of a real run, with contacts and other events, in several chunks."""
     path = tmp_path_factory.mktemp("real") / "hello.mcap"
     options = ["--set", "run.duration=6", "--set", "agents.robot.count=20", "--quiet", "--output", path]
@@ -84,14 +84,16 @@ def real(tmp_path_factory, scenarios) -> bytes:
 
 
 @verbs
-def test_a_sound_log_is_no_trouble(verb, attempt, real, tmp_path):
+def test_a_sound_log_is_no_trouble(
+    verb: str, attempt: Callable[[str, Path], Outcome], real: bytes, tmp_path: Path
+) -> None:
     (tmp_path / "log.mcap").write_bytes(real)
     outcome = attempt(verb, tmp_path / "log.mcap")
     assert outcome.status == 0, outcome.trouble
     assert bool(outcome.files) == (not verb.startswith("inspect"))
 
 
-def cut(verb, attempt, real, path, count):
+def cut(verb: str, attempt: Callable[[str, Path], Outcome], real: bytes, path: Path, count: int) -> None:
     found = set()
     for place in random.Random(11).sample(range(len(real)), count):
         path.write_bytes(real[:place])
@@ -101,7 +103,7 @@ def cut(verb, attempt, real, path, count):
     assert found >= {0, 3} or count < 100
 
 
-def flip(verb, attempt, real, path, count):
+def flip(verb: str, attempt: Callable[[str, Path], Outcome], real: bytes, path: Path, count: int) -> None:
     chance = random.Random(12)
     for place in chance.sample(range(len(real)), count):
         path.write_bytes(real[:place] + bytes([real[place] ^ 1 << chance.randrange(8)]) + real[place + 1 :])
@@ -110,14 +112,23 @@ def flip(verb, attempt, real, path, count):
 
 @verbs
 @pytest.mark.parametrize(("damage", "count"), [(cut, 200), (flip, 100)])
-def test_damage_at_a_random_place_is_told_and_never_raises(verb, damage, count, attempt, real, tmp_path):
+def test_damage_at_a_random_place_is_told_and_never_raises(
+    verb: str,
+    damage: Callable[..., None],
+    count: int,
+    attempt: Callable[[str, Path], Outcome],
+    real: bytes,
+    tmp_path: Path,
+) -> None:
     damage(verb, attempt, real, tmp_path / "log.mcap", count if verb in QUICK else 3)
 
 
 @pytest.mark.slow
 @verbs
 @pytest.mark.parametrize("damage", [cut, flip])
-def test_damage_at_many_random_places_is_told_and_never_raises(verb, damage, attempt, real, tmp_path):
+def test_damage_at_many_random_places_is_told_and_never_raises(
+    verb: str, damage: Callable[..., None], attempt: Callable[[str, Path], Outcome], real: bytes, tmp_path: Path
+) -> None:
     damage(verb, attempt, real, tmp_path / "log.mcap", 40 if verb in DRAWING else 200)
 
 
@@ -173,7 +184,9 @@ def not_a_log(folder: Path, kind: str) -> Path:
         ("later", "was written by a newer SymAware: its format is 2, this one reads up to 1"),
     ],
 )
-def test_what_is_no_log_of_ours_is_wrong_input(verb, kind, sentence, attempt, tmp_path):
+def test_what_is_no_log_of_ours_is_wrong_input(
+    verb: str, kind: str, sentence: str, attempt: Callable[[str, Path], Outcome], tmp_path: Path
+) -> None:
     outcome = attempt(verb, not_a_log(tmp_path, kind))
     assert outcome.status == 2
     assert sentence in outcome.output + outcome.trouble
@@ -183,7 +196,9 @@ NEEDING_A_MANIFEST = ("merge", "replay", "plot", "export csv", "export parquet",
 
 
 @verbs
-def test_a_damaged_manifest_is_told_and_what_can_do_without_it_is_shown(verb, attempt, real, tmp_path):
+def test_a_damaged_manifest_is_told_and_what_can_do_without_it_is_shown(
+    verb: str, attempt: Callable[[str, Path], Outcome], real: bytes, tmp_path: Path
+) -> None:
     anatomy = take_apart(real)
     chance = random.Random(5)
     for _ in range(20 if verb in QUICK else 3):
@@ -199,7 +214,9 @@ def test_a_damaged_manifest_is_told_and_what_can_do_without_it_is_shown(verb, at
 
 @verbs
 @pytest.mark.parametrize("content", [b"[" * 100_000, b"{a: " * 50_000, BILLION_LAUGHS, b"\xff\0"])
-def test_attachments_that_nobody_should_read_harm_no_verb(verb, content, attempt, real, tmp_path):
+def test_attachments_that_nobody_should_read_harm_no_verb(
+    verb: str, content: bytes, attempt: Callable[[str, Path], Outcome], real: bytes, tmp_path: Path
+) -> None:
     hostile = take_apart(real)
     for names in (["resolved.yaml", "versions.json", "scenario/hello.yaml"], ["geometry.json"]):
         hostile.attachments = [each for each in hostile.attachments if each.name not in names]
@@ -210,7 +227,7 @@ def test_attachments_that_nobody_should_read_harm_no_verb(verb, content, attempt
 
 
 @pytest.mark.parametrize("verb", [*QUICK, "inspect --digest", "export csv", "run"])
-def test_attachments_may_be_called_anything(verb, real, tmp_path):
+def test_attachments_may_be_called_anything(verb: str, real: bytes, tmp_path: Path) -> None:
     log, folder = tmp_path / "log.mcap", tmp_path / "written"
     hostile = take_apart(real)
     taken = {each.name for each in hostile.attachments} | {"geometry.json"}
@@ -226,12 +243,12 @@ def test_attachments_may_be_called_anything(verb, real, tmp_path):
 
 
 @pytest.mark.parametrize("verb", ["inspect", "recover"])
-def test_a_log_that_one_may_not_read_is_wrong_input(verb, real, tmp_path):
+def test_a_log_that_one_may_not_read_is_wrong_input(verb: str, real: bytes, tmp_path: Path) -> None:
     """Root may read anything, so it tries as nobody."""
     path = tmp_path / "log.mcap"
     path.write_bytes(real)
     path.chmod(0)
-    somebody = {"user": 65534, "group": 65534, "extra_groups": []} if os.geteuid() == 0 else {}
+    somebody: dict[str, Any] = {"user": 65534, "group": 65534, "extra_groups": []} if os.geteuid() == 0 else {}
     line = [*COMMAND, *map(str, VERBS[verb](path, Path("/tmp")))]
     try:
         done = subprocess.run(line, cwd="/", capture_output=True, text=True, timeout=60, check=False, **somebody)
@@ -241,7 +258,7 @@ def test_a_log_that_one_may_not_read_is_wrong_input(verb, real, tmp_path):
     assert done.stderr == f"symaware: cannot read the log {path}: permission denied\n"
 
 
-FOREIGN = {
+FOREIGN: dict[str, dict[str, Any]] = {
     "json": {"encoding": "json", "schema": ("thing", "jsonschema", b"{}")},
     "ros1": {"encoding": "ros1", "schema": ("std_msgs/String", "ros1msg", b"string data")},
     "ros2": {"encoding": "cdr", "schema": ("std_msgs/msg/String", "ros2msg", b"string data")},
@@ -257,7 +274,15 @@ FOREIGN = {
 }
 
 
-def foreign_log(path, *, encoding, schema, profile="other", times=(5, 3, 9), **options) -> Path:
+def foreign_log(
+    path: Path,
+    *,
+    encoding: str,
+    schema: tuple[str, str, bytes] | None,
+    profile: str = "other",
+    times: Sequence[int] = (5, 3, 9),
+    **options: Any,
+) -> Path:
     with open(path, "wb") as file:
         writer = Writer(file, **options)
         writer.start(profile=profile, library="somebody's")
@@ -268,13 +293,15 @@ def foreign_log(path, *, encoding, schema, profile="other", times=(5, 3, 9), **o
                 writer.add_message(channel, time, b"{}", time)
         writer.add_attachment(0, 0, "resolved.yaml", "application/yaml", b"[")
         writer.add_metadata("symaware.outcome", {"status": "{"})
-        writer.finish()
+        untyped(writer).finish()
     return path
 
 
 @verbs
 @pytest.mark.parametrize("kind", FOREIGN)
-def test_of_somebody_elses_log_what_can_be_shown_is_shown(verb, kind, attempt, tmp_path):
+def test_of_somebody_elses_log_what_can_be_shown_is_shown(
+    verb: str, kind: str, attempt: Callable[[str, Path], Outcome], tmp_path: Path
+) -> None:
     path = foreign_log(tmp_path / "log.mcap", **FOREIGN[kind])
     outcome = attempt(verb, path)
     if verb == "inspect":
@@ -287,7 +314,7 @@ def test_of_somebody_elses_log_what_can_be_shown_is_shown(verb, kind, attempt, t
 
 
 @started(["inspect", *SAVING])
-def test_a_process_of_its_own_says_the_same(verb, command, real, tmp_path):
+def test_a_process_of_its_own_says_the_same(verb: str, command: Command, real: bytes, tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     for content, status in ((b"", 2), (real[: len(real) * 2 // 3], 3), (real, 0)):
         path.write_bytes(content)
@@ -299,7 +326,9 @@ def test_a_process_of_its_own_says_the_same(verb, command, real, tmp_path):
 
 
 @started(SAVING)
-def test_a_disk_that_fills_up_while_saving_is_a_failure_that_leaves_nothing(verb, real, tmp_path):
+def test_a_disk_that_fills_up_while_saving_is_a_failure_that_leaves_nothing(
+    verb: str, real: bytes, tmp_path: Path
+) -> None:
     (tmp_path / "log.mcap").write_bytes(real)
     (tmp_path / "disk").mkdir()
     line = [str(each) for each in VERBS[verb](tmp_path / "log.mcap", Path())]
@@ -310,7 +339,9 @@ def test_a_disk_that_fills_up_while_saving_is_a_failure_that_leaves_nothing(verb
 
 
 @saving
-def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_left(verb, real, tmp_path):
+def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_left(
+    verb: str, real: bytes, tmp_path: Path
+) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(real)
     for folder in (tmp_path / "missing", path):
@@ -323,7 +354,7 @@ def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_left(verb,
 
 
 @saving
-def test_the_log_itself_is_not_overwritten(verb, real, tmp_path):
+def test_the_log_itself_is_not_overwritten(verb: str, real: bytes, tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(real)
     line = [path if isinstance(each, Path) and each.name != path.name else each for each in VERBS[verb](path, tmp_path)]

@@ -2,24 +2,27 @@
 
 import signal
 import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from ports import free_port
+from simulating import present
 from spreading import Spread, goal_seekers, written
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from symaware_cli import open_log
 from symaware_cli.cli.application import application
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path):
+def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Result]]:
     """Run `symaware run goals.yaml ARGUMENTS` in this process; the scenario has a ticker and two robots."""
     monkeypatch.chdir(tmp_path)
     written(tmp_path / "goals.yaml", goal_seekers())
     before = signal.getsignal(signal.SIGTERM)
 
-    def invoke(*arguments, scenario="goals.yaml"):
+    def invoke(*arguments: object, scenario: str = "goals.yaml") -> Result:
         done = CliRunner().invoke(application, ["run", scenario, "-o", "part.mcap", *map(str, arguments)])
         assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
         return done
@@ -29,7 +32,7 @@ def run(monkeypatch, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def waiting(tmp_path_factory):
+def waiting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A host that runs the ticker and waits for ever, as only robot.0 has come: its address."""
     folder = tmp_path_factory.mktemp("waiting")
     processes = Spread(folder, written(folder / "goals.yaml", goal_seekers()))
@@ -40,7 +43,7 @@ def waiting(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def guarded(tmp_path_factory):
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
     """A host that asks for a key: its address, and a file with the key."""
     folder = tmp_path_factory.mktemp("guarded")
     (folder / "run.key").write_text("0123456789abcdef0123456789abcdef")
@@ -97,7 +100,9 @@ def guarded(tmp_path_factory):
         (["--listen", 0, "--set", "transport.use=memory"], "`memory` stays within one process"),
     ],
 )
-def test_a_place_that_makes_no_sense_is_refused_before_anything_begins(run, tmp_path, arguments, said):
+def test_a_place_that_makes_no_sense_is_refused_before_anything_begins(
+    run: Callable[..., Result], tmp_path: Path, arguments: list[int | str], said: str
+) -> None:
     (tmp_path / "short.key").write_text("hello\n")
     done = run(*arguments)
     assert done.exit_code == 2
@@ -119,15 +124,19 @@ def test_a_place_that_makes_no_sense_is_refused_before_anything_begins(run, tmp_
         (["--only", "robot.1", "--name", "west"], "another process is called west; give this one a --name of its own"),
     ],
 )
-def test_a_member_that_does_not_fit_is_refused(run, waiting, arguments, said):
+def test_a_member_that_does_not_fit_is_refused(
+    run: Callable[..., Result], waiting: str, arguments: list[int | str], said: str
+) -> None:
     done = run("--join", waiting, *arguments)
     assert done.exit_code == 1
     assert said in done.stderr
-    assert open_log("part.mcap").outcome["status"] == "failed"
+    assert present(open_log("part.mcap").outcome)["status"] == "failed"
 
 
 @pytest.mark.parametrize("key", ["another", "none"])
-def test_who_does_not_know_the_key_is_turned_away(run, guarded, tmp_path, key):
+def test_who_does_not_know_the_key_is_turned_away(
+    run: Callable[..., Result], guarded: tuple[str, Path], tmp_path: Path, key: str
+) -> None:
     address, _ = guarded
     (tmp_path / "another.key").write_text("another key of sufficient length")
     options = ["--key-file", "another.key"] if key == "another" else []
@@ -137,14 +146,16 @@ def test_who_does_not_know_the_key_is_turned_away(run, guarded, tmp_path, key):
     assert "key" in done.stderr
 
 
-def test_a_key_that_the_host_does_not_ask_for_is_refused_too(run, waiting, guarded):
+def test_a_key_that_the_host_does_not_ask_for_is_refused_too(
+    run: Callable[..., Result], waiting: str, guarded: tuple[str, Path]
+) -> None:
     done = run("--join", waiting, "--only", "robot.1", "--key-file", guarded[1], "--wait", 20)
     assert done.exit_code == 1
     assert f"the host at {waiting} does not take us in: " in done.stderr
     assert "key" in done.stderr
 
 
-def test_with_the_key_a_host_listens_anywhere(tmp_path):
+def test_with_the_key_a_host_listens_anywhere(tmp_path: Path) -> None:
     (tmp_path / "run.key").write_text("0123456789abcdef0123456789abcdef")
     processes = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers(distance=1.0)), "--key-file", "run.key")
     try:
@@ -155,7 +166,7 @@ def test_with_the_key_a_host_listens_anywhere(tmp_path):
         processes.close()
 
 
-def test_a_port_in_use_is_said_to_be(run):
+def test_a_port_in_use_is_said_to_be(run: Callable[..., Result]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         done = run("--listen", port)
@@ -164,39 +175,39 @@ def test_a_port_in_use_is_said_to_be(run):
     assert "address already in use" in done.stderr.lower()
 
 
-def test_it_waits_for_a_host_no_longer_than_it_is_told(run):
+def test_it_waits_for_a_host_no_longer_than_it_is_told(run: Callable[..., Result]) -> None:
     port = free_port()
     done = run("--join", f"127.0.0.1:{port}", "--only", "robot", "--wait", 1)
     assert done.exit_code == 1
     assert f"no host at 127.0.0.1:{port} took us in within 1 s" in done.stderr
-    assert open_log("part.mcap").outcome["status"] == "failed"
+    assert present(open_log("part.mcap").outcome)["status"] == "failed"
 
 
-def test_a_host_waits_for_members_no_longer_than_it_is_told(run):
+def test_a_host_waits_for_members_no_longer_than_it_is_told(run: Callable[..., Result]) -> None:
     done = run("--listen", 0, "--only", "ticker", "--wait", 1)
     assert done.exit_code == 1
     assert "nobody came within 1 s for robot.0, robot.1" in done.stderr
 
 
-def test_ctrl_c_ends_the_waiting(tmp_path):
+def test_ctrl_c_ends_the_waiting(tmp_path: Path) -> None:
     processes = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers()))
     try:
         host = processes.host()
         host.wait_for("waits at")
         host.send(signal.SIGINT)
         assert host.end() == 130
-        assert open_log(host.log).outcome["status"] == "interrupted"
+        assert present(open_log(host.log).outcome)["status"] == "interrupted"
     finally:
         processes.close()
 
 
-def test_a_world_that_cannot_be_followed_is_not_shared(run, doubles):
+def test_a_world_that_cannot_be_followed_is_not_shared(run: Callable[..., Result], doubles: Path) -> None:
     done = run("--listen", 0, "--set", "environment.use=doubles.lonely-world")
     assert done.exit_code == 2
     assert done.stderr == "symaware: the world `doubles.lonely-world` cannot be copied to other processes\n"
 
 
-def test_a_transport_may_be_a_plugin(doubles, tmp_path):
+def test_a_transport_may_be_a_plugin(doubles: Path, tmp_path: Path) -> None:
     scenario = written(tmp_path / "goals.yaml", goal_seekers(distance=1.0))
     processes = Spread(tmp_path, scenario, "--set", "transport.use=doubles.loud")
     try:

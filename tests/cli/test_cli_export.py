@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from pyarrow import parquet
 from sample_log import write_sample
-from simulating import COMMAND
+from simulating import COMMAND, Command, present, untyped
 
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.scenario.build import build
@@ -25,18 +25,18 @@ TARGETS = ["parquet", "csv", "foxglove"]
 
 
 @pytest.fixture(scope="session")
-def recorded(scenarios, tmp_path_factory):
+def recorded(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recorded") / "hello.mcap"
     execute(build(scenarios / "hello.yaml", ["run.duration=1"], None), path)
     return path
 
 
 @pytest.fixture
-def log(recorded, tmp_path):
+def log(recorded: Path, tmp_path: Path) -> Path:
     return Path(shutil.copy(recorded, tmp_path))
 
 
-def test_it_tells_which_tables_it_wrote(log, command, tmp_path):
+def test_it_tells_which_tables_it_wrote(log: Path, command: Command, tmp_path: Path) -> None:
     done = command("export", log, "--format", "parquet", "--output", "tables")
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
@@ -49,13 +49,13 @@ def test_it_tells_which_tables_it_wrote(log, command, tmp_path):
     assert parquet.read_table(tmp_path / "tables" / "state" / "robot.parquet").num_rows == 80
 
 
-def test_without_an_output_it_is_named_after_the_log(log, command, tmp_path):
+def test_without_an_output_it_is_named_after_the_log(log: Path, command: Command, tmp_path: Path) -> None:
     for target, name in (("csv", "hello-csv"), ("foxglove", "hello-foxglove.mcap")):
         assert command("export", log, "--format", target).returncode == 0
         assert (tmp_path / name).exists()
 
 
-def test_tables_fields_agents_and_times_can_be_chosen(log, command, tmp_path):
+def test_tables_fields_agents_and_times_can_be_chosen(log: Path, command: Command, tmp_path: Path) -> None:
     chosen = ("--fields", "state, world", "--agents", "robot.1", "--from", "0.5", "--to", "0.75")
     assert command("export", log, "--format", "csv", *chosen).returncode == 0
     with open(tmp_path / "hello-csv" / "state" / "robot.csv", newline="") as file:
@@ -65,7 +65,7 @@ def test_tables_fields_agents_and_times_can_be_chosen(log, command, tmp_path):
     assert not (tmp_path / "hello-csv" / "control").exists()
 
 
-def test_scripts_are_told_in_json(log, command):
+def test_scripts_are_told_in_json(log: Path, command: Command) -> None:
     report = json.loads(command("export", log, "--format", "csv", "--json").stdout)
     assert (report["output"], report["damage"]) == ("hello-csv", None)
     state = next(table for table in report["tables"] if table["file"] == "state/robot.csv")
@@ -74,12 +74,12 @@ def test_scripts_are_told_in_json(log, command):
     assert report["topics"]["/tf/robot"] == 21
 
 
-def test_foxglove_gets_one_file(log, command, tmp_path):
+def test_foxglove_gets_one_file(log: Path, command: Command, tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_text("what was there before")
     done = command("export", log, "--format", "foxglove", "--output", "run.mcap")
     assert (done.returncode, done.stderr) == (0, "")
     with open(tmp_path / "run.mcap", "rb") as file:
-        schemas = {schema.name for schema in make_reader(file).get_summary().schemas.values()}
+        schemas = {schema.name for schema in present(make_reader(file).get_summary()).schemas.values()}
     assert {"foxglove.SceneUpdate", "foxglove.FrameTransforms", "foxglove.Log"} <= schemas
 
 
@@ -95,7 +95,9 @@ def test_foxglove_gets_one_file(log, command, tmp_path):
         (("--format", "csv", "--output", "."), "it is not an empty folder"),
     ],
 )
-def test_wrong_options_are_told_in_a_sentence_and_leave_nothing(log, command, tmp_path, options, said):
+def test_wrong_options_are_told_in_a_sentence_and_leave_nothing(
+    log: Path, command: Command, tmp_path: Path, options: tuple[str, ...], said: str
+) -> None:
     before = log.read_bytes()
     done = command("export", log.name, *options)
     assert (done.returncode, done.stdout) == (2, "")
@@ -115,7 +117,7 @@ def test_wrong_options_are_told_in_a_sentence_and_leave_nothing(log, command, tm
         ("missing", "there is no file missing.mcap"),
     ],
 )
-def test_what_is_no_log_of_ours_is_wrong_input(name, said, command, tmp_path):
+def test_what_is_no_log_of_ours_is_wrong_input(name: str, said: str, command: Command, tmp_path: Path) -> None:
     (tmp_path / "empty.mcap").touch()
     (tmp_path / "junk.mcap").write_bytes(b"junk")
     with LogWriter(tmp_path / "newer.mcap") as newer:
@@ -123,7 +125,7 @@ def test_what_is_no_log_of_ours_is_wrong_input(name, said, command, tmp_path):
     with open(tmp_path / "foreign.mcap", "wb") as file:
         foreign = Writer(file)
         foreign.start(profile="ros2")
-        foreign.finish()
+        untyped(foreign).finish()
     before = sorted(path.name for path in tmp_path.iterdir())
     for target in TARGETS if name == "foreign" else ["csv"]:
         done = command("export", f"{name}.mcap", "--format", target)
@@ -134,7 +136,9 @@ def test_what_is_no_log_of_ours_is_wrong_input(name, said, command, tmp_path):
 
 
 @pytest.mark.parametrize("target", ["csv", "foxglove"])
-def test_of_a_log_that_breaks_off_the_rest_is_exported_with_exit_status_3(log, command, target):
+def test_of_a_log_that_breaks_off_the_rest_is_exported_with_exit_status_3(
+    log: Path, command: Command, target: str
+) -> None:
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
     done = command("export", log, "--format", target, "--output", "out")
     assert done.returncode == 3
@@ -143,7 +147,9 @@ def test_of_a_log_that_breaks_off_the_rest_is_exported_with_exit_status_3(log, c
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_a_disk_that_is_full_is_told_in_a_sentence_and_nothing_is_left(log, command, target, tmp_path):
+def test_a_disk_that_is_full_is_told_in_a_sentence_and_nothing_is_left(
+    log: Path, command: Command, target: str, tmp_path: Path
+) -> None:
     done = command(
         *("export", log, "--format", target, "--output", "out"),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000)),
@@ -154,7 +160,9 @@ def test_a_disk_that_is_full_is_told_in_a_sentence_and_nothing_is_left(log, comm
 
 
 @pytest.mark.parametrize("target", ["parquet", "foxglove"])
-def test_a_file_system_that_fills_up_is_told_in_a_sentence_and_nothing_is_left(log, command, target, tmp_path):
+def test_a_file_system_that_fills_up_is_told_in_a_sentence_and_nothing_is_left(
+    log: Path, command: Command, target: str, tmp_path: Path
+) -> None:
     mounted = tmp_path / "disk"
     mounted.mkdir()
     made = subprocess.run(
@@ -171,7 +179,7 @@ def test_a_file_system_that_fills_up_is_told_in_a_sentence_and_nothing_is_left(l
 
 
 @pytest.mark.parametrize("target", ["csv", "foxglove"])
-def test_a_place_that_cannot_be_written_is_a_failure_of_the_machine(log, command, target):
+def test_a_place_that_cannot_be_written_is_a_failure_of_the_machine(log: Path, command: Command, target: str) -> None:
     done = command("export", log, "--format", target, "--output", "nowhere/out")
     assert done.returncode == 1
     assert done.stderr == "symaware: cannot write nowhere/out: its folder does not exist\n"
@@ -181,7 +189,9 @@ def test_a_place_that_cannot_be_written_is_a_failure_of_the_machine(log, command
     ("target", "module", "status"),
     [("parquet", "pyarrow", 2), ("foxglove", "foxglove_schemas_protobuf", 2), ("csv", "pyarrow", 0)],
 )
-def test_what_is_not_installed_is_named_with_what_installs_it(log, command, tmp_path, target, module, status):
+def test_what_is_not_installed_is_named_with_what_installs_it(
+    log: Path, command: Command, tmp_path: Path, target: str, module: str, status: int
+) -> None:
     hide = f"import sys; sys.modules[{module!r}] = None; from symaware_cli.cli import main; main()"
     done = subprocess.run(
         [COMMAND[0], "-P", "-c", hide, "export", str(log), "--format", target],
@@ -199,7 +209,7 @@ def test_what_is_not_installed_is_named_with_what_installs_it(log, command, tmp_
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_export_that_is_ended_leaves_nothing(number, tmp_path):
+def test_an_export_that_is_ended_leaves_nothing(number: signal.Signals, tmp_path: Path) -> None:
     log = write_sample(tmp_path / "sample.mcap", steps=3000, flush_every=100)
     line = [*COMMAND, "export", str(log), "--format", "csv", "--output", str(tmp_path / "out")]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

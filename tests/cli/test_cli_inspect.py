@@ -1,11 +1,14 @@
 """`symaware inspect`."""
 
 import json
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
 from sample_log import write_sample
-from typer.testing import CliRunner
+from simulating import Command, untyped
+from typer.testing import CliRunner, Result
 
 from symaware_cli import open_log
 from symaware_cli.cli.application import application
@@ -16,12 +19,12 @@ from symaware_cli.recording.writer import LogWriter
 
 
 @pytest.fixture
-def log(command, scenarios, tmp_path):
+def log(command: Command, scenarios: Path, tmp_path: Path) -> Path:
     assert command("run", scenarios / "hello.yaml", "--set", "run.duration=1", "-q").returncode == 0
     return tmp_path / "hello.mcap"
 
 
-def test_it_tells_who_how_long_how_often_and_with_what(log, command):
+def test_it_tells_who_how_long_how_often_and_with_what(log: Path, command: Command) -> None:
     done = command("inspect", log)
     assert (done.returncode, done.stderr) == (0, "")
     for said in (
@@ -35,7 +38,9 @@ def test_it_tells_who_how_long_how_often_and_with_what(log, command):
     assert overview["agents"] == {"robot": 4}
 
 
-def test_a_gap_is_where_agents_are_not_told_of_and_not_where_an_entity_rests(tmp_path, inspect):
+def test_a_gap_is_where_agents_are_not_told_of_and_not_where_an_entity_rests(
+    tmp_path: Path, inspect: Callable[..., Result]
+) -> None:
     with LogWriter(tmp_path / "a.mcap") as writer:
         manifest = {
             "format": 1,
@@ -55,7 +60,7 @@ def test_a_gap_is_where_agents_are_not_told_of_and_not_where_an_entity_rests(tmp
     ]
 
 
-def test_events_are_listed_for_people_and_for_tools(log, command):
+def test_events_are_listed_for_people_and_for_tools(log: Path, command: Command) -> None:
     done = command("inspect", log, "--events")
     assert done.returncode == 0
     assert done.stdout.splitlines()[0].split()[:4] == ["0.0000", "s", "INFO", "started"]
@@ -63,14 +68,14 @@ def test_events_are_listed_for_people_and_for_tools(log, command):
     assert [events[0]["name"], events[-1]["name"]] == ["started", "finished"]
 
 
-def test_digests_are_those_of_the_library(log, command):
+def test_digests_are_those_of_the_library(log: Path, command: Command) -> None:
     expected = digest(open_log(log))
     lines = command("inspect", log, "--digest").stdout.splitlines()
     assert lines[-1] == f"{expected.combined}  combined"
     assert json.loads(command("inspect", log, "--digest", "--json").stdout)["channels"] == expected.channels
 
 
-def test_a_log_that_was_cut_off_is_told_with_exit_status_3_whatever_is_asked(log, command):
+def test_a_log_that_was_cut_off_is_told_with_exit_status_3_whatever_is_asked(log: Path, command: Command) -> None:
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
     for options in ([], ["--json"], ["--events"], ["--digest"]):
         done = command("inspect", log, *options)
@@ -79,7 +84,7 @@ def test_a_log_that_was_cut_off_is_told_with_exit_status_3_whatever_is_asked(log
 
 
 @pytest.mark.parametrize("name", ["empty.mcap", "junk.mcap", "begun.mcap", "missing.mcap", "."])
-def test_what_is_no_log_is_wrong_input(name, command, tmp_path):
+def test_what_is_no_log_is_wrong_input(name: str, command: Command, tmp_path: Path) -> None:
     for each, content in {"empty": b"", "junk": b"junk", "begun": b"\x89MCAP0\r\n"}.items():
         (tmp_path / f"{each}.mcap").write_bytes(content)
     done = command("inspect", name)
@@ -87,21 +92,21 @@ def test_what_is_no_log_is_wrong_input(name, command, tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_scripts_are_told_of_what_is_no_log_as_well(command):
+def test_scripts_are_told_of_what_is_no_log_as_well(command: Command) -> None:
     assert json.loads(command("inspect", "missing.mcap", "--json").stdout)["error"] == "there is no file missing.mcap"
 
 
 @pytest.fixture
-def sample(tmp_path):
+def sample(tmp_path: Path) -> Path:
     """A log of three robots and a car with entries of every kind."""
     return write_sample(tmp_path / "sample.mcap")
 
 
 @pytest.fixture
-def inspect():
+def inspect() -> Callable[..., Result]:
     """Run `symaware inspect ARGUMENTS` in this process."""
 
-    def run(*arguments, status=0):
+    def run(*arguments: object, status: int = 0) -> Result:
         done = CliRunner().invoke(application, ["inspect", *map(str, arguments)])
         assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
         assert done.exit_code == status, done.output
@@ -110,8 +115,10 @@ def inspect():
     return run
 
 
-def test_events_are_filtered_by_agent_name_source_level_time_and_number(log, inspect):
-    def times(*filters):
+def test_events_are_filtered_by_agent_name_source_level_time_and_number(
+    log: Path, inspect: Callable[..., Result]
+) -> None:
+    def times(*filters: object) -> list[float]:
         return [event["time"] / 1e9 for event in json.loads(inspect(log, "--events", "--json", *filters).stdout)]
 
     everything = times()
@@ -125,7 +132,7 @@ def test_events_are_filtered_by_agent_name_source_level_time_and_number(log, ins
     assert times("--limit", 0) == []
 
 
-def test_messages_are_listed_with_their_latency(sample, inspect):
+def test_messages_are_listed_with_their_latency(sample: Path, inspect: Callable[..., Result]) -> None:
     lines = inspect(sample, "--messages").stdout.splitlines()
     assert lines[0] == '    0.1500 s  SENT       robot.0 to car  hello  {"text": "hello"}'
     assert lines[1] == "    0.2000 s  DELIVERED  robot.0 to car  hello  after 0.05 s"
@@ -136,14 +143,14 @@ def test_messages_are_listed_with_their_latency(sample, inspect):
     assert len(json.loads(inspect(sample, "--messages", "--json", "--kind", "h*", "--from", "1.65").stdout)) == 2
 
 
-def test_contacts_are_listed_with_place_and_depth(sample, inspect):
+def test_contacts_are_listed_with_place_and_depth(sample: Path, inspect: Callable[..., Result]) -> None:
     lines = inspect(sample, "--contacts").stdout.splitlines()
     assert lines[0] == "    0.1500 s  BEGIN  car and wall  at (1, 2) m, 0.1 m deep"
     entries = json.loads(inspect(sample, "--contacts", "--json", "--limit", 2).stdout)
     assert [(entry["a"], entry["b"], entry["point"]) for entry in entries] == [("car", "wall", [1.0, 2.0])] * 2
 
 
-def test_a_series_is_a_table_with_units_and_extremes(sample, inspect):
+def test_a_series_is_a_table_with_units_and_extremes(sample: Path, inspect: Callable[..., Result]) -> None:
     lines = inspect(sample, "--series", "robot.1:world", "--every", "0.5").stdout.splitlines()
     assert lines[0].split() == ["time", "[s]", "x", "[m]", "y", "[m]", "heading", "[rad]"]
     assert [line.split()[0] for line in lines[1:5]] == ["0", "0.5", "1", "1.5"]
@@ -157,7 +164,7 @@ def test_a_series_is_a_table_with_units_and_extremes(sample, inspect):
     assert lines[-1] == "of 40 instants, 4 of them shown"
 
 
-def test_a_series_for_scripts_has_times_values_and_extremes(sample, inspect):
+def test_a_series_for_scripts_has_times_values_and_extremes(sample: Path, inspect: Callable[..., Result]) -> None:
     found = json.loads(inspect(sample, "--series", "robot:state:y", "--from", "0.1", "--to", 0.2, "--json").stdout)
     assert found["columns"] == ["robot.0 y", "robot.1 y", "robot.2 y"]
     assert found["units"] == ["m"] * 3
@@ -171,7 +178,7 @@ def test_a_series_for_scripts_has_times_values_and_extremes(sample, inspect):
     )
 
 
-def test_a_series_without_values_is_an_empty_table(sample, inspect):
+def test_a_series_without_values_is_an_empty_table(sample: Path, inspect: Callable[..., Result]) -> None:
     lines = inspect(sample, "--series", "car:state", "--from", 1000).stdout.splitlines()
     assert lines[-1] == "of 0 instants"
     assert lines[2].split() == ["minimum", "-", "-", "-"]
@@ -202,7 +209,9 @@ def test_a_series_without_values_is_an_empty_table(sample, inspect):
         ("--series car:risk", "has no risk of 'car' (no channel /agents/car/risk); there is state"),
     ],
 )
-def test_what_cannot_be_shown_is_told_in_a_sentence(sample, inspect, options, sentence):
+def test_what_cannot_be_shown_is_told_in_a_sentence(
+    sample: Path, inspect: Callable[..., Result], options: str, sentence: str
+) -> None:
     done = inspect(sample, *options.split(), status=2)
     assert sentence in done.stderr
     assert done.stdout == ""
@@ -210,7 +219,9 @@ def test_what_cannot_be_shown_is_told_in_a_sentence(sample, inspect, options, se
     assert sentence in json.loads(inspect(sample, *options.split(), "--json", status=2).stdout)["error"]
 
 
-def test_filters_that_nothing_meets_are_no_failure_and_told_on_the_side(sample, inspect):
+def test_filters_that_nothing_meets_are_no_failure_and_told_on_the_side(
+    sample: Path, inspect: Callable[..., Result]
+) -> None:
     for options in (["--name", "computd"], ["--source", "nowhere"], ["--from", "100"], ["--name", "failed"]):
         done = inspect(sample, "--events", *options)
         assert done.stdout == ""
@@ -220,12 +231,14 @@ def test_filters_that_nothing_meets_are_no_failure_and_told_on_the_side(sample, 
     assert "there are hello" in inspect(sample, "--messages", "--kind", "bye").stderr
 
 
-def test_a_list_of_nothing_says_that_there_is_nothing(log, inspect):
+def test_a_list_of_nothing_says_that_there_is_nothing(log: Path, inspect: Callable[..., Result]) -> None:
     done = inspect(log, "--messages")
     assert (done.stdout, done.stderr) == ("", f"symaware: {log} has no messages\n")
 
 
-def test_a_damaged_entry_ends_the_list_with_a_sentence_and_the_array_stays_whole(tmp_path, inspect):
+def test_a_damaged_entry_ends_the_list_with_a_sentence_and_the_array_stays_whole(
+    tmp_path: Path, inspect: Callable[..., Result]
+) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/events", "Event")
         writer.add(channel, 0, v1.Event(name="good").SerializeToString())
@@ -236,7 +249,9 @@ def test_a_damaged_entry_ends_the_list_with_a_sentence_and_the_array_stays_whole
     assert f"the messages on /events in {writer.path} do not fit together: at 1 ns" in done.stderr
 
 
-def test_a_recovered_log_says_what_was_lost_and_is_sound(sample, inspect, tmp_path):
+def test_a_recovered_log_says_what_was_lost_and_is_sound(
+    sample: Path, inspect: Callable[..., Result], tmp_path: Path
+) -> None:
     sample.write_bytes(sample.read_bytes()[: sample.stat().st_size // 2])
     recover(open_log(sample), tmp_path / "new.mcap")
     text = inspect(tmp_path / "new.mcap").stdout
@@ -247,7 +262,9 @@ def test_a_recovered_log_says_what_was_lost_and_is_sound(sample, inspect, tmp_pa
     assert (found["damage"], found["lost"], found["status"]) == (None, False, "broken off")
 
 
-def test_of_somebody_elses_log_the_channels_are_shown_and_nothing_else(tmp_path, inspect):
+def test_of_somebody_elses_log_the_channels_are_shown_and_nothing_else(
+    tmp_path: Path, inspect: Callable[..., Result]
+) -> None:
     path = tmp_path / "foreign.mcap"
     with open(path, "wb") as file:
         writer = Writer(file)
@@ -255,7 +272,7 @@ def test_of_somebody_elses_log_the_channels_are_shown_and_nothing_else(tmp_path,
         for topic in ("/timing", "/events", "/world/robot/state"):
             channel = writer.register_channel(topic, "json", writer.register_schema("other.Thing", "jsonschema", b"{}"))
             writer.add_message(channel, 5, b"{}", 5)
-        writer.finish()
+        untyped(writer).finish()
     shown = inspect(path).stdout
     assert "not written by SymAware; only its channels can be shown" in shown
     assert "/world/robot/state" in shown

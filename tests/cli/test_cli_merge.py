@@ -4,13 +4,15 @@ import json
 import signal
 import subprocess
 import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from parts import split, write_part
 from sample_log import write_sample
 from simulating import COMMAND
 from small_disk import on_a_small_disk
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from symaware_cli import open_log
 from symaware_cli.cli.application import application
@@ -19,12 +21,12 @@ STEP = 50_000_000
 
 
 @pytest.fixture
-def merge(monkeypatch, tmp_path):
+def merge(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Result]]:
     """Run `symaware merge ARGUMENTS` in this process, in the folder of the parts."""
     monkeypatch.chdir(tmp_path)
     before = signal.getsignal(signal.SIGTERM)
 
-    def run(*arguments):
+    def run(*arguments: object) -> Result:
         done = CliRunner().invoke(application, ["merge", *map(str, arguments)])
         assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
         return done
@@ -34,26 +36,26 @@ def merge(monkeypatch, tmp_path):
 
 
 @pytest.fixture
-def sample(tmp_path):
+def sample(tmp_path: Path) -> Path:
     """The log of a whole run."""
     return write_sample(tmp_path / "sample.mcap")
 
 
 @pytest.fixture
-def parts(sample, tmp_path):
+def parts(sample: Path, tmp_path: Path) -> tuple[str, str]:
     """`host.mcap` and `left.mcap`."""
     split(sample, tmp_path, {"left": ["robot.1", "car"]})
     return "host.mcap", "left.mcap"
 
 
 @pytest.fixture
-def killed(sample, parts):
+def killed(sample: Path, parts: tuple[str, str]) -> str:
     """A member of which the second half is missing."""
     whole = open_log(sample)
     return write_part(whole, sample.parent / "left.mcap", "left", ["robot.1", "car"], until=20 * STEP, end="kill").name
 
 
-def test_it_says_what_was_joined(parts, merge):
+def test_it_says_what_was_joined(parts: tuple[str, str], merge: Callable[..., Result]) -> None:
     done = merge("left.mcap", "host.mcap", "-o", "whole.mcap")
     assert (done.exit_code, done.stderr) == (0, "")
     head, *table = done.stdout.splitlines()
@@ -69,7 +71,7 @@ def test_it_says_what_was_joined(parts, merge):
     ]
 
 
-def test_it_tells_scripts_the_same(parts, merge):
+def test_it_tells_scripts_the_same(parts: tuple[str, str], merge: Callable[..., Result]) -> None:
     done = merge(*parts, "-o", "whole.mcap", "--json")
     assert (done.exit_code, done.stderr) == (0, "")
     log = open_log("whole.mcap")
@@ -90,7 +92,9 @@ def test_it_tells_scripts_the_same(parts, merge):
     }
 
 
-def test_what_was_lost_with_a_process_is_told_and_so_is_exit_status_3(killed, merge):
+def test_what_was_lost_with_a_process_is_told_and_so_is_exit_status_3(
+    killed: str, merge: Callable[..., Result]
+) -> None:
     done = merge("host.mcap", killed, "-o", "whole.mcap")
     assert done.exit_code == 3
     assert done.stdout.splitlines()[-1] == "  left       2          0       0.95  left.mcap"
@@ -105,7 +109,9 @@ def test_what_was_lost_with_a_process_is_told_and_so_is_exit_status_3(killed, me
 @pytest.mark.parametrize(
     ("given", "missing"), [(["host.mcap"], ["robot.1", "car"]), (["host.mcap", "right.mcap"], ["robot.1"])]
 )
-def test_whom_no_part_ran_is_told_and_so_is_exit_status_3(sample, merge, tmp_path, given, missing):
+def test_whom_no_part_ran_is_told_and_so_is_exit_status_3(
+    sample: Path, merge: Callable[..., Result], tmp_path: Path, given: list[str], missing: list[str]
+) -> None:
     split(sample, tmp_path, {"left": ["robot.1"], "right": ["car"]})
     done = merge(*given, "-o", "whole.mcap")
     sentence = (
@@ -119,7 +125,9 @@ def test_whom_no_part_ran_is_told_and_so_is_exit_status_3(sample, merge, tmp_pat
     assert sentence in CliRunner().invoke(application, ["inspect", "whole.mcap"]).stdout
 
 
-def test_a_part_of_a_process_that_came_back_begins_when_its_agents_do(sample, parts, merge, tmp_path):
+def test_a_part_of_a_process_that_came_back_begins_when_its_agents_do(
+    sample: Path, parts: tuple[str, str], merge: Callable[..., Result], tmp_path: Path
+) -> None:
     whole = open_log(sample)
     write_part(whole, tmp_path / "left.mcap", "left", ["robot.1", "car"], until=20 * STEP)
     # What it repeats of the beginning is no turn of its agents.
@@ -131,14 +139,14 @@ def test_a_part_of_a_process_that_came_back_begins_when_its_agents_do(sample, pa
     assert [part["start"] for part in found["parts"]] == [0.0, 0.0, 1.5]
 
 
-def test_the_merged_log_is_sound_and_says_what_was_lost(killed, merge):
+def test_the_merged_log_is_sound_and_says_what_was_lost(killed: str, merge: Callable[..., Result]) -> None:
     merge("host.mcap", killed, "-o", "whole.mcap")
     done = CliRunner().invoke(application, ["inspect", "whole.mcap"])
     assert done.exit_code == 0
     assert "recovered from left.mcap: the log breaks off after 0.95 s" in done.stdout
 
 
-def test_a_whole_log_is_called_that(sample, merge):
+def test_a_whole_log_is_called_that(sample: Path, merge: Callable[..., Result]) -> None:
     done = merge("sample.mcap", "-o", "whole.mcap")
     assert done.exit_code == 0
     assert done.stdout.splitlines()[-1] == "  (whole)       4          0       1.95  sample.mcap"
@@ -154,7 +162,9 @@ def test_a_whole_log_is_called_that(sample, merge):
         (["host.mcap", "note.txt"], "note.txt is not a log: it does not begin like an MCAP"),
     ],
 )
-def test_wrong_input_is_a_sentence_and_exit_status_2(parts, merge, tmp_path, arguments, sentence):
+def test_wrong_input_is_a_sentence_and_exit_status_2(
+    parts: tuple[str, str], merge: Callable[..., Result], tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
     (tmp_path / "note.txt").write_text("This is a note.")
     done = merge(*arguments, "-o", "whole.mcap")
     assert (done.exit_code, done.stdout, done.stderr) == (2, "", f"symaware: {sentence}\n")
@@ -171,7 +181,9 @@ def test_wrong_input_is_a_sentence_and_exit_status_2(parts, merge, tmp_path, arg
         ("host.mcap/whole.mcap", 1, "part of its path is not a folder"),
     ],
 )
-def test_a_place_that_cannot_be_written_to_is_told(parts, merge, tmp_path, place, status, sentence):
+def test_a_place_that_cannot_be_written_to_is_told(
+    parts: tuple[str, str], merge: Callable[..., Result], tmp_path: Path, place: str, status: int, sentence: str
+) -> None:
     before = sorted((path.name, path.read_bytes()) for path in tmp_path.iterdir())
     done = merge(*parts, "-o", place)
     assert (done.exit_code, done.stdout) == (status, "")
@@ -179,13 +191,13 @@ def test_a_place_that_cannot_be_written_to_is_told(parts, merge, tmp_path, place
     assert sorted((path.name, path.read_bytes()) for path in tmp_path.iterdir()) == before
 
 
-def test_an_output_is_asked_for(parts, merge):
+def test_an_output_is_asked_for(parts: tuple[str, str], merge: Callable[..., Result]) -> None:
     done = merge(*parts)
     assert done.exit_code == 2
     assert "--output" in done.stderr
 
 
-def test_a_disk_that_fills_up_is_told_and_nothing_half_written_is_left(parts, tmp_path):
+def test_a_disk_that_fills_up_is_told_and_nothing_half_written_is_left(parts: tuple[str, str], tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     line = [*COMMAND, "merge", *(str(tmp_path / part) for part in parts), "-o", "whole.mcap"]
     done = on_a_small_disk(tmp_path / "disk", line, size="20k")
@@ -194,7 +206,7 @@ def test_a_disk_that_fills_up_is_told_and_nothing_half_written_is_left(parts, tm
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_merge_that_is_ended_leaves_nothing(number, tmp_path):
+def test_a_merge_that_is_ended_leaves_nothing(number: signal.Signals, tmp_path: Path) -> None:
     log = write_sample(tmp_path / "sample.mcap", steps=5000, flush_every=100)
     line = [*COMMAND, "merge", str(log), "--output", str(tmp_path / "whole.mcap")]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

@@ -5,20 +5,22 @@ import os
 import resource
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from mcap.writer import Writer
 from plot_logs import YARD, log_of
+from simulating import Command, untyped
 
 from symaware_cli.recording.writer import LogWriter
 
 
 @pytest.fixture(scope="module")
-def yard(tmp_path_factory):
+def yard(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log_of(tmp_path_factory.mktemp("yard"), YARD).path
 
 
-def test_a_figure_of_the_log_is_drawn_beside_others_of_that_name(yard, command, tmp_path):
+def test_a_figure_of_the_log_is_drawn_beside_others_of_that_name(yard: Path, command: Command, tmp_path: Path) -> None:
     done = command("plot", yard)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith(f"{yard.stem}.png: trajectories, separation, risk, speed; ")
@@ -28,7 +30,9 @@ def test_a_figure_of_the_log_is_drawn_beside_others_of_that_name(yard, command, 
     assert len(os.listdir(tmp_path)) == 2
 
 
-def test_a_name_that_is_given_is_used_and_gives_the_same_bytes_in_any_process(yard, command, tmp_path, monkeypatch):
+def test_a_name_that_is_given_is_used_and_gives_the_same_bytes_in_any_process(
+    yard: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for seed, name in (("1", "one.svg"), ("2", "two.svg")):
         monkeypatch.setenv("PYTHONHASHSEED", seed)
         (tmp_path / name).write_text("old")
@@ -37,7 +41,7 @@ def test_a_name_that_is_given_is_used_and_gives_the_same_bytes_in_any_process(ya
     assert sorted(os.listdir(tmp_path)) == ["one.svg", "two.svg"]
 
 
-def test_scripts_are_told_what_was_drawn(yard, command, tmp_path):
+def test_scripts_are_told_what_was_drawn(yard: Path, command: Command, tmp_path: Path) -> None:
     line = ["plot", yard, "--json", "-o", "a.pdf", "--agents", "cart, guard", "--from", "0.5", "--to", "2.5"]
     told = json.loads(command(*line, "--show", "separation,risk", "--series", "cart.0:state:x").stdout)
     assert (told["file"], told["size"]) == ("a.pdf", (tmp_path / "a.pdf").stat().st_size)
@@ -50,7 +54,9 @@ def test_scripts_are_told_what_was_drawn(yard, command, tmp_path):
     assert (series["panel"], series["unit"], series["curves"]) == ("x", "m", 1)
 
 
-def test_a_log_that_was_cut_off_is_drawn_as_far_as_it_goes_with_exit_status_3(command, tmp_path, tmp_path_factory):
+def test_a_log_that_was_cut_off_is_drawn_as_far_as_it_goes_with_exit_status_3(
+    command: Command, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     whole = log_of(tmp_path_factory.mktemp("whole"), "crossing.yaml", "run.duration=6").path
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 4])
@@ -63,12 +69,12 @@ def test_a_log_that_was_cut_off_is_drawn_as_far_as_it_goes_with_exit_status_3(co
     assert (tmp_path / "cut.png").stat().st_size == told["size"]
 
 
-def test_what_is_no_log_of_ours_is_wrong_input(command, tmp_path):
+def test_what_is_no_log_of_ours_is_wrong_input(command: Command, tmp_path: Path) -> None:
     (tmp_path / "junk.mcap").write_bytes(b"junk")
     with open(tmp_path / "foreign.mcap", "wb") as file:
         writer = Writer(file)
         writer.start()
-        writer.finish()
+        untyped(writer).finish()
     with LogWriter(tmp_path / "newer.mcap") as newer:
         newer.attach("manifest.json", "application/json", b'{"format": 999}')
     with LogWriter(tmp_path / "begun.mcap"):
@@ -97,7 +103,9 @@ def test_what_is_no_log_of_ours_is_wrong_input(command, tmp_path):
     ],
     ids=" ".join,
 )
-def test_what_cannot_be_drawn_is_a_sentence(options, said, yard, command, tmp_path):
+def test_what_cannot_be_drawn_is_a_sentence(
+    options: list[str], said: str, yard: Path, command: Command, tmp_path: Path
+) -> None:
     done = command("plot", yard, *options)
     assert (done.returncode, done.stdout) == (2, "")
     assert said in done.stderr
@@ -105,12 +113,12 @@ def test_what_cannot_be_drawn_is_a_sentence(options, said, yard, command, tmp_pa
     assert os.listdir(tmp_path) == []
 
 
-def test_scripts_are_told_of_what_cannot_be_drawn_as_well(yard, command):
+def test_scripts_are_told_of_what_cannot_be_drawn_as_well(yard: Path, command: Command) -> None:
     told = json.loads(command("plot", yard, "--json", "--show", "seperation").stdout)
     assert told["error"].endswith("did you mean `separation`?")
 
 
-def test_where_nothing_can_be_written_nothing_changes(yard, command, tmp_path):
+def test_where_nothing_can_be_written_nothing_changes(yard: Path, command: Command, tmp_path: Path) -> None:
     assert command("plot", yard, "-o", "missing/a.png").returncode == 1
     (tmp_path / "a.png").write_text("old")
     done = command(
@@ -123,7 +131,7 @@ def test_where_nothing_can_be_written_nothing_changes(yard, command, tmp_path):
     assert os.listdir(tmp_path) == ["a.png"]
 
 
-def test_without_matplotlib_the_command_that_installs_it_is_told(yard, tmp_path):
+def test_without_matplotlib_the_command_that_installs_it_is_told(yard: Path, tmp_path: Path) -> None:
     code = "import sys; sys.modules['matplotlib'] = None; from symaware_cli.cli import main; main()"
     line = [sys.executable, "-c", code, "plot", str(yard)]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)

@@ -1,13 +1,15 @@
 """`symaware list`, `show` and `schema`: what is installed."""
 
 import json
+from pathlib import Path
 
 import jsonschema
 import pytest
 import yaml
+from simulating import Command
 
 
-def test_the_list_tells_every_plugin_and_its_package(command):
+def test_the_list_tells_every_plugin_and_its_package(command: Command) -> None:
     done = command("list")
     assert (done.returncode, done.stderr) == (0, "")
     for said in ("components", "environments", "models", "perception.self", "kinematic", "unicycle", "symaware-cli 0."):
@@ -17,13 +19,15 @@ def test_the_list_tells_every_plugin_and_its_package(command):
     assert {"component", "environment", "model"} <= {each["kind"] for each in listed}
 
 
-def test_one_kind_may_be_listed_alone(command):
+def test_one_kind_may_be_listed_alone(command: Command) -> None:
     done = command("list", "models")
     assert "unicycle" in done.stdout
     assert "kinematic" not in done.stdout
 
 
-def test_listing_imports_no_plugin_and_a_broken_one_breaks_nothing_else(command, tmp_path, monkeypatch):
+def test_listing_imports_no_plugin_and_a_broken_one_breaks_nothing_else(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     information = tmp_path / "installed" / "broken-1.0.dist-info"
     information.mkdir(parents=True)
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
@@ -42,7 +46,7 @@ def test_listing_imports_no_plugin_and_a_broken_one_breaks_nothing_else(command,
     assert "component:control.go-to-goal" in json.loads(schema.stdout)["$defs"]
 
 
-def test_a_plugin_is_shown_with_parameters_units_defaults_and_events(command):
+def test_a_plugin_is_shown_with_parameters_units_defaults_and_events(command: Command) -> None:
     done = command("show", "control.go-to-goal")
     assert done.returncode == 0
     for said in ("speed", "default 1.0", "[m/s]", "goal-reached", "Requires the knowledge", "number > 0"):
@@ -52,20 +56,20 @@ def test_a_plugin_is_shown_with_parameters_units_defaults_and_events(command):
     assert {"speed", "tolerance"} <= {parameter["name"] for parameter in shown["parameters"]}
 
 
-def test_a_model_is_shown_with_its_state_and_control_input(command):
+def test_a_model_is_shown_with_its_state_and_control_input(command: Command) -> None:
     done = command("show", "unicycle")
     assert "heading" in done.stdout
     assert "rad/s" in done.stdout
 
 
-def test_a_misspelt_plugin_is_answered_with_the_nearest(command):
+def test_a_misspelt_plugin_is_answered_with_the_nearest(command: Command) -> None:
     done = command("show", "unicicle")
     assert (done.returncode, done.stdout) == (2, "")
     assert "did you mean `unicycle`?" in done.stderr
     assert "unicycle" in json.loads(command("show", "unicicle", "--json").stdout)["error"]
 
 
-def test_the_schema_accepts_the_examples_and_refuses_what_is_misspelt(command, scenarios):
+def test_the_schema_accepts_the_examples_and_refuses_what_is_misspelt(command: Command, scenarios: Path) -> None:
     done = command("schema")
     assert done.returncode == 0
     schema = json.loads(done.stdout)
@@ -76,7 +80,7 @@ def test_the_schema_accepts_the_examples_and_refuses_what_is_misspelt(command, s
         jsonschema.validate(hello, schema)
 
 
-def test_the_schema_can_be_written_to_a_file(command, tmp_path):
+def test_the_schema_can_be_written_to_a_file(command: Command, tmp_path: Path) -> None:
     assert command("schema", "--built-in", "-o", "schema.json").returncode == 0
     assert json.loads((tmp_path / "schema.json").read_text())["$schema"].startswith("https://json-schema.org/")
     done = command("schema", "-o", "missing/schema.json")

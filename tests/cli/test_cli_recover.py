@@ -2,13 +2,15 @@
 
 import json
 import resource
+from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import pytest
 from sample_log import write_sample
-from simulating import COMMAND
+from simulating import COMMAND, Command
 from small_disk import on_a_small_disk
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from symaware_cli import open_log
 from symaware_cli.cli.application import application
@@ -17,10 +19,10 @@ STEP = 50_000_000
 
 
 @pytest.fixture
-def recover():
+def recover() -> Callable[..., Result]:
     """Run `symaware recover ARGUMENTS` in this process."""
 
-    def run(*arguments):
+    def run(*arguments: object) -> Result:
         done = CliRunner().invoke(application, ["recover", *map(str, arguments)])
         assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
         return done
@@ -29,7 +31,7 @@ def recover():
 
 
 @pytest.fixture
-def broken(tmp_path):
+def broken(tmp_path: Path) -> Path:
     """A log that breaks off in its sixth chunk."""
     path = write_sample(tmp_path / "broken.mcap")
     span = open_log(path).index.spans[5]
@@ -37,7 +39,9 @@ def broken(tmp_path):
     return path
 
 
-def test_it_writes_a_sound_log_beside_the_broken_one_and_tells_what_was_lost(broken, recover, tmp_path):
+def test_it_writes_a_sound_log_beside_the_broken_one_and_tells_what_was_lost(
+    broken: Path, recover: Callable[..., Result], tmp_path: Path
+) -> None:
     done = recover(broken)
     assert (done.exit_code, done.stderr) == (3, "")
     new = tmp_path / "broken.recovered.mcap"
@@ -54,7 +58,7 @@ def test_it_writes_a_sound_log_beside_the_broken_one_and_tells_what_was_lost(bro
     assert [m.data for m in found.messages()] == [m.data for m in open_log(broken).messages()]
 
 
-def test_it_tells_scripts_the_same(broken, recover, tmp_path):
+def test_it_tells_scripts_the_same(broken: Path, recover: Callable[..., Result], tmp_path: Path) -> None:
     done = recover(broken, "--json", "-o", tmp_path / "new.mcap")
     assert (done.exit_code, done.stderr) == (3, "")
     assert json.loads(done.stdout) == {
@@ -82,7 +86,9 @@ def test_it_tells_scripts_the_same(broken, recover, tmp_path):
     }
 
 
-def test_it_overwrites_nothing_that_it_was_not_told_to(broken, recover, tmp_path):
+def test_it_overwrites_nothing_that_it_was_not_told_to(
+    broken: Path, recover: Callable[..., Result], tmp_path: Path
+) -> None:
     for name in ("broken.recovered", "broken.recovered-2", "broken.recovered-3"):
         recover(broken)
         assert open_log(tmp_path / f"{name}.mcap").verify() is None
@@ -91,7 +97,7 @@ def test_it_overwrites_nothing_that_it_was_not_told_to(broken, recover, tmp_path
     assert open_log(tmp_path / "mine.mcap").message_count == 193
 
 
-def test_a_sound_log_is_told_to_be_sound_and_nothing_is_written(recover, tmp_path):
+def test_a_sound_log_is_told_to_be_sound_and_nothing_is_written(recover: Callable[..., Result], tmp_path: Path) -> None:
     path = write_sample(tmp_path / "log.mcap")
     done = recover(path)
     assert (done.exit_code, done.stdout) == (0, f"{path} is sound: there is nothing to recover\n")
@@ -104,7 +110,7 @@ def test_a_sound_log_is_told_to_be_sound_and_nothing_is_written(recover, tmp_pat
     assert open_log(tmp_path / "copy.mcap").recovery is None
 
 
-def test_what_loses_nothing_is_mended_with_exit_status_0(recover, tmp_path):
+def test_what_loses_nothing_is_mended_with_exit_status_0(recover: Callable[..., Result], tmp_path: Path) -> None:
     path = write_sample(tmp_path / "log.mcap")
     path.write_bytes(path.read_bytes()[:-1])
     done = recover(path)
@@ -113,7 +119,7 @@ def test_what_loses_nothing_is_mended_with_exit_status_0(recover, tmp_path):
     assert open_log(tmp_path / "log.recovered.mcap").outcome == {"status": "done", "steps": 40}
 
 
-def test_a_recovered_log_is_as_good_as_any_for_other_verbs(broken, command, tmp_path):
+def test_a_recovered_log_is_as_good_as_any_for_other_verbs(broken: Path, command: Command, tmp_path: Path) -> None:
     assert command("recover", broken, "-o", "new.mcap").returncode == 3
     for arguments in (["inspect"], ["inspect", "--events"], ["inspect", "--digest"], ["recover"]):
         assert command(*arguments, "new.mcap").returncode == 0
@@ -130,7 +136,15 @@ def test_a_recovered_log_is_as_good_as_any_for_other_verbs(broken, command, tmp_
         ("broken.mcap/new.mcap", 1, "part of its path is not a folder"),
     ],
 )
-def test_a_place_that_cannot_be_written_to_is_told(broken, recover, tmp_path, monkeypatch, place, status, sentence):
+def test_a_place_that_cannot_be_written_to_is_told(
+    broken: Path,
+    recover: Callable[..., Result],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    place: str,
+    status: int,
+    sentence: str,
+) -> None:
     monkeypatch.chdir(tmp_path)
     before = broken.read_bytes()
     done = recover("broken.mcap", "-o", place)
@@ -141,14 +155,16 @@ def test_a_place_that_cannot_be_written_to_is_told(broken, recover, tmp_path, mo
     assert [each.name for each in tmp_path.iterdir()] == ["broken.mcap"]
 
 
-def test_a_disk_that_fills_up_is_told_and_nothing_half_written_is_left(broken, tmp_path):
+def test_a_disk_that_fills_up_is_told_and_nothing_half_written_is_left(broken: Path, tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     done = on_a_small_disk(tmp_path / "disk", [*COMMAND, "recover", str(broken), "-o", "new.mcap"], size="20k")
     assert (done.returncode, done.stdout) == (1, "old\n")
     assert done.stderr == "symaware: cannot write new.mcap: the disk is full\n"
 
 
-def test_a_file_that_may_not_grow_is_told_and_nothing_half_written_is_left(broken, command, tmp_path):
+def test_a_file_that_may_not_grow_is_told_and_nothing_half_written_is_left(
+    broken: Path, command: Command, tmp_path: Path
+) -> None:
     limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (10_000, 10_000))
     done = command("recover", broken, "-o", "new.mcap", preexec_fn=limit)
     assert (done.returncode, done.stdout) == (1, "")

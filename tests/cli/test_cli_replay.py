@@ -7,16 +7,19 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import Browser
+from numpy.typing import NDArray
 from rerun_files import CHROMIUM, STEP, Recording, Script, coloured, group, needs_browser, needs_graphics, pixels
 from sample_log import write_sample
-from simulating import COMMAND
+from simulating import COMMAND, Command, present
 from small_disk import on_a_small_disk
 
+from symaware_cli import Log
 from symaware_cli.recording import wire
 from symaware_cli.scenario.execution import execute
 from symaware_cli.scenario.files import open_scenario
@@ -26,18 +29,18 @@ SHOWN = "4 agents: bodies tinted by risk, trails of 3.6 s, intents and uncertain
 
 
 @pytest.fixture(scope="module")
-def hello(tmp_path_factory):
+def hello(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("logs") / "hello.mcap"
     execute(open_scenario(SCENARIOS / "hello.yaml", []), path)
     return path
 
 
 @pytest.fixture
-def started(tmp_path):
+def started(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start a replay in the background; at the end it must be gone, with all that it started."""
     processes = []
 
-    def start(*arguments):
+    def start(*arguments: object) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [*COMMAND, "replay", *map(str, arguments)],
             stdin=subprocess.DEVNULL,
@@ -55,18 +58,18 @@ def started(tmp_path):
         process.communicate()
 
 
-def children(process):
+def children(process: subprocess.Popen[str]) -> list[str]:
     return Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
 
 
-def alive(pid):
+def alive(pid: str) -> bool:
     try:
         return b"rerun" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return False
 
 
-def test_a_file_is_written_and_what_it_shows_is_said(hello, command, tmp_path):
+def test_a_file_is_written_and_what_it_shows_is_said(hello: Path, command: Command, tmp_path: Path) -> None:
     done = command("replay", hello, "--save", "hello.rrd")
     assert (done.returncode, done.stderr) == (0, "")
     first, second = done.stdout.splitlines()
@@ -78,7 +81,7 @@ def test_a_file_is_written_and_what_it_shows_is_said(hello, command, tmp_path):
     assert sorted(each.name for each in tmp_path.iterdir()) == ["hello.rrd"]
 
 
-def test_the_facts_are_there_for_scripts(hello, command):
+def test_the_facts_are_there_for_scripts(hello: Path, command: Command) -> None:
     facts = json.loads(command("replay", hello, "--save", "hello.rrd", "--json").stdout)
     assert facts["shown"] == SHOWN
     assert facts["file"] == "hello.rrd"
@@ -86,7 +89,7 @@ def test_the_facts_are_there_for_scripts(hello, command):
 
 
 @needs_graphics
-def test_a_picture_is_taken_of_an_instant(hello, command):
+def test_a_picture_is_taken_of_an_instant(hello: Path, command: Command) -> None:
     done = command("replay", hello, "--screenshot", "a.png", "--at", "3", "--size", "900x600", "--json")
     assert done.returncode == 0, done.stdout
     assert json.loads(done.stdout)["reports"] == []
@@ -116,7 +119,9 @@ def test_a_picture_is_taken_of_an_instant(hello, command):
         (["--web", "--bind", "localhost"], "--bind is an IP address"),
     ],
 )
-def test_options_that_mean_nothing_are_told(options, said, hello, command, tmp_path):
+def test_options_that_mean_nothing_are_told(
+    options: list[str], said: str, hello: Path, command: Command, tmp_path: Path
+) -> None:
     done = command("replay", hello, *options)
     assert done.returncode == 2
     assert said in done.stderr
@@ -124,7 +129,7 @@ def test_options_that_mean_nothing_are_told(options, said, hello, command, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_log_is_not_overwritten_by_what_is_made_of_it(hello, command):
+def test_a_log_is_not_overwritten_by_what_is_made_of_it(hello: Path, command: Command) -> None:
     before = hello.read_bytes()
     Path("same.rrd").symlink_to(hello)
     done = command("replay", hello, "--save", "same.rrd")
@@ -133,7 +138,7 @@ def test_a_log_is_not_overwritten_by_what_is_made_of_it(hello, command):
     assert hello.read_bytes() == before
 
 
-def test_a_log_that_broke_off_is_shown_as_far_as_it_goes_and_exits_3(command, tmp_path):
+def test_a_log_that_broke_off_is_shown_as_far_as_it_goes_and_exits_3(command: Command, tmp_path: Path) -> None:
     data = write_long(tmp_path / "whole.mcap", 100).path.read_bytes()
     Path("cut.mcap").write_bytes(data[: len(data) // 2])
     done = command("replay", "cut.mcap", "--save", "cut.rrd")
@@ -142,7 +147,7 @@ def test_a_log_that_broke_off_is_shown_as_far_as_it_goes_and_exits_3(command, tm
     assert 20 < len(Recording(Path("cut.rrd")).times("/world/agents/a/body", "Points3D:positions")) < 100
 
 
-def test_a_log_that_broke_off_at_once_is_told_so(hello, command):
+def test_a_log_that_broke_off_at_once_is_told_so(hello: Path, command: Command) -> None:
     data = hello.read_bytes()
     Path("cut.mcap").write_bytes(data[: len(data) // 2])
     done = command("replay", "cut.mcap", "--save", "cut.rrd")
@@ -151,7 +156,7 @@ def test_a_log_that_broke_off_at_once_is_told_so(hello, command):
 
 
 @pytest.mark.slow
-def test_a_log_cut_anywhere_is_shown_or_refused_in_a_sentence(tmp_path):
+def test_a_log_cut_anywhere_is_shown_or_refused_in_a_sentence(tmp_path: Path) -> None:
     from fuzzing.log_verbs import called
 
     data = write_small(tmp_path / "whole.mcap").read_bytes()
@@ -166,7 +171,7 @@ def test_a_log_cut_anywhere_is_shown_or_refused_in_a_sentence(tmp_path):
         assert list(tmp_path.glob(".*")) == []
 
 
-def write_small(path):
+def write_small(path: Path) -> Path:
     script = Script(path, {"a": group("a.0", "a.1", shape={"circle": {"radius": 0.5}})})
     for step in range(5):
         script.say("/world/a/state", step * STEP, wire.encode_rows([[0, 0], [step, 1]]), "Rows")
@@ -174,14 +179,14 @@ def write_small(path):
     return script.finish().path
 
 
-def test_a_log_without_models_is_a_damaged_one(command, tmp_path):
+def test_a_log_without_models_is_a_damaged_one(command: Command, tmp_path: Path) -> None:
     done = command("replay", write_sample(tmp_path / "sample.mcap"), "--save", "a.rrd")
     assert done.returncode == 2
     assert "is damaged" in done.stderr
     assert not Path("a.rrd").exists()
 
 
-def test_a_full_disk_is_told_and_what_was_there_stays(hello, tmp_path):
+def test_a_full_disk_is_told_and_what_was_there_stays(hello: Path, tmp_path: Path) -> None:
     folder = tmp_path / "disk"
     folder.mkdir()
     line = [*COMMAND, "replay", str(hello), "--save", "old.rrd"]
@@ -191,7 +196,7 @@ def test_a_full_disk_is_told_and_what_was_there_stays(hello, tmp_path):
     assert done.stdout.split() == ["old.rrd"]
 
 
-def test_a_file_that_may_not_grow_is_told_and_nothing_stays(hello, command, tmp_path):
+def test_a_file_that_may_not_grow_is_told_and_nothing_stays(hello: Path, command: Command, tmp_path: Path) -> None:
     limit = 200_000
     done = command(
         *("replay", hello, "--save", "a.rrd"),
@@ -203,26 +208,26 @@ def test_a_file_that_may_not_grow_is_told_and_nothing_stays(hello, command, tmp_
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a"])
-def test_a_recording_that_is_called_something_else_is_refused(name, hello, command):
+def test_a_recording_that_is_called_something_else_is_refused(name: str, hello: Path, command: Command) -> None:
     done = command("replay", hello, "--save", name)
     assert done.returncode == 2
     assert "end the name of the file in .rrd" in done.stderr
     assert not Path(name).exists()
 
 
-def test_a_folder_that_is_not_there_is_told(hello, command):
+def test_a_folder_that_is_not_there_is_told(hello: Path, command: Command) -> None:
     done = command("replay", hello, "--save", "nowhere/a.rrd")
     assert done.returncode == 1
     assert done.stderr == "symaware: cannot write nowhere/a.rrd: its folder does not exist\n"
 
 
-def test_where_no_viewer_runs_that_is_told_at_once(hello, command):
+def test_where_no_viewer_runs_that_is_told_at_once(hello: Path, command: Command) -> None:
     done = command("replay", hello, "--connect", "rerun+http://127.0.0.1:1/proxy", timeout=30)
     assert done.returncode == 1
     assert "the viewer at rerun+http://127.0.0.1:1/proxy cannot be reached: connection refused" in done.stderr
 
 
-def test_a_port_that_is_taken_is_told(hello, command):
+def test_a_port_that_is_taken_is_told(hello: Path, command: Command) -> None:
     import socket
 
     with socket.socket() as other:
@@ -235,9 +240,11 @@ def test_a_port_that_is_taken_is_told(hello, command):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.parametrize(("end", "status"), [(signal.SIGINT, 0), (signal.SIGTERM, 0), (signal.SIGKILL, -9)])
-def test_no_viewer_is_left_behind_however_it_ends(end, status, hello, started, free_port):
+def test_no_viewer_is_left_behind_however_it_ends(
+    end: signal.Signals, status: int, hello: Path, started: Callable[..., subprocess.Popen[str]], free_port: int
+) -> None:
     process = started(hello, "--web", "--port", free_port)
-    assert process.stdout.readline().startswith(f"http://127.0.0.1:{free_port}/?url=")
+    assert present(process.stdout).readline().startswith(f"http://127.0.0.1:{free_port}/?url=")
     (viewer,) = children(process)
     assert alive(viewer)
     time.sleep(0.3)
@@ -250,7 +257,9 @@ def test_no_viewer_is_left_behind_however_it_ends(end, status, hello, started, f
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_ctrl_c_while_it_sends_leaves_nothing_and_exits_130(hello, started, tmp_path, free_port):
+def test_ctrl_c_while_it_sends_leaves_nothing_and_exits_130(
+    hello: Path, started: Callable[..., subprocess.Popen[str]], tmp_path: Path, free_port: int
+) -> None:
     log = tmp_path / "long.mcap"
     execute(open_scenario(SCENARIOS / "hello.yaml", ["agents.robot.count=200", "run.duration=60"]), log)
     process = started(log, "--web", "--port", free_port)
@@ -263,16 +272,18 @@ def test_ctrl_c_while_it_sends_leaves_nothing_and_exits_130(hello, started, tmp_
     # A shell calls either 130: that it says so itself, and that the signal ended it before it could.
     assert process.wait(60) in (130, -signal.SIGINT)
     assert not any(alive(viewer) for viewer in viewers)
-    assert process.stdout.read() == ""
+    assert present(process.stdout).read() == ""
 
 
 @pytest.mark.slow
 @needs_browser
-def test_a_browser_shows_it(hello, started, tmp_path, free_port):
+def test_a_browser_shows_it(
+    hello: Path, started: Callable[..., subprocess.Popen[str]], tmp_path: Path, free_port: int
+) -> None:
     process = started(hello, "--web", "--port", free_port)
-    link = process.stdout.readline().strip()
+    link = present(process.stdout).readline().strip()
     page = link.partition("?")[0]
-    with Browser(CHROMIUM, tmp_path / "profile") as browser:
+    with Browser(present(CHROMIUM), tmp_path / "profile") as browser:
         browser.open(link)
         shown = settled(browser, lambda picture: coloured(scene(picture)) > 500)
         # Without the recording there is nothing but what the viewer shows by itself.
@@ -283,12 +294,12 @@ def test_a_browser_shows_it(hello, started, tmp_path, free_port):
     assert (abs(shown - empty).sum(axis=-1) > 40).sum() > 5000
 
 
-def scene(picture):
+def scene(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The left part of a picture, below the menus."""
     return picture[70:-80, : picture.shape[1] * 3 // 5]
 
 
-def settled(browser, shown, patience=90.0):
+def settled(browser: Browser, shown: Callable[[NDArray[np.uint8]], bool], patience: float = 90.0) -> NDArray[np.uint8]:
     """A picture of the page, as soon as it shows something."""
     deadline = time.monotonic() + patience
     while not shown(picture := pixels(browser.screenshot())):
@@ -298,15 +309,15 @@ def settled(browser, shown, patience=90.0):
 
 
 @pytest.fixture
-def free_port():
+def free_port() -> int:
     import socket
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        return int(probe.getsockname()[1])
 
 
-def peak_memory(log, folder):
+def peak_memory(log: Path, folder: Path) -> int:
     """The most memory that a conversion held [bytes]."""
     code = f"""
 import resource
@@ -320,7 +331,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     return int(done.stdout)
 
 
-def write_long(path, steps):
+def write_long(path: Path, steps: int) -> Log:
     """A log of 16 kB a step."""
     random = np.random.default_rng(1)
     agents = [f"a.{row}" for row in range(50)]
@@ -334,7 +345,7 @@ def write_long(path, steps):
     return script.finish()
 
 
-def test_memory_does_not_grow_with_the_log(tmp_path):
+def test_memory_does_not_grow_with_the_log(tmp_path: Path) -> None:
     peaks = []
     for steps in (700, 2800):
         log = write_long(tmp_path / f"{steps}.mcap", steps)

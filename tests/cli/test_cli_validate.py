@@ -3,13 +3,15 @@
 import hashlib
 import json
 import os
+from pathlib import Path
 
 import pytest
+from simulating import Command
 
 from symaware_cli import open_log
 
 
-def test_a_sound_scenario_is_told_in_one_line(command, scenarios, tmp_path):
+def test_a_sound_scenario_is_told_in_one_line(command: Command, scenarios: Path, tmp_path: Path) -> None:
     done = command("validate", scenarios / "hello.yaml")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == f"{scenarios / 'hello.yaml'}: sound; 4 agents in 1 group, 240 steps\n"
@@ -24,7 +26,7 @@ def test_a_sound_scenario_is_told_in_one_line(command, scenarios, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_every_problem_is_located_in_words_and_for_tools(command, tmp_path):
+def test_every_problem_is_located_in_words_and_for_tools(command: Command, tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text(
         """symaware: 1
 name: bad
@@ -47,7 +49,7 @@ agents:
     assert len(report["problems"]) == 2
 
 
-def test_values_may_be_changed_before_they_are_checked(command, scenarios):
+def test_values_may_be_changed_before_they_are_checked(command: Command, scenarios: Path) -> None:
     done = command("validate", scenarios / "hello.yaml", "--set", "agents.robot.count=9", "--seed", "3")
     assert done.returncode == 0
     assert "9 agents" in done.stdout
@@ -55,7 +57,7 @@ def test_values_may_be_changed_before_they_are_checked(command, scenarios):
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_agents_can_be_validated(command, scenarios):
+def test_a_hundred_thousand_agents_can_be_validated(command: Command, scenarios: Path) -> None:
     done = command("validate", scenarios / "hello.yaml", "--set", "agents.robot.count=100000")
     assert done.returncode == 0, done.stderr
     assert "100000 agents" in done.stdout

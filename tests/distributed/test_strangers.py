@@ -6,13 +6,15 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from independent_member import FRAME, Wire
-from simulating import COMMAND
+from simulating import COMMAND, present
 from spreading import PATIENCE, Spread, goal_seekers, written
 
 from symaware_cli import __version__, open_log
@@ -22,11 +24,11 @@ HERE = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture
-def spread(tmp_path, doubles):
+def spread(tmp_path: Path, doubles: Path) -> Iterator[Callable[..., Spread]]:
     """Prepare a run that is shared with others."""
     begun = []
 
-    def begin(document, *arguments):
+    def begin(document: dict[str, Any], *arguments: object) -> Spread:
         begun.append(Spread(tmp_path / "spread", written(tmp_path / "goals.yaml", document), *arguments))
         return begun[-1]
 
@@ -35,7 +37,7 @@ def spread(tmp_path, doubles):
         each.close()
 
 
-def independent(run, agent, goal, key=b""):
+def independent(run: Spread, agent: str, goal: Sequence[float], key: bytes = b"") -> subprocess.Popen[str]:
     """Start the member that has only sockets, protobuf and docs/wire.md."""
     told = subprocess.run(
         [*COMMAND, "validate", "--json", str(run.scenario)], capture_output=True, text=True, check=True
@@ -45,7 +47,7 @@ def independent(run, agent, goal, key=b""):
     return subprocess.Popen(list(map(str, line)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def outcome(member):
+def outcome(member: subprocess.Popen[str]) -> Any:
     """What an independent member says in the end."""
     said, error = member.communicate(timeout=PATIENCE)
     assert member.returncode == 0, error
@@ -53,7 +55,9 @@ def outcome(member):
 
 
 @pytest.mark.parametrize("key", [b"", b"a key that both ends know"])
-def test_a_member_written_from_the_page_alone_takes_part_to_the_end(spread, tmp_path, key):
+def test_a_member_written_from_the_page_alone_takes_part_to_the_end(
+    spread: Callable[..., Spread], tmp_path: Path, key: bytes
+) -> None:
     document = goal_seekers()
     document["agents"]["ticker"]["components"] = {"tell": {"use": "communication.broadcast", "period": 0.5}}
     document["agents"]["robot"]["components"]["hear"] = {"use": "doubles.ear"}
@@ -69,14 +73,16 @@ def test_a_member_written_from_the_page_alone_takes_part_to_the_end(spread, tmp_
     assert said["steps"] == list(range(len(said["steps"])))
     assert [sender for sender, _ in said["heard"]][:1] == [2]  # the ticker, after both robots
     log = open_log(host.log)
-    assert log.outcome["steps"] + 1 == len(said["steps"])
+    assert present(log.outcome)["steps"] + 1 == len(said["steps"])
     states = np.array([message.decode().values[0] for message in log.messages(["/world/robot/state"])])
     assert np.linalg.norm(states[-1] - [4.0, 0.0]) < 0.1
     assert "agents.robot.1.hear" in {each.source for each in log.events() if "robot.0" in each.text}
 
 
 @pytest.mark.parametrize(("change", "reason"), [("digest", "another scenario"), ("version", "is SymAware")])
-def test_it_is_refused_with_the_reason_where_it_does_not_fit(spread, monkeypatch, change, reason):
+def test_it_is_refused_with_the_reason_where_it_does_not_fit(
+    spread: Callable[..., Spread], monkeypatch: pytest.MonkeyPatch, change: str, reason: str
+) -> None:
     run = spread(goal_seekers())
     run.host("--only", "ticker,robot.1").wait_for("waits at")
     if change == "version":
@@ -91,15 +97,15 @@ def test_it_is_refused_with_the_reason_where_it_does_not_fit(spread, monkeypatch
 class Crowd:
     """Peers that connect, say nothing that makes them members, and come again when they are sent off."""
 
-    def __init__(self, address, count):
+    def __init__(self, address: Any, count: int) -> None:
         self._over = False
         self._address = address
-        self.reasons = []
+        self.reasons: list[Any] = []
         self._threads = [threading.Thread(target=self._sit) for _ in range(count)]
         for each in self._threads:
             each.start()
 
-    def _sit(self):
+    def _sit(self) -> None:
         while not self._over:
             try:
                 with Wire(self._address) as wire:
@@ -113,14 +119,14 @@ class Crowd:
             except OSError:
                 time.sleep(0.05)
 
-    def close(self):
+    def close(self) -> None:
         """Go."""
         self._over = True
         for each in self._threads:
             each.join()
 
 
-def test_silent_peers_do_not_keep_members_out(spread):
+def test_silent_peers_do_not_keep_members_out(spread: Callable[..., Spread]) -> None:
     run = spread(goal_seekers(distance=2.0), "--set", "transport.with.members=8")
     host = run.host("--only", "ticker")
     host.wait_for("waits at")
@@ -134,7 +140,7 @@ def test_silent_peers_do_not_keep_members_out(spread):
     assert {"the host takes no more than 8 members"} <= set(crowd.reasons)
 
 
-def test_who_does_not_say_what_it_wants_is_sent_off(spread):
+def test_who_does_not_say_what_it_wants_is_sent_off(spread: Callable[..., Spread]) -> None:
     run = spread(goal_seekers())
     run.host("--only", "ticker").wait_for("waits at")
     began = time.monotonic()
@@ -146,7 +152,7 @@ def test_who_does_not_say_what_it_wants_is_sent_off(spread):
     assert time.monotonic() - began < 30.0
 
 
-def test_bad_frames_are_one_event_with_their_number(spread):
+def test_bad_frames_are_one_event_with_their_number(spread: Callable[..., Spread]) -> None:
     run = spread(goal_seekers(distance=2.0))
     host = run.host("--only", "ticker")
     host.wait_for("waits at")
@@ -164,7 +170,7 @@ def test_bad_frames_are_one_event_with_their_number(spread):
     assert len(rejected[0].text) < 300
 
 
-def test_who_holds_the_interpreter_lock_is_waited_for(spread):
+def test_who_holds_the_interpreter_lock_is_waited_for(spread: Callable[..., Spread]) -> None:
     document = goal_seekers(distance=2.0, timeout=1.0)
     document["agents"]["robot"]["components"]["hold"] = {"use": "doubles.holder"}
     run = spread(document)
@@ -174,7 +180,7 @@ def test_who_holds_the_interpreter_lock_is_waited_for(spread):
     assert not [each for each in open_log(host.log).events() if each.name == "lost"]
 
 
-def test_members_are_told_why_the_host_cannot_go_on(spread):
+def test_members_are_told_why_the_host_cannot_go_on(spread: Callable[..., Spread]) -> None:
     run = spread(goal_seekers(wait=0.02, distance=1000.0))
     host, west = run.host("--only", "ticker,robot.1"), run.member("west", "robot.0")
     west.wait_for("west takes part")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from simulating import present
 
 from symaware_cli.recording import wire
-from symaware_cli.viewing.beliefs import read_beliefs
+from symaware_cli.viewing.beliefs import Beliefs, read_beliefs
 from symaware_cli.viewing.views import GroupView, RunView
 
 
@@ -45,12 +45,12 @@ def message(
     return wire.decode_awareness(wire.encode_awareness(lengths, entities, columns, values, rows, **more))
 
 
-def read(entries, count, wanted):
+def read(entries: Sequence[tuple[int, wire.Awareness]], count: int, wanted: Sequence[int]) -> Beliefs:
     return read_beliefs(entries, count, wanted, 2)
 
 
 def test_a_belief_begins_with_the_position() -> None:
-    states = message([2, 0], [1, 2], 4, [[1, 2, 0.5, 0], [3, 4, 9, 0]])
+    states = message([2, 0], [1, 2], 4, [[1.0, 2.0, 0.5, 0.0], [3.0, 4.0, 9.0, 0.0]])
     tracks = message([1, 1], [2, 3], 4, [[5, 6, 0, 0], [7, 8, 0, 0]])
     beliefs = read([(0, states), (50, tracks)], 2, [0, 1])
     assert beliefs.places.tolist() == [[1, 2, 0], [3, 4, 0], [5, 6, 0], [7, 8, 0]]

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from numpy.typing import NDArray
 
 from symaware_cli.core import AwarenessVector, Contact, Delivery, MessageBatch, TimeSeries
 from symaware_cli.core.message import objects
@@ -85,7 +86,8 @@ def indices(size: int) -> st.SearchStrategy[Any]:
 @st.composite
 def batches(draw: st.DrawFn) -> MessageBatch:
     links = sorted(draw(st.sets(st.tuples(st.integers(0, 2**40), st.integers(0, 2**40)), max_size=4)))
-    senders, receivers = (np.array([link[end] for link in links], np.intp) for end in (0, 1))
+    senders, ends = (np.array([link[end] for link in links], np.intp) for end in (0, 1))
+    receivers: NDArray[np.intp] | None = ends
     if draw(st.booleans()):
         senders, receivers = np.unique(senders), None
     count = len(senders)

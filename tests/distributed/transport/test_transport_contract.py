@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from ports import free_port
+from simulating import untyped
 from transporting import COUNT, ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
 
 from symaware_cli.distributed.memory import Memory
@@ -31,7 +32,8 @@ Open = Callable[..., Port]
 def kind(request: pytest.FixtureRequest) -> type[Transport]:
     if request.param is Zenoh:
         pytest.importorskip("zenoh")
-    return request.param
+    result: type[Transport] = request.param
+    return result
 
 
 @pytest.fixture
@@ -512,7 +514,7 @@ def test_who_comes_as_the_port_closes_does_not_hold_it_up(stack: ExitStack, monk
     for limit in ("tcp.PARTING", "port._CLOSING"):
         monkeypatch.setattr(f"symaware_cli.distributed.{limit}", 60.0)
     host = Tcp(Tcp.Parameters()).listen("127.0.0.1", 0)
-    host.later(time.sleep, 0.5)  # so that it is closing when it hears of who came
+    untyped(host).later(time.sleep, 0.5)  # so that it is closing when it hears of who came
     stack.enter_context(socket.create_connection(("127.0.0.1", number(host))))
     began = time.monotonic()
     host.close()
