@@ -1,7 +1,7 @@
-"""Fuzzing: tries made-up input on SymAware by the thousand, and keeps what it stumbles over.
+"""Fuzzing: runs SymAware on thousands of generated inputs, and keeps those that fail.
 
-`.ci/fuzz` runs it. A *target* (in `targets/`) makes cases out of random numbers and tries them; `worker` is the process
-in which that happens, with bounded memory and time; `campaign` hands out cases, can be stopped and goes on where it
-was; `state` is what it remembers. What was found and mended goes into `tests/corpus/<target>/`, which the tests try
-again.
+`.ci/fuzz` runs it. A *target* (in `targets/`) generates cases from random numbers and runs them; `worker` is the
+process that does so, with bounded memory and time; `campaign` distributes cases, and can be stopped and continued;
+`state` is its progress and findings. Cases that were found and fixed are kept in `tests/corpus/<target>/`, which the
+tests run.
 """

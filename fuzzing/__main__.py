@@ -16,7 +16,7 @@ CORPUS = Path("tests/corpus")
 
 
 def main() -> int:
-    """Fuzz, or try again; 1 if anything was found, 130 after Ctrl-C."""
+    """Fuzz, or run given cases again; return 1 if anything was found, 130 after Ctrl-C."""
     asked = _arguments()
     targets = asked.target or target_names()
     if asked.again or asked.corpus:
@@ -33,15 +33,16 @@ def main() -> int:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog=".ci/fuzz", description="Try made-up input; go on where it was stopped.")
-    parser.add_argument("minutes", nargs="?", type=float, default=10.0, help="for how long (default: 10)")
-    parser.add_argument("--target", action="append", choices=target_names(), help="what to fuzz (default: everything)")
-    parser.add_argument("--cases", type=int, help="stop after so many cases of each target, earlier ones included")
-    parser.add_argument("--seed", type=int, default=1, help="another seed makes other cases and begins anew")
-    parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default: 1)")
-    parser.add_argument("--state", type=Path, default=Path(".fuzz"), help="where it remembers (default: .fuzz)")
-    parser.add_argument("--corpus", action="store_true", help=f"try only what was found earlier, in {CORPUS}")
-    parser.add_argument("--again", type=Path, nargs="+", metavar="FILE", help="try these cases of one --target again")
+    description = "Run generated input, continuing where the last call stopped."
+    parser = argparse.ArgumentParser(prog=".ci/fuzz", description=description)
+    parser.add_argument("minutes", nargs="?", type=float, default=10.0, help="duration in minutes (default: 10)")
+    parser.add_argument("--target", action="append", choices=target_names(), help="what to fuzz (default: all targets)")
+    parser.add_argument("--cases", type=int, help="number of cases of each target, including earlier ones")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the cases; another seed starts from the beginning")
+    parser.add_argument("--jobs", type=int, default=1, help="number of worker processes (default: 1)")
+    parser.add_argument("--state", type=Path, default=Path(".fuzz"), help="folder of the progress (default: .fuzz)")
+    parser.add_argument("--corpus", action="store_true", help=f"run only the earlier findings in {CORPUS}")
+    parser.add_argument("--again", type=Path, nargs="+", metavar="FILE", help="run these cases of one --target again")
     asked = parser.parse_args()
     if asked.again and len(asked.target or ()) != 1:
         parser.error("--again needs one --target")

@@ -1,4 +1,4 @@
-"""A log taken apart into its records, and put together again with everything that refers to something made anew."""
+"""Splits a log into its records, and assembles them again with new checksums, lengths and indices."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 
 
 class Told(NamedTuple):
-    """A message as it stands in a log."""
+    """A message in a log."""
 
     channel: int
     sequence: int
@@ -32,15 +32,15 @@ class Told(NamedTuple):
 
 @dataclass
 class Packing:
-    """How one chunk is written; None for what is true.
+    """Falsified fields of one chunk; None for correct ones.
 
     Attributes:
-        compression: What it says.
+        compression: The declared compression.
         data: The compressed records.
-        size: How much it says that they unpack to [bytes].
-        crc: Their checksum.
-        start: The least time in it.
-        end: The greatest.
+        size: The declared uncompressed size [bytes].
+        crc: The declared checksum.
+        start: The declared least time.
+        end: The declared greatest time.
     """
 
     compression: str | None = None
@@ -56,13 +56,13 @@ class Anatomy:
     """The parts of a log.
 
     Attributes:
-        header: Who wrote it.
-        schemas: In the order of the file.
-        channels: In the order of the file.
-        attachments: In the order of the file.
-        chunks: The messages of each.
-        metadata: In the order of the file.
-        packing: By number of the chunk, how it is written, where that is not as usual.
+        header: The header.
+        schemas: The schemas, in the order of the file.
+        channels: The channels, in the order of the file.
+        attachments: The attachments, in the order of the file.
+        chunks: The messages of each chunk.
+        metadata: The metadata, in the order of the file.
+        packing: The falsified fields of chunks, by the number of the chunk.
         summary: Whether there is a summary.
     """
 
@@ -76,7 +76,7 @@ class Anatomy:
     summary: bool = True
 
     def copy(self) -> Anatomy:
-        """One that can be changed without this one."""
+        """A deep copy."""
         return copy.deepcopy(self)
 
     def topic(self, channel: int) -> str:
@@ -85,11 +85,11 @@ class Anatomy:
 
 
 def take_apart(log: bytes, per_chunk: int = 60) -> Anatomy:
-    """Take a sound log of ours apart, without /timing, which differs from run to run, as do the ends of chunks.
+    """Split a valid log, without /timing, which differs between runs, and with new chunks.
 
     Args:
-        log: It.
-        per_chunk: How many messages a chunk gets.
+        log: The log.
+        per_chunk: The number of messages in each new chunk.
     """
     reader = make_reader(io.BytesIO(log))
     summary = reader.get_summary()
@@ -110,14 +110,14 @@ def take_apart(log: bytes, per_chunk: int = 60) -> Anatomy:
     anatomy.chunks = [told[place : place + per_chunk] for place in range(0, len(told), per_chunk)]
     for attachment in anatomy.attachments:
         attachment.create_time = attachment.log_time = 0
-    # What it took differs, too.
+    # Wall times differ between runs as well.
     for record in anatomy.metadata:
         record.metadata = {key: value for key, value in record.metadata.items() if "time" not in key}
     return anatomy
 
 
 def put_together(anatomy: Anatomy) -> bytes:
-    """Write a log whose checksums, lengths and index are right, but for what `packing` says."""
+    """Write a log with correct checksums, lengths and index, except for the fields in `packing`."""
     out = bytearray(MAGIC + _serialised([anatomy.header, *anatomy.schemas, *anatomy.channels]))
     summary = LogSummary(
         schemas={str(number): schema for number, schema in enumerate(anatomy.schemas)},

@@ -1,4 +1,4 @@
-"""Hands cases to workers, for as long as was asked for."""
+"""A fuzzing campaign: distributes cases to workers until the time is up."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from fuzzing.state import State
 from fuzzing.worker import Result, Task, Worker
 
-#: A worker stays with its target for so long [s], and what was done is kept so often.
+#: How long a worker runs cases of one target, and the interval at which the state is saved [s].
 SLICE = 30.0
 
 
@@ -22,16 +22,16 @@ def pursue(
     jobs: int,
     report: Callable[[str, Result], None],
 ) -> None:
-    """Try cases until the time is up, or so many were done of each target.
+    """Run cases until the time is up, or a number of cases of each target is done.
 
-    Wall time is shared equally among the targets. It may be interrupted at any time.
+    Wall time is shared equally among the targets. The campaign may be interrupted at any time.
 
     Args:
-        states: By name of the target.
-        minutes: For how long.
-        cases: How many of each target, those done earlier included; None for as many as there is time for.
-        jobs: How many workers.
-        report: Is told of what is new: the target's name, and what became of the case.
+        states: The state of each target, by name.
+        minutes: The duration.
+        cases: The number of cases of each target, including earlier ones; None for no limit.
+        jobs: The number of workers.
+        report: Called with the target's name and the result of each case with a new finding.
     """
     end, saved = time.monotonic() + minutes * 60, time.monotonic()
     spent = dict.fromkeys(states, 0.0)
@@ -56,7 +56,7 @@ def pursue(
                 else:
                     job.start(task(job.worker.target))
             while now < end and len(workers) < jobs and (open_ := [name for name in states if wanted(name)]):
-                # Of those that had the least time, the one that fewest workers are at.
+                # The target with the fewest workers and, among these, with the least time so far.
                 busy = [job.worker.target for job in workers]
                 name = min(open_, key=lambda name: (busy.count(name), spent[name], name))
                 workers.append(_Job(Worker(name), now + SLICE))
@@ -69,7 +69,7 @@ def pursue(
                 if states[name].add(result):
                     report(name, result)
                 if result.found:
-                    # What it left behind might be the cause of the next one.
+                    # A new worker, because side effects of this case might cause the next finding.
                     job.worker.close()
                     workers.remove(job)
             if time.monotonic() > saved + SLICE:
@@ -84,7 +84,7 @@ def pursue(
 
 
 def replay(name: str, files: Iterable[Path]) -> Iterator[tuple[Path, Result]]:
-    """Try cases that stand in files, such as those of the corpus, in one worker for as long as nothing is found."""
+    """Run cases from files, such as those of the corpus, in one worker until a finding, then in a new one."""
     worker = Worker(name)
     try:
         for number, path in enumerate(files):
@@ -102,7 +102,7 @@ def replay(name: str, files: Iterable[Path]) -> Iterator[tuple[Path, Result]]:
 
 
 class _Job:
-    """A worker, what it is at, and until when it stays with its target."""
+    """A worker, whether it is busy, and until when it runs cases of its target."""
 
     def __init__(self, worker: Worker, until: float) -> None:
         self.worker = worker
@@ -115,7 +115,7 @@ class _Job:
 
 
 def _results(jobs: list[_Job]) -> list[tuple[_Job, Result]]:
-    """Wait a moment for the cases of some workers, and end those that take too long."""
+    """Wait briefly for results of some workers, and end those that are overdue."""
     ready = wait([job.worker.connection for job in jobs if job.busy], 0.2)
     results = []
     for job in [job for job in jobs if job.busy]:

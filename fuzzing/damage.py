@@ -1,16 +1,16 @@
-"""Bytes that came to harm: bits flip, parts are missing, doubled, or from elsewhere, lengths lie."""
+"""Damages bytes: flips bits; removes, repeats or replaces parts; falsifies lengths."""
 
 from collections.abc import Sequence
 from random import Random
 
 
 def damaged(content: bytes, others: Sequence[bytes], chance: Random) -> bytes:
-    """Do one kind of harm to a file.
+    """Damage the content of a file in one way.
 
     Args:
-        content: It.
-        others: What else it may get parts of.
-        chance: What decides.
+        content: The content.
+        others: Other contents from which parts may be inserted.
+        chance: The random number generator.
     """
     data = bytearray(content)
     place = chance.randrange(len(data))
@@ -32,7 +32,7 @@ def damaged(content: bytes, others: Sequence[bytes], chance: Random) -> bytes:
         case 6:
             data[place : place + length] = chance.choice([bytes(length), b"\xff" * length, chance.randbytes(length)])
         case 7:
-            # Somewhere in what may be a length.
+            # Overwrite a number, which may be a length.
             width = chance.choice([1, 2, 4, 8])
             number = chance.choice([0, 1, 2**7, 2**15, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1])
             data[place : place + width] = (number % 256**width).to_bytes(width, "little")

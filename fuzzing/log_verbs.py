@@ -1,4 +1,4 @@
-"""Every verb that reads a log. One that is new needs an entry here, and is tried with every bad log there is."""
+"""All commands that read a log; each is run with every bad log. A new command needs an entry here."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -32,13 +32,13 @@ VERBS: dict[str, Callable[[Path, Path], list[object]]] = {
         folder / "foxglove.mcap",
     ],
 }
-"""What each verb that reads a log is called with: the log, and an empty folder to write into."""
+"""The arguments of each command, given the log and an empty folder for output."""
 
 QUICK = ("inspect", "recover", "merge")
-"""These take milliseconds."""
+"""Commands that take milliseconds."""
 
 DRAWING = ("replay", "plot")
-"""These take a second."""
+"""Commands that take a second."""
 
 _COMMAND = get_command(application)
 

@@ -1,4 +1,4 @@
-"""Values that nobody expects: names, numbers, documents."""
+"""Unusual values for fuzzing: names, numbers, documents."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ BILLION_LAUGHS = "\n".join(
         *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 9)),
     ]
 ).encode()
-"""YAML in which each line stands for ten times as much as the one before."""
+"""YAML in which each line expands to ten times the previous one."""
 
 
 def odd_value(chance: Random) -> Any:
-    """A value that JSON can hold."""
+    """An unusual value that JSON can represent."""
     kind = chance.randrange(7)
     if kind == 0:
         return None
@@ -85,12 +85,12 @@ def odd_value(chance: Random) -> Any:
 
 
 def altered(value: Any, chance: Random) -> Any:
-    """Change a document in one or a few places; it may be changed itself, too."""
+    """Change a document in one or a few positions, possibly in place."""
     for _ in range(chance.choice([1, 1, 1, 2, 5])):
         places = list(_places(value))
         if not places:
             return odd_value(chance)
-        # Those near the top decide on more.
+        # Prefer values near the top, which have more effect.
         places.sort(key=lambda place: place[2])
         holder, key, _ = places[int(len(places) * chance.random() ** 2)]
         match chance.randrange(6):
@@ -121,7 +121,7 @@ def _places(value: Any, depth: int = 0) -> list[tuple[Any, Any, int]]:
 
 
 def document(content: bytes, chance: Random) -> bytes:
-    """A document in JSON or YAML that is hostile, made from a sound one in JSON if it is in JSON."""
+    """A malicious or damaged document in JSON or YAML, possibly made from a valid one in JSON."""
     kind = chance.randrange(12)
     depth = chance.choice([30, 70, 200, 990, 5_000, 100_000])
     match kind:

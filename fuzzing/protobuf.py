@@ -1,4 +1,4 @@
-"""Messages of protobuf, changed without regard to what they mean."""
+"""Changes protobuf messages without regard to their meaning."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def altered_message(data: bytes, chance: Random) -> bytes:
 
 
 def _content(wire: int, content: bytes, chance: Random) -> bytes:
-    """Other numbers, fewer or more of them."""
+    """Replace, remove or add numbers in a field."""
     if wire == 0:
         return _varint(chance.choice(_VARINTS))
     if wire in (1, 5):
@@ -59,7 +59,7 @@ def _content(wire: int, content: bytes, chance: Random) -> bytes:
 
 
 def _fields(data: bytes) -> list[tuple[int, int, bytes]]:
-    """Number, wire type and content of each field, as far as they can be told."""
+    """The number, wire type and content of each field, as far as the message can be parsed."""
     fields: list[tuple[int, int, bytes]] = []
     place = 0
     try:

@@ -1,4 +1,4 @@
-"""What a campaign remembers of a target: how far it is, and what it found."""
+"""The state of a campaign for one target: progress, counts and findings."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from typing import Any
 
 from fuzzing.worker import Result
 
-#: So many cases of one cause are kept.
+#: The number of cases kept for one cause.
 _KEPT = 3
 
 
 @dataclass
 class State:
-    """One target's.
+    """The state of one target.
 
     Attributes:
-        folder: Where it is kept.
-        seed: What all cases are made from, together with their numbers.
-        next: The number of the first case that was never begun.
-        pending: Cases that were begun and not done; they come first.
-        done: How many were done.
-        seconds: Wall time that they took together.
-        longest: The longest of them [s].
-        memory: The most that one of them added to the memory of a process [bytes].
-        tally: What the target counts.
-        findings: By kind and place: how many cases (`count`), and the files of some (`files`).
+        folder: The folder in which it is stored.
+        seed: The seed of all cases, together with their numbers.
+        next: The number of the first case that was not begun yet.
+        pending: Cases that were begun and not finished; they come first.
+        done: The number of finished cases.
+        seconds: Their total wall time [s].
+        longest: The longest wall time of a case [s].
+        memory: The greatest increase of a worker's memory by a case [bytes].
+        tally: The counts of the target.
+        findings: By kind and place: the number of cases (`count`), and the files of some (`files`).
     """
 
     folder: Path
@@ -44,7 +44,7 @@ class State:
 
     @classmethod
     def load(cls, folder: Path, seed: int) -> State:
-        """Read what was kept, or begin anew where there is nothing, or another seed."""
+        """Read the stored state; start from the beginning if there is none, or it has another seed."""
         try:
             content = json.loads((folder / "state.json").read_text())
         except FileNotFoundError:

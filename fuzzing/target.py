@@ -1,4 +1,4 @@
-"""What a target is: where cases come from, and what it means to try one."""
+"""The base class of fuzzing targets, which generate and run cases."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -11,8 +11,8 @@ class Finding(Exception):  # noqa: N818 (what one looks for is not an error of t
     """Something that must not happen.
 
     Attributes:
-        kind: In a word: `traceback`, `hang`, `memory`, `unreadable`, `crash`, or a target's own.
-        where: What tells it from findings of other causes; findings with one kind and one place count as one.
+        kind: One word: `traceback`, `hang`, `memory`, `unreadable`, `crash`, or one defined by the target.
+        where: Identifies the cause; findings of the same kind and cause count as one.
     """
 
     def __init__(self, kind: str, text: str, where: str | None = None) -> None:
@@ -22,13 +22,13 @@ class Finding(Exception):  # noqa: N818 (what one looks for is not an error of t
 
 
 class Target(ABC):
-    """Something that is fuzzed. An instance is made in each worker.
+    """A subject of fuzzing. Each worker has an instance.
 
     Attributes:
         time_limit: Wall time after which a case counts as hanging [s].
-        memory_limit: How much one case may add to the memory of the process [bytes].
-        address_space: The most that the worker and its children may map, each [bytes].
-        cases_per_worker: After so many cases the process is replaced.
+        memory_limit: The greatest increase of the process's memory by a case [bytes].
+        address_space: The greatest address space of the worker and of each of its children [bytes].
+        cases_per_worker: The number of cases after which the process is replaced.
     """
 
     time_limit: ClassVar[float] = 60.0
@@ -37,26 +37,26 @@ class Target(ABC):
     cases_per_worker: ClassVar[int] = 500
 
     def prepare(self, folder: Path) -> None:  # noqa: B027 (most need nothing)
-        """Get ready, once for each worker: import what takes long, write what all cases share.
+        """Prepare, once for each worker: import slow modules, write files for all cases.
 
         Args:
-            folder: Empty, and there as long as the worker.
+            folder: An empty folder that exists as long as the worker.
         """
 
     @abstractmethod
     def make(self, chance: Random) -> bytes:
-        """Make a case. Equal generators make equal cases, in any worker."""
+        """Generate a case; equal generators give equal cases, in any worker."""
 
     @abstractmethod
     def attempt(self, case: bytes, folder: Path) -> Mapping[str, int]:
-        """Try a case; it may come from `make`, or be a file of the corpus.
+        """Run a case from `make` or from the corpus.
 
-        Whatever is raised is a finding; so is a process that dies, hangs, or needs too much memory.
+        Any exception is a finding; so is a process that dies, hangs, or needs too much memory.
 
         Args:
-            case: It.
-            folder: Empty; the present folder, and gone afterwards.
+            case: The case.
+            folder: An empty folder, which is the working directory and is deleted afterwards.
 
         Returns:
-            What became of it, to be added up over all cases, such as ``{"refused": 1}``.
+            Counts of outcomes, which are summed over all cases, such as ``{"refused": 1}``.
         """

@@ -1,4 +1,4 @@
-"""The process in which cases are tried: its memory is bounded, and it is ended when a case takes too long."""
+"""The worker process that runs cases, with bounded memory; it is ended if a case takes too long."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from random import Random
 from fuzzing.target import Finding
 from fuzzing.targets import target
 
-#: So many times the limit of a case is the most that it may take, with however little of the processor.
+#: The greatest wall time of a case, in multiples of its time limit, however little CPU time it gets.
 _PATIENCE = 4.0
 
-#: So long a worker may take to get ready [s].
+#: The greatest time for starting a worker [s].
 _START = 120.0
 
-#: The package whose functions tell findings apart.
+#: The package whose functions identify findings.
 _OWN = "symaware_cli"
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A case to try.
+    """A case to run.
 
     Attributes:
-        number: Which one.
-        seed: Of the generator that makes it.
-        content: The case itself, if it need not be made.
+        number: Its number.
+        seed: The seed of its generator.
+        content: The case itself, if it is not generated.
     """
 
     number: int
@@ -48,7 +48,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A finding, as it is sent from process to process; see `Finding`."""
+    """A finding, as sent between processes; see `Finding`."""
 
     kind: str
     where: str
@@ -57,15 +57,15 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What became of a case.
+    """The result of a case.
 
     Attributes:
-        number: Which one.
-        seconds: Wall time that it took.
-        memory: What it added to the memory of the process at its peak [bytes].
-        tally: What the target counts.
-        found: What must not happen, if it did.
-        case: The case, if something was found.
+        number: The number of the case.
+        seconds: Its wall time.
+        memory: The peak increase of the process's memory [bytes].
+        tally: The counts of the target.
+        found: The finding, if there is one.
+        case: The case, if there is a finding.
     """
 
     number: int
@@ -77,13 +77,13 @@ class Result:
 
 
 class Worker:
-    """A process for one target, as seen from outside."""
+    """A worker process for one target, as handled by the campaign."""
 
     def __init__(self, name: str) -> None:
-        """Start it.
+        """Start the process.
 
         Args:
-            name: The target's.
+            name: The name of the target.
         """
         self.target = name
         self.limit = target(name).time_limit
@@ -99,9 +99,9 @@ class Worker:
 
     @property
     def overdue(self) -> bool:
-        """Whether its case has taken too long; the first includes getting ready.
+        """Whether its case takes too long; the limit of the first one includes the start of the worker.
 
-        Where the machine has more to do than it can, who had less than a quarter of the time is given more of it.
+        On an overloaded machine, a case that got CPU time for less than a quarter of its limit may take longer.
         """
         if self._task is None:
             return False
@@ -110,20 +110,20 @@ class Worker:
 
     @property
     def worn(self) -> bool:
-        """Whether it has done its share of cases."""
+        """Whether the process has run enough cases to be replaced."""
         return self.cases >= target(self.target).cases_per_worker
 
     def start(self, task: Task) -> None:
-        """Hand it a case."""
+        """Send a case to the process."""
         self._task, self._began = task, time.monotonic()
         self._start = 0.0 if self.cases else _START
         self._used = self._cpu_time()
         self.cases += 1
-        with contextlib.suppress(BrokenPipeError):  # it has died; `result` tells
+        with contextlib.suppress(BrokenPipeError):  # the process has died, which `result` reports
             self.connection.send(task)
 
     def result(self) -> Result:
-        """Receive what became of the case, once the connection is readable; a process that has died says nothing."""
+        """Receive the result of the case, once the connection is readable; reports a crash if the process has died."""
         try:
             result: Result = self.connection.recv()
         except (EOFError, ConnectionError):
@@ -137,7 +137,7 @@ class Worker:
     def give_up(self) -> Result:
         """End a case that takes too long, and the process with it."""
         with contextlib.suppress(ProcessLookupError):
-            os.kill(self._process.pid or 0, signal.SIGUSR1)  # where is it?
+            os.kill(self._process.pid or 0, signal.SIGUSR1)  # print the traceback of all threads
         time.sleep(0.5)
         return self._end("hang", f"no end after {self.limit:g} s")
 
@@ -151,20 +151,20 @@ class Worker:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _cpu_time(self) -> float:
-        """Time of the processor that the process has had [s]; 0 where that cannot be told."""
+        """The CPU time of the process [s]; 0 if it is unknown."""
         with contextlib.suppress(OSError, IndexError):
             fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
             return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
         return 0.0
 
     def _end(self, kind: str, text: str) -> Result:
-        """Close, and report what the process can report no more."""
+        """Close the process, and create the result that it cannot send itself."""
         task, seconds = self._task or Task(0), time.monotonic() - self._began
         self._task = None
         said = _read(self._folder / "output").decode(errors="replace")[-20_000:]
         case = _read(self._folder / "case")
         self.close()
-        # What faulthandler writes: the innermost frame first.
+        # faulthandler writes the innermost frame first.
         frames = [line.split("/")[-1] for line in said.splitlines() if "File " in line and f"/{_OWN}/" in line]
         where = f"{text}: {frames[0].strip() if frames else 'somewhere'}"
         return Result(task.number, seconds, found=Found(kind, where, f"{text}\n{said}"), case=case)
@@ -178,8 +178,8 @@ def _read(path: Path) -> bytes:
 
 
 def _serve(name: str, connection: Connection, folder: Path) -> None:
-    """Try cases as they come in, until nobody sends any."""
-    os.setsid()  # so that Ctrl-C reaches only who started it, and it can be ended with its children
+    """Run the cases received, until the connection is closed."""
+    os.setsid()  # so that Ctrl-C reaches only the parent, and the process can be ended with its children
     output = os.open(folder / "output", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for stream in (1, 2):
         os.dup2(output, stream)
@@ -227,7 +227,7 @@ def _attempted(name: str, task: Task, copy: Path, here: Path) -> Result:
 
 
 def _place(error: BaseException) -> str:
-    """The innermost function of ours that an exception came through, with the exception's class."""
+    """The innermost function of the package in a traceback, with the exception's class."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if f"/{_OWN}/" in frame.filename] or list(frames)
     where = f"{own[-1].filename.rpartition('/')[2]}:{own[-1].name}" if own else "somewhere"
@@ -235,7 +235,7 @@ def _place(error: BaseException) -> str:
 
 
 def _forget_peak() -> int:
-    """Begin to measure the peak of memory anew, and return what is in use [bytes]; Linux alone can."""
+    """Reset the peak of memory use, and return the present use [bytes]; Linux only."""
     with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     return _status("VmRSS")

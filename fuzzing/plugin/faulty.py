@@ -92,7 +92,7 @@ def _interrupted(*names: str) -> Any:
     return misbehave
 
 
-#: What a component can raise.
+#: Exceptions that a component can raise.
 ERRORS: list[BaseException | type[BaseException]] = [
     *(ValueError("no"), ValueError(), ValueError("\ud800 \x00 \x1b[31m"), ValueError("x" * 1_000_000)),
     *(KeyError("a"), OSError(28, "No space left on device"), UnprintableError(), Unkind("no"), MemoryError()),
@@ -102,7 +102,7 @@ ERRORS: list[BaseException | type[BaseException]] = [
     *(EOFError(), ImportError("gone"), SyntaxError("bad"), UnicodeDecodeError("utf-8", b"x", 0, 1, "y")),
 ]
 
-#: What a component can do wrong, by name.
+#: The misbehaviours of components, by name.
 ACTS: dict[str, Any] = {
     **{
         f"raise-{type(error).__name__ if isinstance(error, BaseException) else error.__name__}-{number}": _raising(
@@ -171,7 +171,7 @@ ACTS: dict[str, Any] = {
     "no-attributes": lambda component: component.__dict__.clear(),
 }
 
-#: What a component can return instead of a control input and an intent.
+#: Values that a component can return instead of a control input and an intent.
 VALUES: dict[str, Any] = {
     "none": lambda: None,
     "text": lambda: "ab",
@@ -193,12 +193,12 @@ VALUES: dict[str, Any] = {
     "type": lambda: Controller,
 }
 
-#: Where it does so.
+#: The methods in which components misbehave.
 WHERE = ("__init__", "check", "initialise", "compute", "update", "random", "series_quantities", "events")
 
 
 class _Faulty:
-    """What the components of this module have in common."""
+    """The base class of the components of this module."""
 
     class Parameters(Parameters):
         """What to do wrong."""

@@ -1,4 +1,4 @@
-"""What can be fuzzed: each module here has one target, as `TARGET`."""
+"""The fuzzing targets: each module here defines one, as `TARGET`."""
 
 import importlib
 import pkgutil

@@ -1,4 +1,4 @@
-"""Components that raise, return nonsense, block, recurse, meddle, start threads or end the process, in whole runs."""
+"""Fuzzes whole runs with components that raise, return invalid values, block, recurse, start threads or exit."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _TIMEOUT, _PATIENCE = 3.0, 30.0
 
 
 class Components(Target):
-    """Each case says what a component does, when and where, as JSON."""
+    """A case describes what a component does, when and in which method, as JSON."""
 
     time_limit = 90.0
 
@@ -77,7 +77,7 @@ class Components(Target):
         self._acts, self._values, self._where = sorted(faulty.ACTS), sorted(faulty.VALUES), faulty.WHERE
 
     def make(self, chance: Random) -> bytes:
-        """Choose what goes wrong."""
+        """Choose the misbehaviour."""
         wrong = {"value": chance.choice(self._values)} if chance.random() < 0.25 else {"act": chance.choice(self._acts)}
         where = chance.choice(["compute", "compute", "compute", "update", "update", *self._where])
         if wrong.get("act") in ("sleep", "busy", "native") and where not in ("compute", "update"):
@@ -102,7 +102,7 @@ class Components(Target):
         return json.dumps(case).encode()
 
     def attempt(self, case: bytes, folder: Path) -> Counter[str]:
-        """Run it as a user would, and look at what is left."""
+        """Run the scenario as a user would, and check the output and the log."""
         asked = json.loads(case)
         act = asked["parameters"].get("act", "")
         timing = "".join(f", {key}: {value}" for key, value in asked["timing"].items())
@@ -133,7 +133,7 @@ class Components(Target):
 
 
 def _look_at(log: Path, act: str, status: int, ended: bool) -> None:
-    """Whether a log can be read, and says how the run ended."""
+    """Check that the log can be read and contains the outcome of the run."""
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import open_log
 

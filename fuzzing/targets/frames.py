@@ -1,4 +1,4 @@
-"""Frames of the wire: decoded, and sent to a real host by strangers while a real member takes part."""
+"""Fuzzes frames of the wire protocol: decodes them, and sends them to a real host while a real member takes part."""
 
 from __future__ import annotations
 
@@ -53,17 +53,17 @@ _HABITS = ("noise", "silent", "half", "slow", "open", "hello", "insider", "order
 
 
 class Frames(Target):
-    """A case is a frame behind `D`, or behind `L` what strangers do to a host, as JSON."""
+    """A case is `D` and a frame to decode, or `L` and the actions of strangers on a live host, as JSON."""
 
     time_limit = 180.0
     cases_per_worker = 2000
 
     def prepare(self, folder: Path) -> None:
-        """Make some sound frames."""
+        """Create some valid frames."""
         self._sound = _sound()
 
     def make(self, chance: Random) -> bytes:
-        """Damage a frame, or think of strangers."""
+        """Damage a frame, or choose the actions of strangers."""
         if chance.randrange(_LIVE):
             return b"D" + _damaged(chance, chance.choice(self._sound))
         strangers = [
@@ -78,14 +78,14 @@ class Frames(Target):
         return b"L" + json.dumps({**kind, "strangers": strangers}).encode()
 
     def attempt(self, case: bytes, folder: Path) -> Counter[str]:
-        """Try it."""
+        """Run the case."""
         if case[:1] == b"D":
             return Counter({_decoded(case[1:]): 1})
         return _Siege(json.loads(case[1:]), folder).held()
 
 
 def _sound() -> list[bytes]:
-    """A frame of each kind, and several of those that hold much."""
+    """Valid frames: one of each kind, and several of the large kinds."""
     import numpy as np
 
     from symaware_cli.core import AwarenessVector, Contact, Delivery, MessageBatch, TimeSeries
@@ -131,7 +131,7 @@ def _sound() -> list[bytes]:
 
 
 def _damaged(chance: Random, frame: bytes) -> bytes:
-    """A frame in which some bytes are others, are missing, or stand there again."""
+    """A frame in which some bytes are replaced, removed or repeated."""
     damaged = bytearray(frame)
     for _ in range(chance.choice((0, 1, 1, 2, 4, 16))):
         place = chance.randrange(len(damaged) + 1)
@@ -150,7 +150,7 @@ def _damaged(chance: Random, frame: bytes) -> bytes:
 
 
 def _decoded(data: bytes) -> str:
-    """Decode a frame; what is taken is the same when it is sent on."""
+    """Decode a frame, and check that an accepted frame is equal after encoding it again."""
     from symaware_cli.distributed.codec import decode, encode
     from symaware_cli.network.value import FrameError
 

@@ -1,4 +1,4 @@
-"""kill -9 at a random instant of every kind of run: what is left can be read, and nothing hangs or stays behind."""
+"""Kills every kind of run (kill -9) at a random instant: the log must be readable; no process may hang or remain."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ topology: {{use: complete}}
 
 _KINDS = ("synchronous", "asynchronous", "paced", "workers", "pymunk", "pybullet", "host", "member", "many")
 
-#: So long a log may take to appear [s].
+#: The greatest time until the log exists [s].
 _START_UP = 30.0
 
 #: So long a process waits for one that was killed before they met [s]; less than the other's end is waited for.
@@ -48,7 +48,7 @@ _PATIENCE = "20"
 
 
 class Kills(Target):
-    """Each case says which kind of run is killed, and when, as JSON."""
+    """A case describes which kind of run is killed, and when, as JSON."""
 
     time_limit = 90.0
 
@@ -59,7 +59,7 @@ class Kills(Target):
         return json.dumps({"kind": chance.choice(_KINDS), "begun": begun, "when": when}).encode()
 
     def attempt(self, case: bytes, folder: Path) -> Counter[str]:
-        """Start it, kill it, and look at what is left."""
+        """Start the run, kill it, and check the log."""
         asked = json.loads(case)
         kind = asked["kind"]
         (folder / "killed.yaml").write_text(_scenario(kind))
@@ -101,7 +101,7 @@ def _start(arguments: list[str], folder: Path, name: str) -> subprocess.Popen[by
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill the process alone; those that it started must notice."""
+    """Kill only the process; its child processes must notice and end."""
     process.send_signal(signal.SIGKILL)
     process.wait()
     for _ in range(100):
@@ -123,7 +123,7 @@ def _wait(asked: dict[str, Any], log: Path, process: subprocess.Popen[bytes]) ->
 
 
 def _shared(folder: Path, asked: dict[str, Any]) -> None:
-    """A run of two processes, of which one is killed; the other ends by itself and says why."""
+    """Kill one of two processes of a run; the other must end by itself and report the reason."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
@@ -173,7 +173,7 @@ def _shared(folder: Path, asked: dict[str, Any]) -> None:
 
 
 def _look_at(log: Path, folder: Path) -> str:
-    """Whether the log can be read as far as it goes, by the verbs."""
+    """Check that the commands can read the log as far as it was written."""
     if not log.exists():
         return "no log yet"
     status, out, err = run(["inspect", str(log), "--json"], folder)

@@ -1,4 +1,4 @@
-"""Logs that are damaged or hostile, through every verb that reads one."""
+"""Fuzzes every command that reads a log with damaged or malicious logs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Logs(Target):
     cases_per_worker = 100
 
     def prepare(self, folder: Path) -> None:
-        """Write sound logs to begin with."""
+        """Write valid logs to start from."""
         self._bases: list[Anatomy] = []
         for name, overrides in _RUNS.items():
             path = folder / f"{name}.mcap"
@@ -61,7 +61,7 @@ class Logs(Target):
         self._sound = [put_together(base) for base in self._bases]
 
     def make(self, chance: Random) -> bytes:
-        """Damage a log, or write one that nobody of good will would write."""
+        """Damage a log, or write a malicious one."""
         if chance.random() < 0.35:
             content = chance.choice(self._sound)
             for _ in range(chance.choice([1, 1, 1, 2, 4])):
@@ -74,7 +74,7 @@ class Logs(Target):
         return _with_summary(content, chance) if chance.random() < 0.15 else content
 
     def attempt(self, case: bytes, folder: Path) -> Counter[str]:
-        """Read it in every way."""
+        """Read the log with every command."""
         tally = Counter(logs=1)
         log, written = folder / "log.mcap", folder / "written"
         log.write_bytes(case)
@@ -129,7 +129,7 @@ def _attachment_name(anatomy: Anatomy, chance: Random) -> None:
 
 def _attachment_content(anatomy: Anatomy, chance: Random) -> None:
     if anatomy.attachments:
-        # The manifest is what most things hang on.
+        # Most code depends on the manifest.
         first = [each for each in anatomy.attachments if each.name in ("manifest.json", "geometry.json")]
         attachment = chance.choice(anatomy.attachments + first * 3)
         attachment.data = document(attachment.data, chance)
@@ -221,7 +221,7 @@ def _times(anatomy: Anatomy, chance: Random) -> None:
 
 
 def _packing(anatomy: Anatomy, chance: Random) -> None:
-    """Lie about a chunk, or make it a bomb."""
+    """Falsify a chunk, or make it a decompression bomb."""
     if not anatomy.chunks:
         return
     number = chance.randrange(len(anatomy.chunks))

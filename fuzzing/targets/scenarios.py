@@ -1,4 +1,4 @@
-"""Scenario files: damaged, turned inside out, or made up from the schema; those that validate make three steps."""
+"""Fuzzes scenario files: damaged, restructured, or generated from the schema; valid ones are run for three steps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fuzzing.target import Finding, Target
 #: The first line of a case in TOML; the others are YAML.
 _TOML = b"# toml\n"
 
-#: What a run makes at the most.
+#: The greatest number of steps of a run.
 _STEPS = 3
 
 _WORDS = [
@@ -115,7 +115,7 @@ class Scenarios(Target):
         return _written(tree)
 
     def _mend(self, tree: Tree) -> None:
-        """Leave out what is refused, so that what is left is more likely to run."""
+        """Remove rejected values, so that the rest is more likely to run."""
         from symaware_cli.scenario.build import build
         from symaware_cli.scenario.problem import ScenarioError
 
@@ -127,17 +127,17 @@ class Scenarios(Target):
                 for path in sorted({problem.path for problem in error.problems if problem.path}, reverse=True):
                     _leave_out(tree, path)
             except Exception:
-                return  # whatever it is, the attempt will find it
+                return  # `attempt` will report the exception
             else:
                 return
 
     def _lay_out(self, folder: Path) -> None:
-        """Put down what scenarios may extend."""
+        """Write the files that scenarios may extend."""
         for name, content in self._beside.items():
             (folder / name).write_bytes(content)
 
     def attempt(self, case: bytes, folder: Path) -> Counter[str]:
-        """Validate it as `symaware validate` does; run it for three steps where it is sound."""
+        """Validate the file as `symaware validate` does, and run it for three steps if it is valid."""
         self._lay_out(folder)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
@@ -178,7 +178,7 @@ class Scenarios(Target):
 
 
 def _damaged(content: bytes, chance: Random) -> bytes:
-    """Change some bytes: turn, leave out, repeat, or put words of the language in."""
+    """Change some bytes: replace, remove or repeat them, or insert keywords."""
     data = bytearray(content)
     for _ in range(chance.choice([1, 1, 2, 3, 8])):
         if not data:
@@ -199,7 +199,7 @@ def _damaged(content: bytes, chance: Random) -> bytes:
 
 
 def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
-    """Every container of a tree with every key or index in it."""
+    """All containers of a tree, each with all its keys or indices."""
     if isinstance(tree, (dict, list)):
         for key in list(tree) if isinstance(tree, dict) else range(len(tree)):
             yield tree, key
@@ -233,7 +233,7 @@ def _twisted(tree: Tree, others: list[Tree], chance: Random) -> Tree:
 
 
 def _leave_out(tree: Any, path: str) -> None:
-    """Remove the innermost part of a dotted path that is there."""
+    """Remove the innermost existing part of a dotted path."""
     holder, found = tree, None
     for part in re.findall(r"[^.\[\]]+", path):
         key = int(part) if isinstance(holder, list) and part.isdigit() else part
@@ -247,12 +247,12 @@ def _leave_out(tree: Any, path: str) -> None:
 
 
 def _written(tree: Tree) -> bytes:
-    """A tree as JSON, which YAML contains, but for numbers that are none."""
+    """A tree as JSON, which is valid YAML except for NaN and infinities."""
     return json.dumps(tree, ensure_ascii=False, indent=1).replace("NaN", ".nan").replace("Infinity", ".inf").encode()
 
 
 class Schema:
-    """Makes values that a JSON schema allows, most of them ordinary, some at the edge of what is allowed."""
+    """Generates values that a JSON schema allows, most of them ordinary, some extreme."""
 
     def __init__(self, schema: Mapping[str, Any]) -> None:
         self._definitions: Mapping[str, Any] = schema["$defs"]
@@ -315,7 +315,7 @@ class Schema:
         return use
 
     def _some(self, definition: str, chance: Random, share: float) -> Tree:
-        """An object with what it must have and a share of what it may have."""
+        """An object with all required properties and a share of the optional ones."""
         schema = self._definitions[definition]
         required = set(schema.get("required", ()))
         return {
@@ -325,7 +325,7 @@ class Schema:
         }
 
     def value(self, schema: Mapping[str, Any], chance: Random, depth: int = 0) -> Any:
-        """A value that a schema allows, or nearly."""
+        """A value that a schema allows, or almost allows."""
         if chance.random() < 0.01:
             return copy.deepcopy(chance.choice(_VALUES))
         if "$ref" in schema:
