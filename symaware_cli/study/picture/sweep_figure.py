@@ -65,7 +65,8 @@ def draw(
     """
     if title is not None:
         require_writable(title)
-    columns = min(_COLUMNS, picture.facets if picture.facets > 1 else len(picture.panels))
+    count = picture.facets if picture.facets > 1 else len(picture.panels)
+    columns = 2 if count == 4 else min(_COLUMNS, count)
     rows = -(-len(picture.panels) // columns)
     if picture.facets > 1:
         rows = len(picture.panels) // picture.facets * -(-picture.facets // columns)
@@ -119,7 +120,8 @@ def _draw_panel(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[fl
     if panel.caption:
         # Below the name of the metric, in a line of its own.
         axes.set_title(f"{panel.metric.label}\n{panel.caption}", loc="left")
-    if panel.kind != "map" and len(panel.series) > 1:
+    is_named = panel.kind == "distribution" and panel.metric.is_share  # beside the axis
+    if panel.kind != "map" and len(panel.series) > 1 and not is_named:
         handles = [Line2D([], [], **_line(number), label=name) for number, name in enumerate(panel.series)]
         axes.legend(handles=handles, frameon=False, loc="best", labelspacing=0.3)
 
