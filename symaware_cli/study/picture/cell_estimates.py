@@ -40,7 +40,7 @@ class CellEstimates:
     method: tuple[str, ...]
 
 
-def estimated(runs: FinishedRuns, metric: MetricColumn) -> CellEstimates:
+def estimated(runs: FinishedRuns, metric: MetricColumn, with_intervals: bool = True) -> CellEstimates:
     """Estimate a metric in each combination of parameters.
 
     Intervals for a fixed number of runs are made only of all runs of a planned number. Otherwise shares and means of
@@ -57,7 +57,7 @@ def estimated(runs: FinishedRuns, metric: MetricColumn) -> CellEstimates:
         if not len(values):
             columns[5, cell] = 0
             continue
-        found = _estimate(runs, metric, values, cell)
+        found = _estimate(runs, metric, values, cell) if with_intervals else _mean(runs, values)
         low, high = (np.nan, np.nan) if metric.is_share else np.quantile(values, [0.1, 0.9])
         columns[:, cell] = found.value, found.lower, found.upper, low, high, found.count
         methods.add(found.method)
@@ -69,7 +69,7 @@ def _estimate(runs: FinishedRuns, metric: MetricColumn, values: Array, cell: int
     count, confidence = len(values), runs.confidence
     if not runs.is_final:
         if not metric.is_share and metric.bounds is None:
-            return IntervalEstimate(float(np.mean(values)), np.nan, np.nan, count, confidence, "")
+            return _mean(runs, values)
         estimand = Share() if metric.bounds is None else Mean(*metric.bounds)
         sequence = estimand.sequence(confidence)
         sequence.update(values)
@@ -79,3 +79,8 @@ def _estimate(runs: FinishedRuns, metric: MetricColumn, values: Array, cell: int
     if count < _MANY:
         return bootstrap_mean(values, runs.seed, f"{metric.name} {cell}", confidence)
     return student_mean(values, confidence)
+
+
+def _mean(runs: FinishedRuns, values: Array) -> IntervalEstimate:
+    """The mean without an interval."""
+    return IntervalEstimate(float(np.mean(values)), np.nan, np.nan, len(values), runs.confidence, "")

@@ -28,7 +28,7 @@ class MetricPanel:
         series: The names of what is told apart by colour: the variants, or one name that is empty.
         caption: Which values the other parameters have; empty where there are no others.
         value: The mean or share; shape (series, *axes).
-        lower: The lower end of its interval, likewise; NaN where there is none.
+        lower: The lower end of its interval, likewise; NaN where there is none, as in maps.
         upper: The upper end.
         low: The tenth percentile of the runs; NaN for shares.
         high: The ninetieth.
@@ -94,7 +94,8 @@ def composed(runs: FinishedRuns, show: Sequence[str] = ()) -> SweepPicture:
     panels: list[MetricPanel] = []
     methods: set[str] = set()
     for metric in metrics:
-        estimates = estimated(runs, metric)
+        # Maps show none, and of many cells they would take seconds.
+        estimates = estimated(runs, metric, with_intervals=len(shown) < 2)
         methods.update(estimates.method)
         panels += _panels(runs, metric, estimates, shown, others)
     return SweepPicture(runs, tuple(panels), tuple(_notes(runs, metrics, panels[0].kind, sorted(methods))))
@@ -162,14 +163,14 @@ def _samples(runs: FinishedRuns, metric: MetricColumn) -> Iterator[Array]:
 
 def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, methods: Sequence[str]) -> Iterator[str]:
     ended = len(runs.indices)
-    if methods and kind != "map":
+    if methods:
         yield f"Intervals hold with {100 * runs.confidence:g} % each: {', '.join(methods)}."
     if kind == "curve" and not runs.variants and not all(metric.is_share for metric in metrics):
         yield "Paler: the middle 80 % of the runs."
     if not runs.is_final:
         if ended < runs.planned:
             yield f"{ended:,} of at most {runs.planned:,} runs."
-        if not all(metric.is_share or metric.bounds for metric in metrics):
+        if kind != "map" and not all(metric.is_share or metric.bounds for metric in metrics):
             yield "Means without declared bounds have no interval that holds at every number of runs."
     if runs.failed:
         yield f"{runs.failed:,} of {ended:,} runs failed or were lost, and have no metrics."
