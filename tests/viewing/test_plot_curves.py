@@ -189,7 +189,7 @@ def test_beliefs_stand_in_for_a_truth_that_was_not_recorded(tmp_path: Path) -> N
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world]")
     content = gather(log, PlotRequest())
     assert untyped(content.panels[0]).believed == ("robot",)
-    assert "what robot believed" in content.notes[0]
+    assert "states of robot are believed" in content.notes[0]
     bare = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world, state]")
     assert gather(bare, PlotRequest(show=("control",))).panels
     with pytest.raises(LogError, match="holds nothing to plot"):
