@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import zip_longest
 from typing import Any, Protocol
 from urllib.parse import quote
 
@@ -17,7 +16,7 @@ from symaware_cli.exporting import entries, row_tables
 from symaware_cli.exporting.log_selection import Selection
 from symaware_cli.exporting.table import ExportColumn, Table, Values
 from symaware_cli.recording import logged_events, wire
-from symaware_cli.recording.fields import signal_of, signal_topic
+from symaware_cli.recording.fields import column_quantities, signal_of, signal_topic
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.sensor_channels import IMAGE, SCAN, sensors
@@ -249,9 +248,7 @@ class _Group:
 
     def _quantities(self, topic: str) -> Quantities:
         """Return the names and units in the metadata of a channel, unless its messages have a different width."""
-        metadata = self.log.topics[topic].metadata
-        names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
-        announced = list(zip_longest(names, units[: len(names)], fillvalue=""))
+        announced = [(each.name, each.unit) for each in column_quantities(self.log.topics[topic].metadata)]
         extent = self.extents.get(topic)
         return announced if extent is None or extent.width in (0, len(announced)) else _numbered(extent.width)
 

@@ -24,6 +24,12 @@ def columns_metadata(quantities: Sequence[Quantity]) -> dict[str, str]:
     }
 
 
+def column_quantities(metadata: Mapping[str, str]) -> list[Quantity]:
+    """Read the names and units that the metadata of a channel give its columns; units that are missing are empty."""
+    names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
+    return [Quantity(*each) for each in zip_longest(names, units[: len(names)], fillvalue="")]
+
+
 def signal_metadata(signal: Signal) -> dict[str, str]:
     """Return the metadata of the channel of a part or a signal: enough to read and draw it without the plugin."""
     known = {signal.what: signal.kind, "drawn": signal.drawn or "", "description": signal.description}
@@ -56,9 +62,8 @@ def signal_of(info: ChannelInfo) -> tuple[str, Signal] | None:
 
 def _announced(name: str, what: type[Signal], known: Signal | None, metadata: Mapping[str, str]) -> Signal | None:
     """Parse the part or signal from the metadata of a channel; without a kind there, use the known one."""
-    names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
-    columns = [Quantity(*each) for each in zip_longest(names, units[: len(names)], fillvalue="")]
-    if len(set(names)) < len(names):
+    columns = column_quantities(metadata)
+    if len({column.name for column in columns}) < len(columns):
         columns = []
     kind, drawn = metadata.get(what.what), metadata.get("drawn") or None
     if kind not in get_args(Kind):

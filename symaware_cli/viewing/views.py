@@ -17,9 +17,8 @@ from symaware_cli.geometry.footprint import footprint
 from symaware_cli.geometry.region import Region
 from symaware_cli.geometry.rotation import about, attitude, attitude_columns, rotated
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.fields import signal_topic
+from symaware_cli.recording.fields import column_quantities, signal_topic
 from symaware_cli.recording.geometry import geometry_of
-from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.json_text import read_yaml
 from symaware_cli.recording.log_schema import GEOMETRY
 from symaware_cli.recording.reader import Log
@@ -28,9 +27,6 @@ from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
 
 Array = NDArray[np.float64]
-
-#: Metadata entries about columns.
-_ANNOUNCED = ("columns", "units")
 
 
 @dataclass(frozen=True)
@@ -253,7 +249,9 @@ def run_view_of(log: Log) -> RunView:
             regions={name: Region.model_validate(each) for name, each in manifest.get("regions", {}).items()},
             specifications=specification_rows(log.channels),
             quantities={
-                topic: quantities for topic, channel in log.topics.items() if (quantities := _quantities(channel))
+                topic: [(each.name, each.unit) for each in columns]
+                for topic, channel in log.topics.items()
+                if (columns := column_quantities(channel.metadata))
             },
         )
     except (KeyError, TypeError, ValueError, AttributeError, ValidationError) as error:
@@ -298,12 +296,6 @@ def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> O
         stands=len(entity["position"]) == 2 and bool(entity.get("path") or not entity.get("moves")),
         **look,
     )
-
-
-def _quantities(channel: ChannelInfo) -> list[tuple[str, str]]:
-    """Return name and unit of each column of a channel; empty if the names are missing."""
-    names, units = (channel.metadata[key].split(",") if channel.metadata.get(key) else [] for key in _ANNOUNCED)
-    return list(zip(names, units if len(units) == len(names) else [""] * len(names), strict=True))
 
 
 def _whereabouts(name: str, log: Log) -> str:

@@ -13,8 +13,10 @@ from symaware_cli import Log, open_log
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.viewing.chunk import ChunkReader
 from symaware_cli.viewing.palette import hexadecimal
-from symaware_cli.viewing.plotting.content import choose, gather
+from symaware_cli.viewing.plotting.choice import choose
+from symaware_cli.viewing.plotting.content import gather
 from symaware_cli.viewing.plotting.curves import PlottedCurves
 from symaware_cli.viewing.plotting.line_styles import LineStyle
 from symaware_cli.viewing.plotting.motion import held
@@ -51,6 +53,19 @@ def test_panels_come_in_the_order_in_which_they_are_asked_for(yard: Log) -> None
     assert list(shown) == [*("risk", "control speed", "control turn_rate", "control velocity_x", "control velocity_y")]
     assert [line.name for line in shown["control speed"].lines] == ["cart.0", "cart.1"]
     assert [line.name for line in shown["control velocity_x"].lines] == ["guard"]
+
+
+def test_a_log_of_many_chunks_has_the_same_plot(yard: Log, monkeypatch: pytest.MonkeyPatch) -> None:
+    request = PlotRequest(show=("trajectories", "separation", "risk", "speed", "control", "state"), at=1.0)
+    whole = gather(yard, request)
+    monkeypatch.setattr(ChunkReader.chunks, "__defaults__", (2_000,))
+    chunked = gather(yard, request)
+    assert chunked.facts() == whole.facts()
+    one, other = whole.panels[0], chunked.panels[0]
+    for field in ("goals", "intents"):
+        assert {name: points.tolist() for name, points in getattr(one, field).items()} == {
+            name: points.tolist() for name, points in getattr(other, field).items()
+        }
 
 
 def test_speed_is_that_of_the_true_positions(yard: Log) -> None:
