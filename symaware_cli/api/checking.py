@@ -1,4 +1,4 @@
-"""Specifications evaluated on a log: those of its scenario, or new ones."""
+"""Evaluates specifications on a log: those of its scenario, or new ones."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from symaware_cli.specification.specification import Specification
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """What a log says of specifications.
+    """The outcomes of specifications on a log.
 
     Attributes:
         log: The log.
         scenario: The name of its scenario.
         seed: The seed of the run.
         sampled: Time between two recorded steps [s], if not every step was recorded; None otherwise.
-        is_whole: Whether the run came to its declared end; where it did not, what is not decided yet stays so.
-        specifications: What has become of each specification.
+        is_whole: Whether the run reached its declared end; otherwise open verdicts remain undecided.
+        specifications: The outcome of each specification.
     """
 
     log: Path
@@ -48,11 +48,11 @@ class CheckResult:
 
     @property
     def violated(self) -> tuple[str, ...]:
-        """The names of those that are violated."""
+        """The names of the violated specifications."""
         return tuple(each.name for each in self.specifications if each.verdict == "violated")
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the result as plain data."""
         return {**asdict(self), "log": str(self.log)}
 
 
@@ -63,17 +63,17 @@ def check_log(
 ) -> CheckResult:
     """Evaluate specifications on a log.
 
-    Where every step was recorded, verdicts and robustness are those that the run itself found, bit for bit.
+    If every step was recorded, verdicts and robustness equal those of the run itself, bit for bit.
 
     Args:
         path: The log.
-        specifications: New ones by name, as under `specifications` in a scenario, or a file of them; by default those
-            of the log.
-        again: Whether to repeat the run, instead of reading what was recorded of it.
+        specifications: Specifications by name, as under `specifications` in a scenario, or a file of them; by default
+            those of the log.
+        again: Whether to repeat the run instead of reading its records.
 
     Raises:
-        LogError: The log cannot be read, or does not say what the specifications need.
-        ScenarioError: A specification is wrong.
+        LogError: The log cannot be read, or lacks data that the specifications need.
+        ScenarioError: A specification is invalid.
         RunError: A specification has no value.
     """
     statements = specifications if isinstance(specifications, Path) else None
@@ -105,7 +105,7 @@ def check_log(
 
 
 def _repeated(path: Path, overrides: Sequence[str], statements: Path | None) -> CheckResult:
-    """What the run of a log finds, if it is made again."""
+    """Repeat the run of a log, and return its outcomes."""
     built = open_scenario(path, overrides, statements=statements)
     with prepared(built, None, may_exit=False) as run:
         summary = run.execute()
@@ -116,10 +116,10 @@ def _repeated(path: Path, overrides: Sequence[str], statements: Path | None) -> 
 
 
 def _require_recorded(log: Log, specification: Specification, omitted: Sequence[str]) -> None:
-    """Look whether a log says what a specification is about.
+    """Check that a log contains the data that a specification needs.
 
     Raises:
-        LogError: It does not.
+        LogError: Data is missing.
     """
     names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
     moving = {"closing_speed", "control_input", "speed", "velocity"}

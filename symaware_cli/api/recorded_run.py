@@ -1,4 +1,4 @@
-"""A run as its log has it, step by step: the simulation that was recorded, in each state that was recorded of it."""
+"""Replays a log into a simulation of its scenario: sets the recorded states, beliefs and events, instant by instant."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class RecordedRun:
-    """Goes through a log and puts what it says into the simulation of the same scenario.
+    """Reads a log and sets its records in a simulation of the same scenario.
 
     Attributes:
         log: The log.
@@ -46,10 +46,10 @@ class RecordedRun:
                 self._set_present(group, np.array([id not in absent for id in group.ids]))
 
     def instants(self, period: int) -> Iterator[int]:
-        """Yield instants at which the world was recorded, in nanoseconds; the simulation is as it was then.
+        """Yield the recorded instants in nanoseconds, at each of which the simulation has its recorded state.
 
         Args:
-            period: The time between two of them, in nanoseconds.
+            period: The time between two instants, in nanoseconds.
 
         Raises:
             LogError: The log is damaged.
@@ -62,7 +62,7 @@ class RecordedRun:
                 yield self._show(upcoming)
                 upcoming += period
             self.simulation.clock.now = message.time
-            if self._take(message):
+            if self._apply(message):
                 last = message.time
         outcome = self.log.outcome
         end = last if outcome is None else outcome["time"]
@@ -71,14 +71,14 @@ class RecordedRun:
             upcoming += period
 
     def _show(self, now: int) -> int:
-        """Show the world as it is, and return the instant."""
+        """Set the true states of an instant in the environment, and return the instant."""
         self.simulation.clock.now = now
         self._environment.show(now, self._states, self._inputs)
         self._states, self._inputs = {}, {}
         return now
 
-    def _take(self, message: LogMessage) -> bool:
-        """Take a message over, and tell whether it says where agents truly are."""
+    def _apply(self, message: LogMessage) -> bool:
+        """Apply a message to the simulation; return whether it contains true states."""
         _, room, *rest = message.channel.topic.split("/")
         if room == "events":
             if message.channel.carries("Event"):
@@ -131,7 +131,7 @@ class RecordedRun:
             for place, text in enumerate(content.values):
                 group.knowledge[content.rows[place] if content.rows else place].replace(read_json(text))
         elif kind == "awareness":
-            self._aware(group, message)
+            self._apply_beliefs(group, message)
         elif kind in awareness.parts:
             column, content = awareness.columns[kind], message.decode()
             if isinstance(column, Column):
@@ -145,8 +145,8 @@ class RecordedRun:
                 for place, row in enumerate(rows):
                     column.set_row(row, content.at(place))
 
-    def _aware(self, group: AgentGroup, message: LogMessage) -> None:
-        """Take over what agents know of where others are."""
+    def _apply_beliefs(self, group: AgentGroup, message: LogMessage) -> None:
+        """Apply the recorded beliefs about the positions of others."""
         content: Any = message.decode()
         if not content.has_states:
             return
@@ -170,7 +170,7 @@ class RecordedRun:
 
 
 def _changed(before: Array, content: Any) -> Array:
-    """Values with some rows replaced by those of a message."""
+    """Return values with some rows replaced by those of a message."""
     if content.rows is None:
         return np.array(content.values)
     after = np.array(before)

@@ -34,12 +34,12 @@ def main() -> None:
     except OSError as error:
         _refuse_output(error)
     except KeyboardInterrupt:
-        # Wherever it comes: even before the verb has begun, or while it ends.
+        # At any time: even before the command has begun, or while it ends.
         raise SystemExit(130) from None
 
 
 def _open_streams() -> None:
-    """Open the streams that the process was started without, in their order: no file of ours may take their numbers."""
+    """Open the standard streams that the process was started without, so that no other file gets their numbers."""
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             stream = open(os.devnull, "r" if name == "stdin" else "w")  # noqa: SIM115 (for ever)
@@ -48,12 +48,12 @@ def _open_streams() -> None:
 
 
 def _refuse_output(error: OSError) -> NoReturn:
-    """Say that what was printed could not be; whatever else went wrong is raised again."""
+    """Report that the output could not be written; other errors are raised again."""
     if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
         raise error
     from symaware_cli.recording.error import reason
 
-    # What is left in the buffer would fail once more when the interpreter ends.
+    # Otherwise flushing the rest of the buffer would fail again when the interpreter ends.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     print(f"symaware: cannot write the output: {reason(error)}", file=sys.stderr)
     raise SystemExit(1)

@@ -91,7 +91,7 @@ def _logs(paths: Sequence[Path], as_json: bool) -> list[Path]:
 
 
 def _stated(log: Path, stated: Mapping[str, str], each: str | None, pairs: str | None) -> Mapping[str, Any]:
-    """The specifications that a formula amounts to."""
+    """The specifications given by a formula and its scope."""
     if pairs is not None:
         return {"formula": {**stated, "pairs": pairs}}
     if each is not None:
@@ -103,7 +103,7 @@ def _stated(log: Path, stated: Mapping[str, str], each: str | None, pairs: str |
 
 
 def _lines(result: CheckResult) -> list[str]:
-    """What is said of one log."""
+    """The report on one log."""
     lines = [f"{result.log}: {result.scenario}, seed {result.seed}"]
     if not result.specifications:
         lines.append("  there are no specifications; give one with --formula or --file")
@@ -121,7 +121,7 @@ def _notes(result: CheckResult) -> list[str]:
 
 
 def _table(results: Sequence[CheckResult]) -> list[str]:
-    """What is said of several logs, a line for each."""
+    """The report on several logs, with a line for each."""
     names = list(dict.fromkeys(each.name for result in results for each in result.specifications))
     width = max(len(str(result.log)) for result in results)
     columns = {name: max(len(name), 20) for name in names}
