@@ -15,6 +15,6 @@ def test_what_follows_fifty_random_instants_is_equal_unless_an_engine_is_refused
     rows = [line for line in told.splitlines() if "scenarios/" in line]
     assert len(rows) == 50
     refused = [row for row in rows if "refused" in row]
-    assert all("its engine does not tell" in row for row in refused)
+    assert all("its engine does not expose" in row for row in refused)
     assert all(row.count(" equal |") == 2 for row in rows if row not in refused)
     assert len(refused) < 25

@@ -126,7 +126,7 @@ def test_the_state_of_another_seed_is_refused(path: Path) -> None:
     with sa.load(path).start(seed=1) as one, sa.load(path).start(seed=2) as other:
         one.step(2)
         before = other.state("robot")
-        with pytest.raises(sa.StateError, match="of another seed"):
+        with pytest.raises(sa.StateError, match="to another seed"):
             other.restore(one.capture())
         assert other.steps == 0
         assert np.array_equal(other.state("robot"), before)

@@ -58,7 +58,7 @@ def test_without_positions_all_joints_are_at_zero() -> None:
 
 @pytest.mark.parametrize("parents", [(0,), (-1, 1), (-1, -1), (-1, 2, 0)])
 def test_what_is_no_tree_is_refused(parents: tuple[int, ...]) -> None:
-    with pytest.raises(ValidationError, match="behind its parent"):
+    with pytest.raises(ValidationError, match="comes after its parent"):
         Articulation(name="a", links=[Link(name="b", parent=parent) for parent in parents])
 
 

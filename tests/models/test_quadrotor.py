@@ -218,7 +218,7 @@ def test_another_gravity_than_that_of_the_world_is_refused() -> None:
 
 
 def test_a_plane_is_no_place_to_fly() -> None:
-    with pytest.raises(WorldError, match="no place in a plane"):
+    with pytest.raises(WorldError, match="cannot move in a plane"):
         flight(resting((0, 0, 1)), kind=PymunkEnvironment)
 
 
