@@ -265,7 +265,8 @@ def test_a_group_component_knows_whom_the_events_concern_that_triggered_its_turn
     team = Team({"tells": Telling, "hears": Hearing}, count=4, timings={"hears": timing})
     ready = simulation({"a": team})
     ready.events.subscribe("heard", lambda event: seen.append((event.time // STEP, event.data["rows"])))
-    run(ready, 3)
+    summary = run(ready, 3)
+    assert summary.status == "finished", summary.failure
     assert seen == [(0, None), (1, [1, 3]), (2, None), (2, [0])]
 
 
