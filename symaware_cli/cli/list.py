@@ -15,6 +15,7 @@ class Kind(enum.StrEnum):
 
     components = "components"
     environments = "environments"
+    metrics = "metrics"
     models = "models"
     topologies = "topologies"
     transports = "transports"
@@ -24,7 +25,7 @@ def list_plugins(
     kind: Annotated[Kind | None, typer.Argument(help="What to list; by default everything.")] = None,
     as_json: Json = False,
 ) -> None:
-    """List the plugins that a scenario can use, with their packages."""
+    """List the plugins that a scenario or a sweep can use, with their packages."""
     from symaware_cli.scenario.catalogue import PLURALS, Catalogue
 
     catalogue = Catalogue()
@@ -47,6 +48,8 @@ def list_plugins(
         return
     width = max((len(listing.name) for same in listings.values() for listing in same), default=0)
     for each, same in listings.items():
+        if not same:
+            continue
         typer.echo(bold(PLURALS[each]))
         for listing in same:
             typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}")

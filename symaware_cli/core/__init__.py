@@ -22,6 +22,7 @@ from symaware_cli.core.families import (
 )
 from symaware_cli.core.links import Links
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
+from symaware_cli.core.metric import Metric
 from symaware_cli.geometry.path import Pose, ScriptedPath
 from symaware_cli.geometry.scenery import Scenery
 from symaware_cli.geometry.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
@@ -72,6 +73,7 @@ __all__ = [
     "Mesh",
     "Message",
     "MessageBatch",
+    "Metric",
     "Model",
     "Observation",
     "Obstacle",

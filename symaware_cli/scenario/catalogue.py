@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from symaware_cli.core import Component, Environment, GroupComponent, Model
+from symaware_cli.core import Component, Environment, GroupComponent, Metric, Model
 from symaware_cli.distributed.transport import Transport
 from symaware_cli.network.topology.topology import Topology
 from symaware_cli.runtime.failure import describe
@@ -23,6 +23,7 @@ from symaware_cli.scenario.problem import nearest, quoted
 GROUPS = {
     "component": "symaware.components",
     "environment": "symaware.environments",
+    "metric": "symaware.metrics",
     "model": "symaware.models",
     "topology": "symaware.topologies",
     "transport": "symaware.transports",
@@ -34,6 +35,7 @@ PLURALS = {kind: group.rpartition(".")[2] for kind, group in GROUPS.items()}
 _BASES: Mapping[str, tuple[type, ...]] = {
     "component": (Component, GroupComponent),
     "environment": (Environment,),
+    "metric": (Metric,),
     "model": (Model,),
     "topology": (Topology,),
     "transport": (Transport,),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
-from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError
+from symaware_cli.scenario.catalogue import Catalogue, PluginError
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.parts import declared_by, omittable, signals_of
 from symaware_cli.scenario.sampling import CirclePlacement, GridPlacement
@@ -36,7 +36,7 @@ def scenario_schema(
     definitions = schema["$defs"]
     broken: list[str] = []
     declared: set[str] = set()
-    for kind in GROUPS:
+    for kind in _USES:
         branches = []
         names = []
         for listing in catalogue.listings(kind):

@@ -82,7 +82,8 @@ def rule_of(plan: SweepPlan, specifications: Sequence[str]) -> StoppingRule | No
     """
     document = plan.document
     shares = {f"{verdict}.{name}": Share() for name in specifications for verdict in ("satisfied", "violated")}
-    means = {f"mean.{each.name}": Mean(*document.bounds.get(each.name, (None, None))) for each in BUILT_IN}
+    metrics = [*(each.name for each in BUILT_IN), *document.metrics]
+    means = {f"mean.{name}": Mean(*document.bounds.get(name, (None, None))) for name in metrics}
     text = document.until
     if text is None:
         if len(plan.cells) > 1 or not specifications:

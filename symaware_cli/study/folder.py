@@ -17,8 +17,10 @@ from typing import Any
 from symaware_cli.recording.error import OutputError, reason
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.scenario.versions import versions
 from symaware_cli.study.cell_stops import check_rule
+from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.identity import SweepIdentity, differences
 from symaware_cli.study.runner import Runner
 from symaware_cli.study.sweep_error import SweepError
@@ -180,8 +182,16 @@ def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIden
         ScenarioError: A cell has problems, or the rule to stop has.
     """
     cells, specifications, resolved = [], {}, ""
-    for built in build_cells(source, Catalogue()):
+    catalogue = Catalogue()
+    custom = CustomMetrics(source.plan.document, catalogue)
+    for built in build_cells(source, catalogue):
         with built.simulation.environment:
+            problems = [
+                custom.check(name, built.simulation, source.problem("invalid-metric", "", ("metrics", name)))
+                for name in source.plan.document.metrics
+            ]
+            if any(problems):
+                raise ScenarioError(filter(None, problems))
             cells.append(_cell_digest(built))
             specifications.update(dict.fromkeys(built.document.specifications))
             resolved = resolved or built.resolved.decode()

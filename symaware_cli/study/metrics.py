@@ -94,6 +94,9 @@ _BUILT_IN: tuple[tuple[MetricDescription, _Value], ...] = (
     ),
 )
 
+#: Further names of columns.
+RESERVED = ("index", "replicate", "variant", "seed", "state", "digest", "error")
+
 #: The metrics that every row has.
 BUILT_IN = tuple(description for description, _ in _BUILT_IN)
 

@@ -6,12 +6,15 @@ import os
 import re
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.reader import open_log
+from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.scenario.build import Built, build_composition
@@ -20,8 +23,9 @@ from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.study.batch import Batch, batch_size, refusal
+from symaware_cli.study.custom_metrics import CustomMetrics, Followers, typed
 from symaware_cli.study.measurement import Measurement, RunMeasurement
-from symaware_cli.study.metrics import RunFigures, figures
+from symaware_cli.study.metrics import MetricDescription, RunFigures, figures
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.sweep_source import texts_of
@@ -31,6 +35,13 @@ _MOST_READY = 256
 
 #: Where something lies in memory, which no two processes agree on.
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
+
+
+Value = TypeVar("Value")
+
+
+class MetricError(Exception):
+    """A metric has no value, or one of another type than it declares."""
 
 
 class Runner:
@@ -50,6 +61,8 @@ class Runner:
         self._scenario = scenario
         self._catalogue = Catalogue()
         self._ready: OrderedDict[int, Composition] = OrderedDict()
+        self._custom = CustomMetrics(plan.document, self._catalogue)
+        self._described = self._custom.descriptions()
 
     def rows(self, indices: Sequence[int], logs: Path | None = None) -> Iterator[Row]:
         """Make some runs, and yield their rows in any order.
@@ -92,6 +105,8 @@ class Runner:
             return "batches are switched off"
         if self._plan.document.timeout is not None:
             return "each run has a time-out of its own"
+        if self._plan.document.metrics:
+            return "further metrics follow each run by itself"
         try:
             built = self._built(index)
         except (ScenarioError, OSError):
@@ -134,7 +149,7 @@ class Runner:
         log = None if logs is None else logs / f".{index}.{os.getpid()}.mcap"
         try:
             row = self._made(index, log)
-        except (ScenarioError, OSError) as error:
+        except (ScenarioError, MetricError, OSError) as error:
             # Such as values that were drawn for this seed and that no world takes.
             row = Row(index, "failed", error=_told(str(error)))
         if log is not None and logs is not None:
@@ -146,9 +161,14 @@ class Runner:
         built = self._built(index)
         timeout = plan.document.timeout
         with prepared(built, log, timeout=timeout, may_exit=False) as run:
+            followers = _called("metrics", partial(self._custom.followers, built.simulation))
             measurement = Measurement(built.simulation)
             run.advance()
-            measured = measurement.finish()[0] if run.status == "finished" else None
+            measured, custom = None, {}
+            if run.status == "finished":
+                measured = measurement.finish()[0]
+                _called("metrics", followers.look)
+                custom = {each.name: _called(each.name, partial(_value, each, followers)) for each in self._described}
         if run.failure is not None:
             return Row(index, "failed", error=_told(str(run.failure)), trace=_told(run.failure.trace) or None)
         if run.signal is not None:
@@ -156,7 +176,8 @@ class Runner:
         summary = run.summary
         if measured is None:
             return Row(index, "lost", error=f"it did not end within {timeout:g} s")
-        return _row(index, summary, measured, built.simulation)
+        row = _row(index, summary, measured, built.simulation)
+        return replace(row, metrics={**row.metrics, **custom}) if custom else row
 
     def _built(self, index: int) -> Built:
         """Build a run.
@@ -188,6 +209,22 @@ def _row(index: int, summary: RunSummary, measured: RunMeasurement, simulation: 
         metrics=figures(RunFigures(summary, measured, simulation)),
         digest=measured.digest,
     )
+
+
+def _value(description: MetricDescription, followers: Followers) -> Any:
+    return typed(followers.by_name[description.name].value(), description.kind)
+
+
+def _called(name: str, call: Callable[[], Value]) -> Value:
+    """Call what belongs to a metric.
+
+    Raises:
+        MetricError: It fails.
+    """
+    try:
+        return call()
+    except Exception as error:
+        raise MetricError(f"{name}: {describe(error)}") from error
 
 
 def _told(text: str) -> str:

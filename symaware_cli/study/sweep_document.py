@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from symaware_cli.scenario.section import Name, Section
+from symaware_cli.scenario.section import Identifier, Name, Section, Use
 from symaware_cli.study.values import expanded
 
 #: The version of the format that this package reads.
@@ -29,6 +29,10 @@ def _kept(text: str) -> str:
     if not re.fullmatch(r"none|failed|all|worst:[1-9][0-9]{0,5}", text):
         raise ValueError("say none, failed, all, or worst:N such as worst:5")
     return text
+
+
+class MetricUse(Use):
+    """A metric of a plugin."""
 
 
 class SweepDocument(Section):
@@ -54,6 +58,11 @@ class SweepDocument(Section):
     )
     paired: bool = Field(
         False, description="Whether all variants share the seed of each run, so that they differ in nothing else."
+    )
+    metrics: dict[Identifier, str | MetricUse] = Field(
+        default_factory=dict,
+        description="Further metrics by name: a series that is reduced, such as `max(highest_risk)`, "
+        "`final(position.leader[0])` or `mean(...)`, or a metric of a plugin.",
     )
     until: str | None = Field(
         None,

@@ -17,6 +17,7 @@ from symaware_cli.scenario.resolved import dumped
 from symaware_cli.scenario.source import MappingEntry, Path, Scalar, Source, SourceNode, decode
 from symaware_cli.scenario.source_parser import read
 from symaware_cli.scenario.validation import validate
+from symaware_cli.study.metrics import BUILT_IN, RESERVED
 from symaware_cli.study.request import SweepRequest, merged
 from symaware_cli.study.sweep_document import FORMAT, MOST_CELLS, MOST_RUNS, SweepDocument
 from symaware_cli.study.sweep_plan import Cell, ParameterChange, SweepPlan, cell_count
@@ -127,6 +128,9 @@ def _faults(document: SweepDocument, composition: Composition) -> Iterator[Probl
             if length != wanted:
                 message = f"{quoted(path)} has {length} values, and {quoted(first)} has {wanted}"
                 yield composition.problem("wrong-length", message, ("together", number, path), expected="as many")
+    for name in sorted(document.metrics.keys() & {*RESERVED, *(each.name for each in BUILT_IN)}):
+        message = f"every table has a column {quoted(name)}"
+        yield composition.problem("duplicate-key", message, ("metrics", name), key=True, expected="another name")
     if document.paired and len(document.variants) < 2:
         message = "there is nothing to pair"
         yield composition.problem("invalid-value", message, ("paired",), key=True, expected="at least two `variants`")

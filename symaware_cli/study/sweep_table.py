@@ -9,6 +9,8 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.metrics import BUILT_IN
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_plan import SweepPlan
@@ -47,7 +49,7 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
     for name in specifications:
         fields.append(field(f"verdict.{name}", text, f"satisfied, violated or undecided: the specification {name}"))
         fields.append(field(f"robustness.{name}", number, f"the robustness of the specification {name}"))
-    for each in BUILT_IN:
+    for each in [*BUILT_IN, *CustomMetrics(plan.document, Catalogue()).descriptions()]:
         fields.append(field(each.name, types[each.kind], each.description, each.unit, each.version))
     fields += [
         field("digest", text, "a hash of the states and control inputs at every step"),
