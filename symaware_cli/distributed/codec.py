@@ -1,4 +1,4 @@
-"""Frames as bytes, by schemas/symaware/v1/transport.proto."""
+"""Encodes and decodes frames as protobuf messages (schemas/symaware/v1/transport.proto)."""
 
 from __future__ import annotations
 
@@ -38,42 +38,42 @@ T = TypeVar("T", bound=Hashable)
 
 
 class _Heads(Generic[T]):
-    """What stands before the numbers at the end of a message, as it is the same in each step.
+    """A cache of the first bytes of messages that end with an array, which are the same in each step.
 
-    Who sends the same arrays again and again puts the same head before their numbers; who reads them knows it again. It
-    is all the same whether a head is known, but for the time that it takes.
+    The same arrays are sent in each step, so only the bytes of their numbers change. The cache saves time; it does not
+    change what is encoded or decoded.
     """
 
-    #: So many heads are remembered, of so many bytes at most.
+    #: The most heads that are stored, and the most bytes of each.
     MOST, LONGEST = 64, 2**18
 
     def __init__(self, make: Callable[[T, NDArray[np.float64]], bytes]) -> None:
-        """Begin.
+        """Initialise.
 
         Args:
-            make: Makes a message, given what it says and an array of numbers, whose bytes are the last of it.
+            make: Encodes a message of a key and an array of numbers, whose bytes come last.
         """
         self._make = make
         self._heads: dict[tuple[T, tuple[int, ...]], bytes] = {}
-        #: By the length of a message and its first field, which is a text.
+        #: By the length of a message and its first field, which is a string.
         self._known: dict[tuple[int, bytes], tuple[bytes, T, tuple[int, ...]]] = {}
 
     def encode(self, what: T, values: ArrayLike) -> bytes:
-        """Make a message."""
+        """Encode a message."""
         array = np.asarray(values, "<f8")
         head = self._heads.get((what, array.shape))
         return self._learn(what, array) if head is None else head + array.tobytes()
 
     def decode(self, data: bytes) -> tuple[T, NDArray[np.float64]] | None:
-        """Read a message, if it begins as one did before."""
+        """Decode a message if its head is stored; None otherwise."""
         known = self._known.get((len(data), data[: 2 + data[1]])) if len(data) > 1 else None
         if known is None or not data.startswith(known[0]):
             return None
         head, what, shape = known
-        return what, np.frombuffer(data, "<f8", offset=len(head)).reshape(shape)
+        return what, np.ndarray(shape, "<f8", data, len(head))
 
     def learn(self, data: bytes, what: T, array: NDArray[np.float64]) -> None:
-        """Remember how a message begins, if it is as one that is made here."""
+        """Store the head of a message, if `make` would encode the same message."""
         if array.nbytes and len(data) - array.nbytes <= self.LONGEST and self._make(what, array) == data:
             self._learn(what, array)
 
@@ -93,13 +93,13 @@ def encode(frame: Frame) -> bytes:
     """Encode a frame.
 
     Raises:
-        TypeError: It holds something that cannot be sent; says of which type.
+        TypeError: It holds a value that cannot be sent; states its type.
     """
     name, encoder = _ENCODERS[type(frame)]
     try:
         return wire.Frame(**{name: encoder(frame)}).SerializeToString()
     except (ValueError, EncodeError) as error:
-        # Numbers out of the range of their fields, text that is no Unicode, more than 2 GiB.
+        # Numbers out of the range of their fields, strings that are not Unicode, more than 2 GiB.
         raise TypeError(f"a {type(frame).__name__} cannot be sent: {error}") from error
 
 
@@ -107,7 +107,7 @@ def decode(data: bytes) -> Frame:
     """Decode a frame; its arrays are read-only.
 
     Raises:
-        FrameError: These bytes are no frame.
+        FrameError: The bytes are not a valid frame.
     """
     message = parsed(wire.Frame, data)
     kind = message.WhichOneof("content")
@@ -160,7 +160,7 @@ def _read_end(message: wire.End) -> End:
 
 
 def _step(frame: Step) -> wire.Step:
-    # Members are often told of parts of the same batch, one for each time of arrival.
+    # A member often gets parts of the same batch, one for each time of arrival.
     batches = {id(each.batch): each.batch for each in frame.arrived}
     numbers = {identity: number for number, identity in enumerate(batches)}
     return wire.Step(
@@ -234,7 +234,7 @@ def _read_report(message: wire.Report) -> Report:
 
 
 def _input(rows: tuple[str, bytes], values: NDArray[np.float64]) -> bytes:
-    """The control inputs of some rows of a group, given as the bytes of an array."""
+    """Encode the control inputs of some rows of a group; the rows are given as the bytes of an array."""
     group, numbers = rows
     indices = _indices(np.frombuffer(numbers, np.int64))
     return wire.Input(group=text_to_wire(group), rows=indices, inputs=array_to_wire(values)).SerializeToString()
@@ -303,7 +303,7 @@ def _read_batch(message: wire.MessageBatch) -> MessageBatch:
 
 
 def _column(name: str, value: Any) -> NDArray[Any]:
-    """A column of numbers, or of objects."""
+    """Return a column of numbers, or of objects."""
     return objects(value) if isinstance(value, list) else _of_type(name, value)
 
 
@@ -353,7 +353,7 @@ def _read_indices(message: wire.Array, count: int | None = None) -> Indices:
 
 
 def _of_type(name: str, value: Any, dtype: type[np.generic] | None = None) -> NDArray[Any]:
-    """An array, of one type or of any."""
+    """Check that a value is an array, of a type if one is given."""
     if not isinstance(value, np.ndarray) or dtype not in (None, value.dtype.type):
         raise FrameError(f"what stands under {name!r} is no array of the right type")
     return value

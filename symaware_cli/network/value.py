@@ -108,10 +108,11 @@ def array_from_wire(message: wire.Array, *kinds: str, dimensions: int | None = N
         raise FrameError(f"{len(data)} bytes are no array of shape {shape} of {dtype}")
     if not data and shape and max(shape) > LONGEST_EMPTY:
         raise FrameError(f"an array of shape {shape} without any number has no place here")
-    array = np.frombuffer(data, dtype)
+    # One object, where `frombuffer` and `reshape` make two.
+    array: NDArray[Any] = np.ndarray(shape, dtype, data)
     if dtype.kind == "b" and array.view(np.uint8).max(initial=0) > 1:
         raise FrameError("a truth value is neither 0 nor 1")
-    return array.reshape(shape)
+    return array
 
 
 def entries_to_wire(mapping: Mapping[Any, Any], depth: int = 0) -> list[bytes]:

@@ -362,13 +362,15 @@ def test_what_does_not_fit_is_refused(bad: Any) -> None:
 
 
 _GREEDY = """
-import resource, sys
+import sys
 from symaware_cli.network import transport_pb2 as wire
 from symaware_cli.distributed.codec import decode
 from symaware_cli.network.value import FrameError
 
 def peak():
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Not `ru_maxrss`: that begins with the peak of the process that started this one, and so may not grow at all.
+    with open("/proc/self/status") as status:
+        return 1024 * int(status.read().partition("VmHWM:")[2].split()[0])
 
 kind, part = sys.argv[1], bytes.fromhex(sys.argv[2])
 frame = wire.Frame(**{kind: {}}).SerializeToString()[:-1]
@@ -400,4 +402,4 @@ def test_a_frame_of_many_small_things_takes_a_small_multiple_of_its_size(kind: s
     line = [sys.executable, "-c", _GREEDY, kind, part]
     told, ratio = subprocess.run(line, capture_output=True, text=True, check=True).stdout.split()
     assert told == outcome
-    assert float(ratio) < 20
+    assert 1 < float(ratio) < 40
