@@ -215,6 +215,11 @@ class SeriesColumn:
         self._rows[index] = series
         self._changed.add(index)
 
+    @property
+    def is_unwritten(self) -> bool:
+        """Whether no series was ever written."""
+        return self._times is None and self._deferred is None and not self._rows
+
     def put_back(self, series: Mapping[int, TimeSeries]) -> None:
         """Put back the series of some rows as they were read here before; what was deferred stays so."""
         unwritten = self._times is None and self._deferred is None

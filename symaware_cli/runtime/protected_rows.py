@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Column, SeriesColumn
 from symaware_cli.awareness.table_column import TableColumn
+from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.core import AgentGroup, Tracks
 from symaware_cli.world.time import SECOND
 
@@ -32,7 +33,9 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     written = [group.control_column, *awareness.columns.values()]
     columns = [(column, column.values) for column in written if isinstance(column, Column)]
     series = [
-        (column, {row: column.row(row) for row in chosen}) for column in written if isinstance(column, SeriesColumn)
+        (column, None if column.is_unwritten else {row: column.row(row) for row in chosen})
+        for column in written
+        if isinstance(column, SeriesColumn)
     ]
     tables = [(column, column.tables) for column in written if isinstance(column, TableColumn)]
     seen, told = awareness.seen, awareness.told
@@ -41,7 +44,8 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
         if column.values is not before and column.values[chosen].tobytes() != before[chosen].tobytes():
             column.restore(chosen, before)
     for series_column, own in series:
-        series_column.put_back(own)
+        if not series_column.is_unwritten:
+            series_column.put_back(dict.fromkeys(chosen, TimeSeries()) if own is None else own)
     for table_column, tables_before in tables:
         for row in chosen:
             if table_column.row(row) is not tables_before[row]:

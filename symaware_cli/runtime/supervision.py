@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import ClassVar
 
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.runtime.protected_rows import protected
@@ -27,6 +28,8 @@ class Supervision:
         disturbances: Functions called after each turn.
     """
 
+    uncaptured: ClassVar[Collection[str]] = ("_muted",)
+
     def __init__(self, simulation: Simulation, entry: ComponentEntry, changed: Callable[[], object]) -> None:
         """Prepare.
 
@@ -44,6 +47,8 @@ class Supervision:
         #: The latencies that faults impose on each row, with their counts.
         self._slowness: dict[int, Counter[Duration]] = {}
         self._changed = changed
+        #: What `_mutes` returned last.
+        self._muted: tuple[tuple[int, ...], Sequence[str], frozenset[str]] = (), (), frozenset()
 
     @property
     def interferes(self) -> bool:
@@ -63,6 +68,17 @@ class Supervision:
             return len(self.suspended) == len(self._entry.group)
         # Other agents of the group run in another process; the component must keep the same state and draws here.
         return all(reasons > (agent in self.remote) for agent, reasons in self.suspended.items())
+
+    def _mutes(self) -> tuple[tuple[int, ...], Sequence[str], frozenset[str]]:
+        """The rows and ids of the suspended agents of a group component, and the sources of its events for them.
+
+        A group component sends messages and writes values for all its agents.
+        """
+        rows = tuple(sorted(self.suspended)) if self._is_group else ()
+        if rows != self._muted[0]:
+            ids = [self._entry.group.ids[row] for row in rows]
+            self._muted = rows, ids, frozenset(f"agents.{id}.{self._entry.name}" for id in ids)
+        return self._muted
 
     def hold(self, agent: int) -> None:
         """Add a reason to suspend an agent."""
@@ -121,10 +137,7 @@ class Supervision:
         group = self._entry.group
         column = group.awareness.state_column
         earlier = column.take_changes() if self.disturbances else ()
-        # A group component sends messages and writes values for all its agents.
-        held = sorted(self.suspended) if self._is_group else ()
-        simulation, muted = self._simulation, [group.ids[row] for row in held]
-        sources = frozenset(f"agents.{id}.{self._entry.name}" for id in muted)
+        simulation, (held, muted, sources) = self._simulation, self._mutes()
         with protected(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):
             yield
         if not self.disturbances:
