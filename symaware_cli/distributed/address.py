@@ -1,4 +1,4 @@
-"""Addresses: where a host listens. Names are not looked up, but for ``localhost``: who is meant must be plain."""
+"""Network addresses of hosts. Names other than ``localhost`` are not looked up: the address must be unambiguous."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ _LOCAL = "127.0.0.1"
 
 
 def parse_address(text: str) -> tuple[str, int]:
-    """Split ``HOST:PORT``, ``[HOST]:PORT`` for IPv6, or ``PORT`` alone, which is one of this machine.
+    """Split ``HOST:PORT``, ``[HOST]:PORT`` for IPv6, or ``PORT`` alone, which means a port of this machine.
 
     Returns:
         The host as a numeric address, and the port, 0 to 65535.
 
     Raises:
-        TransportError: It is none of these.
+        TransportError: The text has none of these forms.
     """
     host, colon, port = text.strip().rpartition(":")
     if colon and not host:
@@ -37,7 +37,7 @@ def numeric(host: str) -> str:
     """Return a host as a numeric address.
 
     Raises:
-        TransportError: It is a name, or nothing at all.
+        TransportError: It is a name, or empty.
     """
     if host.lower() == "localhost":
         return _LOCAL
@@ -51,7 +51,7 @@ def numeric(host: str) -> str:
 
 
 def address_of(host: str, port: int) -> str:
-    """Put a numeric address and a port together, as `parse_address` takes them."""
+    """Join a numeric address and a port in the form that `parse_address` reads."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 

@@ -1,6 +1,6 @@
-"""Signatures: who knows the shared key can tell what another who knows it sent, to this connection, and once.
+"""Signatures of records with a shared key: they prove the sender, the connection, and that nothing is repeated.
 
-A signature proves where something comes from and that nobody changed it; it hides nothing.
+A signature authenticates a record; it does not encrypt it.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import struct
 
 from symaware_cli.distributed.transport import Rejection
 
-#: How many bytes a signature adds: a counter and an HMAC-SHA256 (RFC 2104).
+#: The bytes that a signature adds: a counter and an HMAC-SHA256 (RFC 2104).
 OVERHEAD = 8 + 32
 
 _COUNTER = struct.Struct(">Q")
 
 
 class AuthenticationError(Exception):
-    """Something is not signed as it should be.
+    """A record is not signed as it should be.
 
     Attributes:
-        rejection: What is wrong with it; None if it is right, but something before it was lost.
+        rejection: What is wrong with it; None if it is valid, but a record before it was lost.
     """
 
     def __init__(self, rejection: Rejection | None, text: str) -> None:
@@ -32,16 +32,16 @@ class AuthenticationError(Exception):
 def connection_keys(key: bytes, host: bytes, member: bytes) -> tuple[bytes, bytes]:
     """Derive the keys of one connection: HKDF with SHA-256 (RFC 5869).
 
-    Both ends have thrown dice for what they said first, so nothing that was signed for one connection, or for one
-    direction of it, is of any use in another.
+    Both preambles contain random bytes, so a record signed for one connection, or one direction of it, is invalid in
+    any other.
 
     Args:
-        key: What both share.
+        key: The shared key.
         host: The preamble of the host.
-        member: That of the member.
+        member: The preamble of the member.
 
     Returns:
-        What the host signs with, and what the member signs with.
+        The key with which the host signs, and that with which the member signs.
     """
     salt = hashlib.sha256(host + member).digest()
     secret = hmac.digest(salt, key, "sha256")
@@ -49,7 +49,7 @@ def connection_keys(key: bytes, host: bytes, member: bytes) -> tuple[bytes, byte
 
 
 class Signer:
-    """Signs what one end sends, with a number for each."""
+    """Signs the records that one end sends, and numbers them."""
 
     __slots__ = ("_count", "_state")
 
@@ -58,7 +58,7 @@ class Signer:
         self._count = 0
 
     def sign(self, content: bytes) -> bytes:
-        """Return the content with its counter before it and its HMAC behind it."""
+        """Return the content preceded by its counter and followed by its HMAC."""
         counter = _COUNTER.pack(self._count)
         self._count += 1
         state = self._state.copy()
@@ -68,7 +68,7 @@ class Signer:
 
 
 class Verifier:
-    """Verifies what the other end signed."""
+    """Verifies the records that the other end signed."""
 
     __slots__ = ("_expected", "_state", "_window")
 
@@ -78,10 +78,10 @@ class Verifier:
         self._expected = 0
 
     def open(self, record: bytes) -> memoryview:
-        """Return the content of something that was signed.
+        """Return the content of a signed record.
 
         Raises:
-            AuthenticationError: It was not signed with this key, or was taken before, or something before it was lost.
+            AuthenticationError: It was not signed with this key, was received before, or a record before it was lost.
         """
         if len(record) < OVERHEAD:
             raise AuthenticationError("unauthenticated", "is too short to be signed")
@@ -93,7 +93,7 @@ class Verifier:
         (counter,) = _COUNTER.unpack(view[:8])
         if not self._window.take(counter):
             raise AuthenticationError("replayed", "was sent before")
-        # What carries frames keeps their order; if this is not the next one, somebody took out or moved another.
+        # Transports keep the order; if this record is not the next one, another was removed or moved.
         if counter != self._expected:
             raise AuthenticationError(None, "comes after something that is missing")
         self._expected += 1
@@ -101,7 +101,7 @@ class Verifier:
 
 
 class ReplayWindow:
-    """Tells counters that are new from those that were seen, 64 back at most; older ones are never new.
+    """Distinguishes new counters from those that were seen, among the last 64; older ones are never new.
 
     The bitmap of RFC 4303, section 3.4.3; RFC 6479 shows others.
     """
@@ -115,7 +115,7 @@ class ReplayWindow:
         self._seen = 0  # bit i stands for the counter i below the highest
 
     def take(self, counter: int) -> bool:
-        """Whether a counter is new; it is not any more."""
+        """Mark a counter as seen; return whether it was new."""
         if counter > self._highest:
             advance = min(counter - self._highest, self.WIDTH)
             self._seen = (self._seen << advance | 1) & (1 << self.WIDTH) - 1

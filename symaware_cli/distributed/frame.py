@@ -1,4 +1,4 @@
-"""What host and members tell each other."""
+"""The frames that host and members exchange, as data classes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from symaware_cli.core.message import Indices
 
 Array = NDArray[np.float64]
 
-#: How a farewell begins for which there is no room; who hears it may come again.
+#: How the farewell begins where there is no room for another member; it may try again.
 CROWDED = "the host takes no more than"
 
 
@@ -23,10 +23,10 @@ class Hello:
     """A member asks to take part.
 
     Attributes:
-        name: What to call it in messages to people.
-        scenario: A digest of what it runs; the host's must be the same.
-        version: Of the package.
-        agents: The ids of those that it wants to run.
+        name: Its name in logs and messages.
+        scenario: The digest of its scenario; the host's must be the same.
+        version: The version of its package.
+        agents: The ids of the agents that it asks to run.
     """
 
     name: str
@@ -37,13 +37,13 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """The host takes a member in. The `Step` of this instant follows.
+    """The host admits a member. The `Step` of this instant follows.
 
     Attributes:
-        step: How many steps were made.
+        step: The number of steps made.
         time: Simulated time, in nanoseconds.
         pace: Simulated seconds for each second of wall time; 0 if the host waits for its members instead.
-        started: When the host's monotonic clock showed the beginning of simulated time [s]; NaN if that is to come.
+        started: The host's monotonic clock at the beginning of simulated time [s]; NaN if it has not begun.
     """
 
     step: int
@@ -54,11 +54,11 @@ class Welcome:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """The host does not take a member in.
+    """The host refuses a member.
 
     Attributes:
-        reason: Why.
-        final: Whether it is of no use to ask again.
+        reason: The reason.
+        final: Whether asking again is pointless.
     """
 
     reason: str
@@ -67,13 +67,13 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """The host tells how the world is at an instant, and what arrived for the agents of a member.
+    """The host sends the state of the world at an instant, and the messages that arrived for the agents of a member.
 
     Attributes:
-        step: How many steps were made.
+        step: The number of steps made.
         time: Simulated time, in nanoseconds.
-        world: All that `Environment.follow` takes, by name.
-        contacts: Those that began or ended.
+        world: The arguments of `Environment.follow`, by name.
+        contacts: The contacts that began or ended.
         arrived: Messages, in columns.
         started: As in `Welcome`.
     """
@@ -88,11 +88,11 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Post:
-    """What agents said.
+    """Messages that agents sent at one instant.
 
     Attributes:
-        batch: It.
-        time: When, in nanoseconds.
+        batch: The messages.
+        time: The instant, in nanoseconds.
     """
 
     batch: MessageBatch
@@ -101,13 +101,13 @@ class Post:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A member tells what its agents did at an instant.
+    """A member reports what its agents did at an instant.
 
     Attributes:
-        step: How many steps were made until then.
-        inputs: By group, the rows that are the member's, and their control inputs; shapes (m,) and (m, nu).
-        posts: What they said.
-        peak: The greatest risk that one of them sees, and which; None if nobody sees any.
+        step: The number of steps made until then.
+        inputs: By group, the rows of the member's agents, and their control inputs; shapes (m,) and (m, nu).
+        posts: The messages that they sent.
+        peak: The greatest risk that one of them sees, and its id; None if none sees any.
     """
 
     step: int
@@ -118,14 +118,14 @@ class Report:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """Something happened that everybody writes into the log; see `symaware_cli.core.Event`.
+    """An event that other processes fire as well; see `symaware_cli.core.Event`.
 
     Attributes:
-        name: What.
-        source: Where.
-        level: The name of a `symaware_cli.core.Level`.
-        text: For people.
-        data: For programs: plain values.
+        name: The name of the event.
+        source: Its source.
+        level: The name of its `symaware_cli.core.Level`.
+        text: The description.
+        data: Plain values by name.
     """
 
     name: str
@@ -137,12 +137,12 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """The run is over for whom this comes from.
+    """The run has ended for the sender.
 
     Attributes:
         status: ``finished``, ``failed`` or ``interrupted``.
-        reason: Why.
-        source: Where, if it failed.
+        reason: The reason.
+        source: The source of the failure, if it failed.
     """
 
     status: str

@@ -1,4 +1,4 @@
-"""The host: the process in which the world is, and over which all messages go."""
+"""The host: the process that steps the world and carries all messages."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ from symaware_cli.distributed.transport import Port, PortEvent
 from symaware_cli.network.value import FrameError
 from symaware_cli.runtime.failure import RunError
 
-#: For how long who came may say nothing that makes it a member [s].
+#: How long a new connection may take to send `Hello` [s].
 _SILENCE = 2.0
 
-#: What is said of a run, by the status with which it ended.
+#: How a farewell describes the run, by the status with which it ended.
 _SAID = {"finished": "is over", "failed": "failed", "interrupted": "was interrupted"}
 
-#: So many things that happened at the port are taken before the run goes on, if it need not wait for more.
+#: Most events of the port that are handled before the run continues, if it need not wait for more.
 _MOST_AT_ONCE = 4096
 
-#: So much of a reason that somebody else gave is told, in characters.
+#: Longest reason given by another process that is repeated, in characters.
 _REASON = 200
 
 
 class Host(Participant):
-    """Keeps the world, carries the messages, and knows who is there.
+    """Steps the world, carries the messages, and admits the members.
 
     Without a pace it waits in each step for the reports of all members, so that the run is the same as in one process.
-    With one it waits for nobody: the world moves under the last control input of each agent.
+    With a pace it does not wait: the world moves under the last control input of each agent.
     """
 
     decides = True
@@ -58,10 +58,10 @@ class Host(Participant):
         self._posts: list[tuple[int, Post]] = []
         self._notices: list[tuple[int, int, Notice]] = []
         self._losses: Counter[str] = Counter()
-        #: For whose return the run waits, and how long.
+        #: The agents for whose return the run waits, and until when.
         self._awaited: set[str] = set()
         self._return_due = 0.0
-        #: Who came and is no member, and until when each may say that it wants to be.
+        #: Connections that are not members, and until when each may send `Hello`.
         self._guests: dict[int, float] = {}
         self._rejections = Rejections(port.rejected)
 
@@ -79,7 +79,7 @@ class Host(Participant):
             if happening is None:
                 self._fail("run", f"nobody came within {self._patience:g} s for {listed(missing)}")
             self._take(happening)
-        # Who came first must not decide on what the log says.
+        # The log must not depend on who came first.
         for member in self._in_order:
             self._tell_all("joined", member, f"{member.name} takes part and runs {listed(member.agents)}")
 
@@ -93,7 +93,7 @@ class Host(Participant):
         return sorted(self._members.values(), key=lambda member: member.rank)
 
     def arrived(self) -> None:
-        """Tell everybody how the world is, and what arrived."""
+        """Send the state of the world, and the messages that arrived, to all members."""
         super().arrived()
         self._tell(self._run.kernel.done)
 
@@ -115,29 +115,29 @@ class Host(Participant):
         return float("nan") if pacer is None or pacer.started is None else pacer.started
 
     def _forward(self, arrived: Delivery) -> None:
-        """Keep what arrived for agents that run elsewhere until their process is told."""
+        """Keep messages for agents of members until the next `Step` is sent."""
         for member in self._members.values():
             mine = member.is_here[arrived.receivers]
             if mine.any():
                 member.arrived.append(arrived.some(mine))
 
     def acted(self) -> None:
-        """Collect what everybody did, where that is known before the run goes on, or ends."""
+        """Collect the reports of this instant, if the run keeps step."""
         if self._keeps_step:
             self._collect()
 
     def step(self) -> str | None:
-        """Move the world under what everybody did."""
+        """Step the world under the control inputs of all agents."""
         if not self._keeps_step:
             self._collect()
         self._tell_rejections()
-        # Under what members want their agents to do, too.
+        # With the control inputs of the members' agents.
         with self._inputs.applied():
             self._run.motion.step()
         return None
 
     def _collect(self) -> None:
-        """Take what has come; without a pace, wait until all members have reported, and who is lost is back."""
+        """Handle what has come; without a pace, wait until all members have reported and lost ones are back."""
         if self._run.pacer is None and self._members:
             self._wait_for_reports()
         else:
@@ -165,17 +165,17 @@ class Host(Participant):
                 self._fail("run", f"nobody came back within {self._patience:g} s for {ids}")
 
     def _deliver_posts(self) -> None:
-        """Let what members said go on its way, in an order that does not depend on who was faster."""
+        """Send the messages of members on, in an order that does not depend on which report came first."""
         exchange = self._simulation.exchange
         posts, self._posts = sorted(self._posts, key=lambda each: (each[1].time, each[0])), []
         for _, post in posts:
             exchange.post(post.batch, min(post.time, exchange.now))
 
     def _deliver_notices(self) -> None:
-        """Let everybody know what members told of; their own parts of the log have it."""
+        """Fire the events of members here and pass them on; the logs of the members record them."""
         notices, self._notices = sorted(self._notices, key=lambda each: each[0]), []
         if self._keeps_step:
-            # All turns of this instant are over: what is triggered follows with the next step, as in other processes.
+            # All turns of this instant are over: triggered turns follow with the next step, as in other processes.
             self._run.kernel.queue.place = len(self._run.schedulers)
         for _, peer, notice in notices:
             if self._keeps_step:
@@ -187,7 +187,7 @@ class Host(Participant):
                     self._send(other.peer, notice)
 
     def _take(self, happening: PortEvent) -> None:
-        """Take note of what happened at the port."""
+        """Handle an event of the port."""
         member = self._members.get(happening.peer)
         if happening.kind == "gone":
             self._guests.pop(happening.peer, None)
@@ -220,7 +220,7 @@ class Host(Participant):
                 self._lose(member, reason)
 
     def _greet(self, peer: int, hello: Hello) -> None:
-        """Take a process in, or refuse it."""
+        """Admit a process as a member, or refuse it."""
         refusal = self._objection(peer, hello)
         if refusal:
             self._send(peer, refusal)
@@ -237,7 +237,7 @@ class Host(Participant):
         indices = [roster.index(id) for id in agents]
         is_here = np.zeros(len(roster), bool)
         is_here[indices] = True
-        # In the middle of a run it begins with the step that is made next.
+        # In the middle of a run it begins with the next step.
         reported = run.kernel.done if run.kernel.has_begun else -1
         member = self._members[peer] = RemoteMember(peer, hello.name, agents, is_here, indices[0], reported)
         pace = run.pacer.factor if run.pacer else 0.0
@@ -247,12 +247,12 @@ class Host(Participant):
             text = f"{member.name} is back and runs {listed(agents)}"
             self._tell_all("rejoined", member, text, Level.WARNING)
         elif missing := self._missing:
-            # For who watches; the log tells of all when the run begins.
+            # For observers only; the log records all members when the run begins.
             text = f"{member.name} is there; waits for {listed(missing)}"
             self._fire(Notice("waiting", "run", "INFO", text, {"agents": missing}), recorded=False)
 
     def _objection(self, peer: int, hello: Hello) -> Refusal | None:
-        """What speaks against taking a process in."""
+        """Why a process is refused; None if it is admitted."""
         identity = self.identity
         if peer in self._members:
             return Refusal("it takes part already")
@@ -272,7 +272,7 @@ class Host(Participant):
         return None
 
     def _hear(self, member: RemoteMember, report: Report) -> None:
-        """Take what a member's agents did."""
+        """Store the report of a member."""
         for name, (rows, inputs) in report.inputs.items():
             self._inputs.take(member, name, rows, inputs)
         everybody = len(member.is_here)
@@ -295,7 +295,7 @@ class Host(Participant):
         member.reported = max(member.reported, report.step)
 
     def _wait(self, deadline: float | None = None) -> PortEvent | None:
-        """Wait for what happens next, and send off meanwhile who does not say what it wants; see `Participant`."""
+        """Wait for the next event as `Participant` does, and cut off silent connections meanwhile."""
         while True:
             self._send_off_silent()
             soonest = min([each for each in (deadline, *self._guests.values()) if each is not None], default=None)
@@ -304,7 +304,7 @@ class Host(Participant):
                 return happening
 
     def _send_off_silent(self) -> None:
-        """Let go of who came and does not say in time that it wants to be a member."""
+        """Cut off connections that did not send `Hello` in time."""
         if not self._guests:
             return
         now = time.monotonic()
@@ -314,17 +314,17 @@ class Host(Participant):
             self._rejections.count(f"a stranger did not say within {_SILENCE:g} s what it wants")
 
     def _part(self, member: RemoteMember, end: End) -> None:
-        """A member says that it is over."""
+        """Handle the `End` of a member."""
         if end.status == "failed":
             self._members.pop(member.peer)
             self._fail(end.source, f"in {member.name}: {end.reason}")
         self._lose(member, f"it was {end.status}" if end.status != "finished" else "it has finished")
 
     def _lose(self, member: RemoteMember, reason: str) -> None:
-        """A member is gone: do what the scenario says about a failure of the components of its agents.
+        """Handle the loss of a member, as `on_failure` of the components of its agents states.
 
         Raises:
-            RunError: That ends the run.
+            RunError: The loss ends the run.
         """
         if self._members.pop(member.peer, None) is None:
             return
@@ -351,12 +351,12 @@ class Host(Participant):
             if timing.coast == "safe":
                 self._inputs.slow_down(group, rows)
         if self._awaited:
-            # For who watches; the log tells of it when turns may follow from it.
+            # For observers only; the log records the loss when turns may follow from it.
             waits = f"{text}; waits {self._patience:g} s for it"
             self._fire(Notice("waiting", "run", "WARNING", waits), recorded=False)
 
     def _tell_all(self, name: str, member: RemoteMember, text: str, level: Level = Level.INFO) -> None:
-        """Let everybody write down who came or went."""
+        """Have every process record that a member came or went."""
         data = {"process": member.name, "agents": list(member.agents)}
         notice = Notice(name, f"processes.{member.name}", level.name, text, data)
         self._report(notice)
@@ -364,13 +364,13 @@ class Host(Participant):
             self._send(each.peer, notice)
 
     def _tell_rejections(self, at_last: bool = False) -> None:
-        """Record how many frames were not taken, now and then."""
+        """Record the number of rejected frames, at most once a second."""
         notice = self._rejections.news(at_last)
         if notice is not None:
             self._report(notice)
 
     def end(self, status: str, reason: str, error: RunError | None) -> None:
-        """Tell everybody that the run is over, and how the world is then."""
+        """Send the final state of the world and the end of the run to all members."""
         if self._has_begun:
             self._tell_rejections(at_last=True)
             self._publish()
@@ -380,5 +380,5 @@ class Host(Participant):
         for member in self._in_order:
             with suppress(RunError):
                 self._send(member.peer, End(status, reason, error.source if error else ""))
-        # Who is not a member yet can only be told why the connection ends.
+        # Connections that are not members get only the reason in the farewell.
         self.port.close(f"the host's run {_SAID[status]}: {reason}")

@@ -1,4 +1,4 @@
-"""A member: a process that runs some agents in the world of a host."""
+"""The member: a process that runs some of the agents in a copy of the host's world."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ from symaware_cli.recording.json_text import plain
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interrupted
 
-#: Wall time between two tries to be taken in where others still have the agents [s].
+#: The pause before another `Hello`, where another process still runs the agents [s].
 _PAUSE = 0.2
 
 
 class Member(Participant):
-    """Lets its agents perceive, and act in, a world that another process keeps.
+    """Runs its agents in a copy of the world that the host steps.
 
-    It goes through the same instants as the host. Where it is late, or its connection was lost for a while, it makes up
-    for the steps that it missed one after the other, in the world as it is by then.
+    It goes through the same instants as the host. If it is late, or its connection was lost for a while, it makes up
+    for missed steps one after the other, in the latest state of the world.
     """
 
     decides = False
 
     def __init__(self, identity: Identity, port: Port, patience: float, absence: float) -> None:
-        """Prepare.
+        """Initialise.
 
         Args:
-            identity: Which process this is.
-            port: Where the host is; closed at the end.
-            patience: For how long to wait for the host before the run begins [s].
-            absence: For how long the host may be gone while it lasts [s].
+            identity: How this process identifies itself.
+            port: Its connection to the host; closed at the end.
+            patience: How long to wait for the host before the run begins [s].
+            absence: How long the host may be gone during the run [s].
         """
         super().__init__(identity, port, patience)
         self._absence = absence
@@ -79,7 +79,7 @@ class Member(Participant):
         self._follow(step)
 
     def _on_event(self, event: Event) -> None:
-        """Let the others know what our agents' components tell of; how a run ends is told in another way."""
+        """Send the events of our agents' components to the host; errors end the run, which `End` reports."""
         if self._peer is None or event.subject is self or event.level is Level.ERROR:
             return
         if event.source.startswith(self._own):
@@ -87,22 +87,22 @@ class Member(Participant):
             try:
                 encode(notice)
             except TypeError:
-                # Then it is told as it is recorded.
+                # Then it is sent as it is recorded.
                 notice = replace(notice, data=plain(event.data))
             self._send(self._peer, notice)
 
     def _post(self, batch: MessageBatch) -> None:
-        """Keep what our agents say until the host is told."""
+        """Keep messages of our agents until the next report."""
         self._posts.append(Post(batch, self._simulation.clock.now))
 
     def arrived(self) -> None:
-        """Read what the host carried here."""
+        """Deliver the messages that the host sent."""
         super().arrived()
         arrived, self._arrived = self._arrived, []
         self._simulation.exchange.arrive(arrived)
 
     def acted(self) -> None:
-        """Report what was done, where the host waits for it; in real time it shall know at once."""
+        """Send a report if the host waits for it, or if the run has a pace: then the host should know at once."""
         run = self._run
         if self._keeps_step or (run.pacer is not None and (run.kernel.is_at_step or self._posts)):
             self._give_account(inputs=run.kernel.is_at_step)
@@ -115,7 +115,7 @@ class Member(Participant):
         self._send(self._peer, Report(self._run.kernel.done, requested, posts, self._run.observer.peak()))
 
     def step(self) -> str | None:
-        """Wait for the world to have made its step."""
+        """Wait until the host has made its step."""
         run = self._run
         if run.pacer is None and run.asynchronous:
             self._give_account(inputs=True)
@@ -140,18 +140,23 @@ class Member(Participant):
             self._fail("environment", str(error), error)
 
     def _await(self, beyond: int, deadline: float | None, problem: str) -> Step | None:
-        """Wait until the world has made more than so many steps; None if the run is over before.
+        """Wait for the state of the world after more than a number of steps; None if the run ends before.
+
+        Args:
+            beyond: The number of steps.
+            deadline: On the monotonic clock [s]; None for no limit while the host is connected.
+            problem: What to report when the deadline passes.
 
         Raises:
-            RunError: That takes too long.
+            RunError: The deadline passed, or the host refused this process.
         """
         while True:
             is_made = self._world is not None and self._world.step > beyond
             if is_made and self._run.pacer is None:
-                return self._world  # the host waits for us: there is nothing newer
+                return self._world  # the host waits for our report: nothing newer can come
             happening = self.port.receive(0.0) if is_made or self._over is not None else None
             if happening is None:
-                # There is nothing newer to be had at once.
+                # Nothing newer has arrived.
                 if is_made:
                     return self._world
                 if self._over is not None:
@@ -176,7 +181,7 @@ class Member(Participant):
                     deadline = time.monotonic() + self._absence
                     text = f"the host at {self.port.address} is gone: {happening.reason}"
                     self._report(Notice("lost", "processes.host", "WARNING", text))
-                    # For who watches: the log tells of it when turns may follow from it.
+                    # For observers only: the log records the loss when turns may follow from it.
                     waits = f"{text}; waits {self._absence:g} s for it"
                     self._fire(Notice("waiting", "run", "WARNING", waits), recorded=False)
                     problem = f"{text}, and did not come back within {self._absence:g} s"
@@ -206,7 +211,7 @@ class Member(Participant):
         elif isinstance(frame, End):
             self._over = frame
         elif isinstance(frame, Notice):
-            # Of the host's own notices all parts of the log tell; what agents do is in the part of their process.
+            # Every process records the host's own notices; what agents do is in the log of their process.
             self._report(frame, recorded=frame.source.startswith("processes.") or frame.source == "run")
         elif isinstance(frame, Refusal):
             if frame.final:
@@ -219,7 +224,7 @@ class Member(Participant):
             self._fail("run", f"the host says {type(frame).__name__}, which is not for members")
 
     def _blame_end(self) -> NoReturn:
-        """The host's run has not ended well."""
+        """End the run as the host's run ended: interrupted, failed, or before this process took part."""
         end = self._over
         assert end is not None
         if end.status == "interrupted":
@@ -229,7 +234,7 @@ class Member(Participant):
         self._fail(end.source, f"the host {said}: {end.reason}")
 
     def end(self, status: str, reason: str, error: RunError | None) -> None:
-        """Tell the host, unless it was the host that told us."""
+        """Send `End` to the host, unless the host sent it to us."""
         if self._has_begun:
             self._publish()
         if self._peer is not None and self._over is None:
@@ -239,9 +244,9 @@ class Member(Participant):
 
 
 def _require_portable(payload: Mapping[str, Any]) -> None:
-    """Whoever says what cannot be sent shall learn of it in its own turn.
+    """Check a payload in the turn of the component that sends it.
 
     Raises:
-        TypeError: It cannot be sent.
+        TypeError: It cannot be sent to another process.
     """
     entries_to_wire({name: [value] for name, value in payload.items()})

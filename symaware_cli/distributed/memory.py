@@ -1,4 +1,4 @@
-"""The transport ``memory``: none at all."""
+"""The transport ``memory``, which connects no processes."""
 
 from __future__ import annotations
 

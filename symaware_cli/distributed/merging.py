@@ -1,4 +1,4 @@
-"""One log out of the parts that the processes of one run have written."""
+"""Merges the logs that the processes of one run wrote into one log."""
 
 import heapq
 import json
@@ -23,21 +23,21 @@ _PROGRESS = 256
 """Messages between two reports of progress."""
 
 _END = b"finished"
-"""What the event is called with which a run ends."""
+"""The name of the event that ends a run."""
 
 _NAMES = {message.DESCRIPTOR.full_name: name for name, message in MESSAGES.items()}
-"""What `LogWriter.channel` calls a message, by its full name."""
+"""The names of messages for `LogWriter.channel`, by their full names."""
 
 
 @dataclass(frozen=True, slots=True)
 class Merged:
-    """What became of the parts.
+    """The result of merging.
 
     Attributes:
         path: The log of the whole run.
         size: Its size, bytes.
-        messages: How many it holds.
-        repeated: Messages left out because they stand in several parts.
+        messages: The number of its messages.
+        repeated: The number of messages left out because several parts contain them.
         missing: The agents that none of the parts ran.
         start_time: Simulated time of the first message, ns; None without messages.
         end_time: Simulated time of the last message, ns; None without messages.
@@ -55,21 +55,21 @@ class Merged:
 def merge(
     parts: Sequence[ProcessLog], path: str | os.PathLike[str], on_progress: Callable[[int], None] | None = None
 ) -> Merged:
-    """Join the parts of a run into one log, as a single process would have written it.
+    """Merge the parts of a run into one log, as a single process would have written it.
 
-    Messages are ordered by time, then by part, and numbered anew. What several parts tell alike, such as an event that
-    everybody was told of, is written once, and why the run ended is what the host says. Memory holds a chunk of each
-    part, and a digest of each message of one instant that might stand in several.
+    Messages are ordered by time, then by part, and numbered anew. A message that several parts contain, such as an
+    event that all processes recorded, is written once; the reason for the end of the run is the host's. Memory holds
+    a chunk of each part, and a digest of each message of one instant that several parts might contain.
 
     Args:
-        parts: What `open_process_logs` returned; what is damaged in them is left out, and their damage tells of it
+        parts: The result of `open_process_logs`; damaged contents are left out, and their `damage` describes them
             afterwards.
-        path: The new log; what is there is replaced once the new one is complete.
-        on_progress: Is told now and then which simulated time was reached [ns].
+        path: The new log; an existing file is replaced once the new one is complete.
+        on_progress: Called now and then with the simulated time that was reached [ns].
 
     Raises:
-        LogError: A part cannot be read any more, holds what is not ours, or contradicts another.
-        OutputError: The new log cannot be written; then nothing is left behind.
+        LogError: A part cannot be read any more, has messages of another format, or contradicts another part.
+        OutputError: The new log cannot be written; no partial file is left.
     """
     path = Path(path)
     with whole_file(path, *(part.log.path for part in parts)) as partial:
@@ -77,7 +77,7 @@ def merge(
             with LogWriter(partial) as writer:
                 start, end, repeated = _write(writer, parts, on_progress)
         except OutputError as error:
-            # Then `whole_file` says so, of the file that was asked for.
+            # `whole_file` reports this for the path that was asked for.
             raise error.__cause__ or error from None
     return Merged(path, writer.size, writer.messages, repeated, tuple(missing_agents(parts)), start, end)
 
@@ -85,7 +85,7 @@ def merge(
 def _write(
     writer: LogWriter, parts: Sequence[ProcessLog], on_progress: Callable[[int], None] | None
 ) -> tuple[int | None, int | None, int]:
-    """Write the log, and return its first and last time, and how many messages were left out."""
+    """Write the log; return its first and last time, and the number of messages left out."""
     _attach(writer, parts)
     channels = _open_channels(writer, parts)
     once, start, end, repeated = _Once(parts), None, None, 0
@@ -104,7 +104,7 @@ def _write(
 
 
 def _attach(writer: LogWriter, parts: Sequence[ProcessLog]) -> None:
-    """Write the attachments of the host, and such as only others have (or have whole)."""
+    """Write the attachments of the host, and those that only other parts have, or have undamaged."""
     written: set[str] = set()
     for part in parts:
         own = set()
@@ -122,7 +122,7 @@ def _manifest(parts: Sequence[ProcessLog]) -> bytes:
 
 
 def _open_channels(writer: LogWriter, parts: Sequence[ProcessLog]) -> dict[str, int]:
-    """Open the channels of all parts, the host's first, and return their numbers by topic."""
+    """Open the channels of all parts, the host's first; return their numbers by topic."""
     numbers = {TIMING: writer.timing}
     known: dict[str, tuple[ChannelInfo, Path]] = {}
     for part in parts:
@@ -140,7 +140,7 @@ def _open_channels(writer: LogWriter, parts: Sequence[ProcessLog]) -> dict[str, 
 
 
 def _stream(rank: int, part: ProcessLog) -> Iterator[tuple[int, int, LogMessage]]:
-    """Read the messages of a part with their time and the place of the part, which decide on the order."""
+    """Read the messages of a part with the keys of their order: the time and the rank of the part."""
     last = 0
     for message in part.log.messages(part.log.channels.keys() - (set() if part.host else {TIMING})):
         if message.time < last:
@@ -150,23 +150,23 @@ def _stream(rank: int, part: ProcessLog) -> Iterator[tuple[int, int, LogMessage]
 
 
 class _Once:
-    """Finds what several parts tell: of n equal messages of one instant in one and m in another, max(n, m) stay."""
+    """Finds messages that several parts contain: of n equal ones in one part and m in another, max(n, m) stay."""
 
     def __init__(self, parts: Sequence[ProcessLog]) -> None:
         topics = Counter(topic for part in parts for topic in part.log.channels)
         self._shared = {topic for topic, count in topics.items() if count > 1}
-        #: Whether a part tells how the run ended. Otherwise, as of a host that was killed, what its members say stays.
+        #: Whether the host recorded how the run ended. If not, because it was killed, what its members recorded stays.
         self._has_end = any(part.host and part.log.outcome is not None for part in parts)
         self._place = (0, 0)
         self._written: Counter[tuple[str, bytes]] = Counter()
         self._own: Counter[tuple[str, bytes]] = Counter()
 
     def is_new(self, rank: int, message: LogMessage) -> bool:
-        """Whether a message, the next in order, is yet to be written.
+        """Whether the next message in order has not been written yet.
 
         Args:
-            rank: The place of its part.
-            message: It.
+            rank: The rank of its part.
+            message: The message.
         """
         topic = message.channel.topic
         if topic not in self._shared:
@@ -187,7 +187,7 @@ class _Once:
 
 
 def _is_end(message: LogMessage) -> bool:
-    """Whether a message is the event that a run has finished, of which each process says as much as it knows."""
+    """Whether a message is the event that the run finished, which each process records with what it knows."""
     if not message.channel.carries("Event") or _END not in message.data:
         return False
     event = message.decode()
@@ -195,9 +195,9 @@ def _is_end(message: LogMessage) -> bool:
 
 
 def _describe_end(writer: LogWriter, parts: Sequence[ProcessLog]) -> None:
-    """Write the metadata of the host, and what is lost of any part."""
+    """Write the metadata of the host, and the losses of all parts."""
     for part in parts:
-        # These may turn out to be damaged once their JSON is read.
+        # Reading their JSON may reveal that they are damaged.
         _ = part.log.recovery, part.log.outcome
     for record in parts[0].log.metadata_records():
         if record.name != RECOVERY:
@@ -208,7 +208,7 @@ def _describe_end(writer: LogWriter, parts: Sequence[ProcessLog]) -> None:
 
 
 def _losses(parts: Sequence[ProcessLog]) -> dict[str, Any] | None:
-    """What is missing of the parts, now or since they were recovered themselves; None if nothing is."""
+    """The losses of the parts, now or when they were recovered earlier; None if there are none."""
     damages = [(part, part.log.damage) for part in parts if part.log.damage]
     told = [(part.log.path.name, str(damage), damage.lost) for part, damage in damages]
     for part in parts:

@@ -1,4 +1,4 @@
-"""What a process of a run that is spread over several does beside what every run does."""
+"""The base of host and member: one process of a run that several processes share."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _BREATH = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a process says of itself to the others.
+    """How a process identifies itself to the other processes.
 
     Attributes:
-        name: What to call it.
-        scenario: A digest of what it runs.
-        version: Of the package.
-        agents: The ids of those that it runs.
+        name: Its name in logs and messages.
+        scenario: The digest of its scenario.
+        version: The version of its package.
+        agents: The ids of the agents that it runs.
     """
 
     name: str
@@ -46,23 +46,23 @@ class Identity:
 class Participant(ABC):
     """One of the processes of a run.
 
-    All of them build the whole scenario and go through the same instants; each lets only its own agents take turns.
+    Every process builds the whole scenario and goes through the same instants, but only its own agents take turns.
 
     Attributes:
-        identity: Which one.
-        port: Where the others are.
-        decides: Whether this process says when the run is over.
+        identity: How it identifies itself.
+        port: Its connections to the other processes.
+        decides: Whether this process decides when the run ends.
     """
 
     decides: ClassVar[bool]
 
     def __init__(self, identity: Identity, port: Port, patience: float) -> None:
-        """Prepare.
+        """Initialise.
 
         Args:
-            identity: Which process this is.
-            port: Where the others are; closed at the end.
-            patience: For how long to wait for others before the run begins [s].
+            identity: How this process identifies itself.
+            port: Its connections to the other processes; closed at the end.
+            patience: How long to wait for other processes before the run begins [s].
         """
         self.identity = identity
         self.port = port
@@ -76,11 +76,11 @@ class Participant(ABC):
         return self._run.simulation
 
     def begin(self, run: Shared) -> None:
-        """Wait until the run can begin; components are initialised, and the clock may move on to when it goes on.
+        """Wait until the run can begin, after components were initialised; may advance the clock to a run in progress.
 
         Raises:
-            RunError: It never can.
-            Interrupted: Somebody ended it.
+            RunError: The run cannot begin.
+            Interrupted: The run was interrupted.
         """
         self._run = run
         self._has_begun = True
@@ -93,41 +93,41 @@ class Participant(ABC):
 
     @abstractmethod
     def _meet(self) -> None:
-        """Find the others."""
+        """Connect to the other processes."""
 
     def arrived(self) -> None:
-        """A step of the world is made, and its messages are delivered."""
+        """Called after each step of the world, when its messages have been delivered."""
         self._publish()
 
     @abstractmethod
     def acted(self) -> None:
-        """All turns of an instant are taken."""
+        """Called after all turns of an instant."""
 
     @abstractmethod
     def step(self) -> str | None:
-        """Let the world make its step; return why the run is over, if it is."""
+        """Step the world; return why the run ends, or None."""
 
     @abstractmethod
     def end(self, status: str, reason: str, error: RunError | None) -> None:
-        """The run is over here."""
+        """Called when the run ends in this process."""
 
     def _report(self, notice: Notice, *, recorded: bool = True) -> None:
-        """Let something be known here as soon as turns may follow from it.
+        """Fire the event of a notice when turns may follow from it: with the next step.
 
         Args:
             notice: What happened.
-            recorded: Whether it goes into this part of the log.
+            recorded: Whether the event goes into the log of this process.
         """
         self._news.append((notice, recorded))
 
     def _publish(self) -> None:
-        """Fire the events of what was reported."""
+        """Fire the events of the notices that were reported."""
         news, self._news = self._news, []
         for notice, recorded in news:
             self._fire(notice, recorded=recorded)
 
     def _fire(self, notice: Notice, *, recorded: bool) -> None:
-        """Fire the event of what happened elsewhere."""
+        """Fire the event of a notice."""
         simulation = self._simulation
         level = Level[notice.level] if notice.level in Level.__members__ else Level.INFO
         now, data, subject = simulation.clock.now, dict(notice.data), None if recorded else self
@@ -135,10 +135,10 @@ class Participant(ABC):
         simulation.events.fire(Event(notice.name, notice.source, now, level, notice.text, data, subject, agent))
 
     def _wait(self, deadline: float | None = None) -> PortEvent | None:
-        """Wait for what happens next, with signals let through; None if a moment of the monotonic clock comes first."""
+        """Wait for the next event of the port, and handle signals; None if the deadline passes first."""
         interruption = self._run.interruption
         while True:
-            # Not while the port is at work: that must not be left half done.
+            # Not while the port works: it must not be interrupted halfway.
             interruption.unshield(watched=False)
             interruption.shield()
             breath = _BREATH if deadline is None else min(_BREATH, deadline - time.monotonic())
@@ -148,11 +148,11 @@ class Participant(ABC):
 
     @property
     def _keeps_step(self) -> bool:
-        """Whether all processes know what each of them did before they go on to the next instant."""
+        """Whether each instant ends only when every process knows what the others did in it."""
         return self._run.pacer is None and not self._run.asynchronous
 
     def _fail(self, source: str, problem: str, cause: Exception | None = None) -> NoReturn:
-        """End the run here because of something that happened elsewhere; what led to it is recorded first.
+        """Fail the run because of something that happened in another process; earlier notices are recorded first.
 
         Raises:
             RunError: Always.
@@ -181,13 +181,13 @@ class Participant(ABC):
 
 
 def rows_of(group: AgentGroup, ids: Iterable[str]) -> Indices:
-    """The rows of those agents that are of a group, ascending."""
+    """The rows of those of the agents that belong to a group, ascending."""
     wanted = frozenset(ids)
     return np.array([row for row, id in enumerate(group.ids) if id in wanted], np.intp)
 
 
 def listed(ids: Iterable[str], most: int = 6) -> str:
-    """Name some agents, and say how many more there are."""
+    """List some agents, with the number of further ones."""
     names = list(ids)
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

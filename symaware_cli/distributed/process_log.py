@@ -1,4 +1,4 @@
-"""The parts of a run that was spread over several processes, each of which wrote a log of its own."""
+"""The logs that the processes of one run wrote, checked against each other before they are merged."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from symaware_cli.recording.reader import Log, open_log
 
 _RESOLVED = "resolved.yaml"
 _VERSIONS = "versions.json"
-#: How many agents that are missing are named.
+#: The most missing agents that are named.
 _NAMED = 12
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessLog:
-    """What one process recorded of a run.
+    """The log of one process of a run.
 
     Attributes:
-        log: Its log.
-        name: What the process was called; empty if the log is of a whole run.
-        host: Whether it was the host of the environment.
-        agents: The agents that ran there.
-        whole: Whether the log is of a whole run, and no part of anything.
+        log: The log.
+        name: The name of the process; empty if the log is of a whole run.
+        host: Whether the process was the host.
+        agents: The agents that it ran.
+        whole: Whether the log is of a whole run instead of a part.
     """
 
     log: Log
@@ -38,18 +38,18 @@ class ProcessLog:
 
     @property
     def end_missing(self) -> bool:
-        """Whether the end was lost, as when the process was killed."""
+        """Whether the end of the log is missing, as after the process was killed."""
         return bool(self.log.damage and self.log.damage.end_missing)
 
     @property
     def start(self) -> int | None:
-        """Simulated time at which its agents begin here, ns: one that joined late has started before that."""
+        """Simulated time at which its agents begin in this log, ns; a process that joined late started before that."""
         topics = [topic for topic in self.log.channels if topic.startswith("/agents/")]
         first = next(iter(self.log.messages(topics)), None) if topics and not self.host else None
         return self.log.start_time if first is None else first.time
 
     def describe(self) -> dict[str, Any]:
-        """Describe it for the manifest of the log of the whole run; times in ns."""
+        """Return a description for the manifest of the merged log; times in ns."""
         return {
             "name": self.name,
             "host": self.host,
@@ -63,17 +63,17 @@ class ProcessLog:
 def open_process_logs(paths: Iterable[str | os.PathLike[str]]) -> list[ProcessLog]:
     """Open the logs of the processes of one run.
 
-    A process that died and came back has left several, each from later on.
+    A process that died and came back has left several logs, one after the other.
 
     Args:
         paths: The files, in any order. A single one may be the log of a whole run.
 
     Returns:
-        The parts: the host's, and then by name, and by the time at which they begin.
+        The parts: the host's, then the others by name and by the time at which they begin.
 
     Raises:
         LogError: One of them cannot be read or is no part, or they are not of one run: the scenario, the seed or the
-            version differs, the host's part is missing or there are two, or an agent ran in two at a time.
+            version differs, the host's part is missing or there are two, or an agent ran in two at the same time.
     """
     parts = sorted((_part(open_log(path)) for path in paths), key=_order)
     for one, other in combinations(parts, 2):
@@ -88,13 +88,13 @@ def open_process_logs(paths: Iterable[str | os.PathLike[str]]) -> list[ProcessLo
 
 
 def missing_agents(parts: Sequence[ProcessLog]) -> list[str]:
-    """The agents of a run that none of its parts ran, in the order of the manifest."""
+    """The agents of a run that are in none of its parts, in the order of the manifest."""
     present = {agent for part in parts for agent in part.agents}
     return [agent for agents in parts[0].log.agents.values() for agent in agents if agent not in present]
 
 
 def missing_in_words(agents: Sequence[str]) -> str:
-    """Say that no part ran some agents."""
+    """Describe the agents that no part ran, for a message."""
     named = agents if len(agents) <= _NAMED else [*agents[: _NAMED - 1], f"{len(agents) - _NAMED + 1} more"]
     listed = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else "".join(named)
     return f"no part ran {listed}, so what they knew and did is missing: name the logs of all processes"
@@ -133,7 +133,7 @@ def _require_one_run(log: Log, other: Log) -> None:
         first, second = (each.manifest.get(key) for each in (log, other))
         if first != second:
             raise differ(f"their {what} {first} and {second}")
-    # What was lost from a damaged log cannot differ.
+    # What a damaged log has lost cannot be compared.
     written = [_attachment(each, _RESOLVED) for each in (log, other)]
     if None not in written and written[0] != written[1]:
         raise differ(f"their scenarios ({_RESOLVED}) differ")
@@ -145,7 +145,7 @@ def _require_one_run(log: Log, other: Log) -> None:
 
 
 def _require_one_place(one: ProcessLog, other: ProcessLog) -> None:
-    """An agent runs in one process at a time; it may move on when that died."""
+    """Check that no agent is in two parts at the same time; it may move to another process when its own died."""
     spans = [(part.start, part.log.end_time) for part in (one, other)]
     start, end = (max(span[0] or 0 for span in spans), min(span[1] or 0 for span in spans))
     agent = next((agent for agent in one.agents if agent in other.agents), None)
@@ -157,7 +157,7 @@ def _require_one_place(one: ProcessLog, other: ProcessLog) -> None:
 
 
 def _attachment(log: Log, name: str) -> bytes | None:
-    """An attachment, read alone, as others may be large; None if there is none, or it is damaged."""
+    """One attachment, read alone because others may be large; None if it is missing or damaged."""
     return next((record.data for record in log.attachment_records(name)), None)
 
 

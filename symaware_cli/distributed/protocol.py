@@ -1,12 +1,11 @@
-"""Conversations: what the two ends of a connection say to each other, whatever carries their bytes.
+"""The protocol between the two ends of a connection: handshake, clock offset and records, over any transport.
 
-Each end begins with a preamble: who speaks, what protocol, whether it has a key, and 16 random bytes. After it come
-records, a byte that says of which kind, and what belongs to it. With a key every record is signed, the first of them
-is a proof that the key is known, and nothing else is heard before it. Then each end asks the other for its clock; when
-it was told, the other has come, and frames may follow.
+Each end first sends a preamble: its role, the version of the protocol, whether it has a key, and 16 random bytes.
+Records follow, each a byte for its kind and its content. With a key every record is signed; the first one proves that
+the key is known, and must come before all others. Then each end asks for the other's clock; with the first answer the
+handshake is complete, and frames may follow.
 
-Nothing here reads a socket or a clock: bytes and times go in, and what is to be sent comes out. So the same
-protocol is held over TCP and over Zenoh.
+Nothing here reads a socket or a clock: bytes and times go in, records to send come out. TCP and Zenoh share it.
 """
 
 from __future__ import annotations
@@ -33,35 +32,35 @@ _PREAMBLE = struct.Struct(">8sBB16s")
 _HAS_KEY = 1
 _IS_HOST = 2
 
-#: How long a preamble is [bytes].
+#: The length of a preamble [bytes].
 PREAMBLE = _PREAMBLE.size
 
-#: How long a record may be before the other end has come: long enough for a reason [bytes].
+#: The longest record before the handshake is complete: long enough for a reason [bytes].
 _BEFORE = 1024
 
-#: How many clock readings are asked for at once in the beginning, and of how many the best counts.
+#: The number of clock readings at the beginning, and the number of readings of which the best counts.
 _BURST, _KEPT = 8, 16
 
 PROOF, FRAME, PING, PONG, FAREWELL, TAKEN = range(1, 7)
 """The kinds of records.
 
-A ping carries the clock of who asks; a pong that, and the other clock when it came and when it left; a farewell why;
-and where nothing else keeps an end from sending more than the other takes, that tells how many records it has taken.
+A ping carries the sender's clock; a pong that, and the other clock at its arrival and departure; a farewell the reason;
+TAKEN, over transports without flow control, how many records this end has received.
 """
 
 _PING, _PONG, _TAKEN = struct.Struct(">d"), struct.Struct(">ddd"), struct.Struct(">Q")
 
 
 def may_begin(start: bytes) -> bool:
-    """Whether what was heard so far may become a preamble."""
+    """Whether the first bytes may be those of a preamble."""
     return start[: len(_MAGIC)] == _MAGIC[: len(start)]
 
 
-class ConnectionEnded(Exception):  # noqa: N818 - most protocols end well
-    """A protocol is over.
+class ConnectionEnded(Exception):  # noqa: N818 - most connections end well
+    """The connection must end.
 
     Attributes:
-        rejection: What was wrong with what was heard last, if anything was.
+        rejection: What was wrong with the last record, if anything was.
     """
 
     def __init__(self, reason: str, rejection: Rejection | None = None) -> None:
@@ -70,31 +69,31 @@ class ConnectionEnded(Exception):  # noqa: N818 - most protocols end well
 
 
 class PeerProtocol:
-    """One end of a protocol.
+    """One end of the protocol.
 
     Attributes:
-        preamble: What to send first, as it is.
-        outgoing: What to send next, as arguments of `record`.
-        introduced: Whether the preamble of the other end has come.
-        open: Whether the other end has come.
-        heard: Whether anything was heard.
+        preamble: Sent first, as it is.
+        outgoing: Records to send next, as arguments of `record`.
+        introduced: Whether the preamble of the other end has been received.
+        open: Whether the handshake is complete.
+        heard: Whether anything has been received.
         offset: How far the other end's clock is ahead of ours [s].
-        count: How many records were heard.
-        taken: How many of ours the other end has taken, as far as it tells.
+        count: The number of records received.
+        taken: How many of our records the other end has received, as it last reported.
     """
 
     def __init__(
         self, host: bool, key: bytes | None, maximum: int, timeout: float, hang_timeout: float, now: float
     ) -> None:
-        """Begin.
+        """Initialise.
 
         Args:
             host: Whether this end is the host's.
-            key: What both ends must know, or None.
-            maximum: How long a frame may be [bytes].
-            timeout: For how long the other end may take to introduce itself [s]; a quarter of it is between two pings.
-            hang_timeout: For how long it may be silent afterwards [s].
-            now: What the monotonic clock shows [s].
+            key: The shared key, or None.
+            maximum: The length of the longest frame [bytes].
+            timeout: How long the handshake may take [s]; a quarter of it is between two pings.
+            hang_timeout: How long the other end may be silent afterwards [s].
+            now: The monotonic clock [s].
         """
         self._is_host = host
         self._key = key
@@ -116,40 +115,40 @@ class PeerProtocol:
 
     @property
     def other(self) -> str:
-        """What to call the other end."""
+        """The name of the other end in messages."""
         return "the member" if self._is_host else "the host"
 
     @property
     def signed(self) -> bool:
-        """Whether nothing is taken that is not signed."""
+        """Whether all records must be signed."""
         return self._key is not None
 
     @property
     def limit(self) -> int:
-        """How long the next record may be [bytes]."""
+        """The length of the longest record that may come next [bytes]."""
         if not self.introduced:
             return PREAMBLE
         return (self._maximum if self.open else _BEFORE) + 1 + (OVERHEAD if self._key is not None else 0)
 
     def record(self, kind: int, content: bytes) -> bytes:
-        """Return a record to be sent; in this order, as each has a number."""
+        """Return a record to send. Records are numbered, so they must be sent in the order of these calls."""
         record = bytes((kind,)) + content
         return record if self._signer is None else self._signer.sign(record)
 
     def tell_taken(self) -> None:
-        """Let the other end know how many of its records were taken."""
+        """Report to the other end how many of its records were received."""
         self.outgoing.append((TAKEN, _TAKEN.pack(self.count)))
 
     def notice(self, now: float) -> None:
-        """Take note that something was heard, if only a part of a record."""
+        """Note that bytes were received, if only a part of a record."""
         self.heard = True
         self._alive = now
 
     def tick(self, now: float) -> None:
-        """Look at the clock, several times within the timeout.
+        """Check the time limits; called several times within the timeout.
 
-        That the other process is dead is for those to notice who carry the bytes: a process that is alive may have no
-        time to talk, such as one that computes with the interpreter's lock held.
+        The transport, not this protocol, detects that the other process is dead: a living process may be silent, such
+        as one that computes with the interpreter's lock held.
 
         Raises:
             ConnectionEnded: The other end was silent for too long.
@@ -165,13 +164,13 @@ class PeerProtocol:
             self._ping(now)
 
     def hear(self, record: bytes, now: float) -> bytes | None:
-        """Take what the other end sent: its preamble, then records.
+        """Handle the preamble or a record of the other end.
 
         Returns:
-            A frame, if it was one.
+            The frame, if it was one.
 
         Raises:
-            ConnectionEnded: It must not be heard any further.
+            ConnectionEnded: The connection must end.
         """
         self.notice(now)
         if len(record) > self.limit:
@@ -203,7 +202,7 @@ class PeerProtocol:
         return None
 
     def _be_introduced(self, preamble: bytes) -> None:
-        """Look at the other end's preamble."""
+        """Check the other end's preamble."""
         if len(preamble) != PREAMBLE or not preamble.startswith(_MAGIC):
             raise ConnectionEnded(f"{self.other} does not speak the protocol of SymAware", "garbage")
         _, version, flags, _ = _PREAMBLE.unpack(preamble)
@@ -248,9 +247,9 @@ class PeerProtocol:
         self.outgoing.append((PING, _PING.pack(now)))
 
     def _read_clock(self, readings: tuple[float, float, float], now: float) -> None:
-        """Learn how far the other end's clock is ahead: what NTP does (RFC 5905, section 8), with its minimum filter.
+        """Estimate the offset of the other end's clock as NTP does (RFC 5905, section 8), with its minimum filter.
 
-        The way there and the way back are taken to last as long; the shorter both are, the less that can be wrong.
+        Both directions are assumed to take equally long, so the shortest round trip bounds the error best.
         """
         asked, came, left = readings
         around, offset = (now - asked) - (left - came), ((came - asked) + (left - now)) / 2

@@ -1,4 +1,4 @@
-"""What a host was told and did not take."""
+"""Counts of the frames that a host rejected."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _INTERVAL = 1.0
 
 
 class Rejections:
-    """Counts frames that were not taken, and tells of them now and then."""
+    """Counts rejected frames, and reports the counts at most once a second."""
 
     def __init__(self, rejected: Mapping[Rejection, int]) -> None:
-        """Begin.
+        """Initialise.
 
         Args:
-            rejected: What the port did not take, by why; it counts on.
+            rejected: The counts of the port by reason; they keep growing.
         """
         self._rejected = rejected
         self._malformed, self._example = 0, ""
@@ -27,12 +27,12 @@ class Rejections:
         self._due = 0.0
 
     def count(self, example: str) -> None:
-        """Count what came as a frame and makes no sense; a sentence says what."""
+        """Count a malformed frame; a sentence describes it."""
         self._malformed += 1
         self._example = example
 
     def news(self, at_last: bool = False) -> Notice | None:
-        """Return what to record of those that were not recorded yet; None if there are none, or it is too soon."""
+        """Return a notice of rejections that were not recorded yet; None if there are none, or it is too early."""
         counts = {str(why): count for why, count in self._rejected.items() if count}
         if self._malformed:
             counts["malformed"] = self._malformed

@@ -20,13 +20,13 @@ from symaware_cli.runtime.simulation import Simulation
 
 @dataclass(slots=True)
 class _Latest:
-    """The latest control inputs of those agents of a group that run elsewhere.
+    """The latest control inputs of those agents of a group that run in other processes.
 
     Attributes:
         group: The group.
         rows: Their rows, ascending; shape (m,).
         values: Their control inputs; shape (m, nu).
-        checked: Which rows were found to belong to which member last.
+        checked: The member and the rows of the last report that passed the check of ownership.
     """
 
     group: AgentGroup
@@ -44,11 +44,11 @@ class RemoteInputs:
     """The latest control input of each agent that runs in another process, under which the world moves."""
 
     def __init__(self, simulation: Simulation, away: Iterable[str]) -> None:
-        """Begin with the control inputs that the agents have.
+        """Start with the present control inputs of the agents.
 
         Args:
-            simulation: What runs.
-            away: The ids of those that run elsewhere.
+            simulation: The simulation.
+            away: The ids of the agents that run in other processes.
         """
         self._simulation = simulation
         everybody = frozenset(away)
@@ -59,21 +59,21 @@ class RemoteInputs:
                 self._latest[group.name] = _Latest(group, rows, group.control_input[rows])
 
     def take(self, member: RemoteMember, name: str, rows: Indices, values: Array) -> None:
-        """Take what a member tells of a group.
+        """Store the control inputs that a member reports for a group.
 
         Args:
             member: The member.
             name: The group's name.
-            rows: Whose control inputs these are, ascending; shape (m,).
+            rows: The rows of the agents, ascending; shape (m,).
             values: The control inputs; shape (m, nu).
 
         Raises:
-            FrameError: That cannot be.
+            FrameError: There is no such group, or rows or values are invalid.
         """
         latest = self._latest.get(name)
         if latest is None or values.shape != (len(rows), latest.values.shape[1]) or not np.isfinite(values).all():
             raise FrameError(f"control inputs of `{name}` that cannot be")
-        # The same in each step.
+        # Usually the same in each step.
         known, told = latest.checked, rows.tobytes()
         if known[0] is not member or known[1] != told:
             first = self._simulation.environment.roster.start(name)
@@ -83,7 +83,7 @@ class RemoteInputs:
         latest.replace(rows, values)
 
     def slow_down(self, group: AgentGroup, rows: Indices) -> None:
-        """Let agents stop as far as they can."""
+        """Replace the control inputs of agents by those with which they stop as far as they can."""
         latest, state = self._latest[group.name], self._simulation.environment.state(group)
         for row in rows.tolist():
             place = int(np.searchsorted(latest.rows, row))
@@ -92,7 +92,7 @@ class RemoteInputs:
 
     @contextmanager
     def applied(self) -> Iterator[None]:
-        """Put the control inputs in force; afterwards components know again what they have written themselves."""
+        """Put the control inputs in force; afterwards restore those that components of this process wrote."""
         present = []
         for latest in self._latest.values():
             column = latest.group.control_column

@@ -1,4 +1,4 @@
-"""A member, as the host knows it."""
+"""What the host stores for each connected member."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from symaware_cli.core.message import Indices
 
 @dataclass(slots=True)
 class RemoteMember:
-    """A process that takes part.
+    """A member that takes part in the run.
 
     Attributes:
         peer: Its number at the port.
-        name: What it is called.
-        agents: Those that it runs, in the order of the roster.
-        is_here: For everybody in the roster, whether it runs them.
-        rank: The place of the first of them in the roster, by which members are served.
-        reported: The last step that it reported on.
-        arrived: What arrived for its agents and was not told yet.
+        name: Its name.
+        agents: The ids of its agents, in the order of the roster.
+        is_here: For each agent of the roster, whether this member runs it.
+        rank: The roster index of its first agent; members are served in this order.
+        reported: The last step for which it sent a report.
+        arrived: Messages for its agents that have not been sent to it yet.
     """
 
     peer: int
@@ -34,11 +34,11 @@ class RemoteMember:
     arrived: list[Delivery] = field(default_factory=list)
 
     def owns(self, indices: Indices, numbers: Indices, count: int) -> bool:
-        """Whether numbers that came from outside are below a count, and it runs the agents that they mean.
+        """Whether received numbers are in range, and this member runs all agents that they denote.
 
         Args:
-            indices: The places of these agents in the roster.
-            numbers: What was told.
-            count: How many there are of what was told.
+            indices: The roster indices of these agents.
+            numbers: The received numbers.
+            count: The number of valid values.
         """
         return bool(((numbers >= 0) & (numbers < count)).all() and self.is_here[indices].all())

@@ -1,4 +1,4 @@
-"""Transports: what carries whole frames between the processes of one run, and tells who comes and goes."""
+"""The interface of transports, which carry whole frames between the processes of one run."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from pydantic import BaseModel, Field
 
 from symaware_cli.world.plugin import Parameters, Plugin
 
-#: What has become of a frame that was not taken.
+#: Why a frame or a connection was rejected.
 Rejection = Literal["garbage", "oversized", "unauthenticated", "replayed", "crowded"]
 
 
 class TransportError(Exception):
-    """A connection cannot be had; says to where, and why."""
+    """A port cannot be opened; states the address and the reason."""
 
 
 class PortEvent(NamedTuple):
-    """What happened at a port.
+    """An event at a port.
 
-    Whoever came goes once: a frame stands between the two. Who is gone without having come was not let in, or did
-    not let us in, as the reason says.
+    Each peer that came is gone once, and its frames come in between. A peer that is gone without having come was
+    refused, or refused this end, for the stated reason.
 
     Attributes:
-        kind: Somebody came; sent a frame; or is gone, and nothing more comes from there.
-        peer: Who: a number that is never given to anybody else, nor to the same process when it comes again.
-        frame: What was sent.
-        reason: Why somebody is gone.
+        kind: A peer came, sent a frame, or is gone, so that nothing more comes from it.
+        peer: The number of the peer; never used again, not even for the same process when it reconnects.
+        frame: The frame.
+        reason: Why the peer is gone.
     """
 
     kind: Literal["came", "frame", "gone"]
@@ -39,18 +39,18 @@ class PortEvent(NamedTuple):
 
 
 class Port(ABC):
-    """One end of a transport: the host's, to which many come, or a member's, whose one peer is the host.
+    """One end of a transport: the host's, whose peers are the members, or a member's, whose one peer is the host.
 
-    Who is dead is a matter of the operating systems: a process is gone when its end of the connection is closed, as it
-    is when the process ends in whatever way, or when the other machine does not answer for the transport's `timeout`.
-    A process that computes for long, even with the interpreter's lock held, is neither; only one that says nothing for
-    `hang_timeout`, though its threads should, counts as dead, too.
+    The operating systems decide whether a process is dead: a peer is gone when its end of the connection is closed,
+    which happens however the process ends, or when its machine does not answer for the transport's `timeout`. A
+    process that computes for long, even with the interpreter's lock held, is not dead; one that sends nothing for
+    `hang_timeout`, although its threads should, counts as dead, too.
 
-    All methods may be called from the run's thread only. Used in a ``with`` statement, it is closed at the end.
+    Only the run's thread may call these methods. Used in a ``with`` statement, the port is closed at the end.
 
     Attributes:
-        address: Where it is, as ``HOST:PORT``.
-        rejected: How many frames were not taken, by why.
+        address: Its address, as ``HOST:PORT``.
+        rejected: The number of rejected frames and connections, by reason.
     """
 
     address: str
@@ -58,39 +58,39 @@ class Port(ABC):
 
     @abstractmethod
     def send(self, peer: int, frame: bytes) -> None:
-        """Send a frame, without waiting for anything. To send to somebody who is gone does nothing.
+        """Send a frame without waiting; does nothing if the peer is gone.
 
-        A peer for whom too many frames wait is cut off: it is gone, and may come again.
+        A peer for which too many frames wait is cut off: it is gone, and may reconnect.
 
         Raises:
-            ValueError: The frame is longer than any that is taken.
+            ValueError: The frame is longer than `maximum_frame`.
         """
 
     @abstractmethod
     def receive(self, timeout: float | None = None) -> PortEvent | None:
-        """Return what happened next, or None if nothing did within some time [s]; by default wait for ever."""
+        """Return the next event; None if there was none within a time [s], which is unlimited by default."""
 
     def accept(self, peer: int) -> None:
-        """Take note that a peer is one of those that are awaited: others have to make room, if there are too many."""
+        """Mark a peer as a member: if there are too many peers, others have to make room."""
         return
 
     @abstractmethod
     def offset(self, peer: int) -> float:
-        """How far the monotonic clock of a peer is ahead of ours [s], as well as is known; 0 if it is gone."""
+        """The estimated offset of a peer's monotonic clock from ours [s], positive if ahead; 0 if the peer is gone."""
 
     @abstractmethod
     def cut(self, peer: int, reason: str) -> None:
-        """Send what waits for a peer, then let go of it; a member's port does not go back to it by itself.
+        """End the connection to a peer after sending what waits for it; a member's port does not reconnect.
 
-        It is gone, for this reason, here and at the other end.
+        The peer is gone here, and this end is gone there, for this reason.
         """
 
     @abstractmethod
     def close(self, reason: str = "") -> None:
-        """Send what waits, for a second at most, and let go of everything. To close it twice does nothing.
+        """Send what waits, for at most a second, and close all connections. Closing twice does nothing.
 
         Args:
-            reason: Why, for those who are connected; by default that this end is over.
+            reason: The reason for the peers; by default that this end ended the connection.
         """
 
     def __enter__(self) -> Self:
@@ -103,7 +103,7 @@ class Port(ABC):
 
 
 class TransportParameters(Parameters):
-    """What every transport can be told."""
+    """The parameters of every transport."""
 
     timeout: float = Field(
         2.0,
@@ -138,9 +138,8 @@ class TransportParameters(Parameters):
 class Transport(Plugin, ABC):
     """Carries frames between processes.
 
-    A subclass says how; the frames are opaque to it. Frames of one peer arrive in order, whole, and once, or the peer
-    is gone. With a key nobody is a peer who does not prove to know it, and no frame is taken that was not signed
-    with it, or was taken before.
+    Frames are opaque to a transport. Frames of one peer arrive whole, in order and once, or the peer is gone. With a
+    key, a peer must prove that it knows the key, and frames that are not signed with it, or are repeated, are rejected.
     """
 
     Parameters: ClassVar[type[BaseModel]] = TransportParameters
@@ -151,8 +150,8 @@ class Transport(Plugin, ABC):
 
         Args:
             host: The address to listen at.
-            port: Its number; 0 for any that is free.
-            key: What everybody must know; None for an open port, for loopback only.
+            port: The port number; 0 for any free one.
+            key: The shared key; None for no authentication, for loopback only.
 
         Raises:
             TransportError: It cannot listen there.
@@ -160,10 +159,10 @@ class Transport(Plugin, ABC):
 
     @abstractmethod
     def join(self, host: str, port: int, key: bytes | None = None) -> Port:
-        """Open the port of a member, which connects by itself, and again after a connection is lost.
+        """Open the port of a member, which connects by itself, and reconnects after a connection is lost.
 
-        The time between two tries doubles from 0.05 s to the transport's `timeout`. That nobody is there yet is no
-        error; that the other end does not take the key is told as ``gone`` with that reason, once for each try.
+        The pause between two attempts doubles from 0.05 s to the transport's `timeout`. A host that is not there yet
+        is no error; if the host refuses the key, each attempt ends with the event ``gone`` and that reason.
 
         Raises:
             TransportError: This address can never be reached.

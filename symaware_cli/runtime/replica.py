@@ -1,4 +1,4 @@
-"""Replicas: the components of one entry, and what they live on, as they are in a worker process."""
+"""Replicas: copies of the components of one entry, and of the data that they use, in a worker process."""
 
 from __future__ import annotations
 
@@ -22,19 +22,18 @@ from symaware_cli.world.chance import Turn
 
 @dataclass(frozen=True, slots=True)
 class EntryDescription:
-    """All that it takes to make the replica of one entry.
+    """What a worker needs to create the replica of one entry.
 
     Attributes:
         kind: The class of the components.
-        parameters: Those of each component.
-        attributes: Name, path and entry-point name of each.
+        parameters: The parameters of each component.
+        attributes: Name, path and entry-point name of each component.
         group: The name of the group.
         groups: The arguments of all groups, as they are at the start.
-        time_step: That of the world, in nanoseconds.
-        world: What makes the world: its class, its parameters, its folder and its obstacles; None where the components
-            do not look at it.
+        time_step: The time step of the world, in nanoseconds.
+        world: The class, parameters, folder and obstacles of the world; None if the components do not use it.
         seed: The seed of the run.
-        packages: The packages that the run has classes of.
+        packages: The packages whose classes the run uses.
     """
 
     kind: type[Any]
@@ -48,7 +47,7 @@ class EntryDescription:
     packages: frozenset[str]
 
     def environment(self, groups: Sequence[AgentGroup]) -> Any:
-        """Make a world that follows the one of the run, or what stands for it."""
+        """Create a world that follows the one of the run, or a placeholder."""
         if self.world is None:
             models = {group.name: group.model for group in groups}
             roster = Roster({group.name: group.ids for group in groups}, models)
@@ -62,15 +61,15 @@ class EntryDescription:
 
 @dataclass(frozen=True, slots=True)
 class ComputationResult:
-    """What became of one computation.
+    """The result of one computation.
 
     Attributes:
-        row: Whose it was.
-        value: What it returned, as `Transfer` takes it; None where it failed.
-        state: The component, likewise; None where it is as it was.
-        events: What was fired meanwhile: name, source, level, text and data of each.
-        problem: What went wrong, in one line; empty where nothing did.
-        trace: The traceback of that.
+        row: The row of the component.
+        value: The computed value as bytes of `Transfer`; None if the computation failed.
+        state: The component as bytes of `Transfer`; None if it did not change.
+        events: The events fired meanwhile: name, source, level, text and data of each.
+        problem: The failure in one line; empty if there was none.
+        trace: The traceback of the failure.
     """
 
     row: int
@@ -82,12 +81,12 @@ class ComputationResult:
 
     @classmethod
     def of_failure(cls, row: int, error: BaseException) -> ComputationResult:
-        """The outcome of a computation that raised something."""
+        """The result of a computation that raised an exception."""
         return cls(row, problem=describe(error), trace="".join(traceback.format_exception(error)))
 
 
 class Unavailable:
-    """Stands for the world, and for the exchange, where there is none."""
+    """A placeholder for the world or the exchange where there is none."""
 
     def __init__(self, what: str, **known: Any) -> None:
         self.__dict__.update(known)
@@ -116,17 +115,17 @@ class ReceivedStatuses:
 
 
 class EntryTransfer(Transfer):
-    """Sends what components of one entry may look at of their group and of the world, and the components themselves."""
+    """Transfers the components of one entry, and what they may read of their group and of the world."""
 
     def __init__(
         self, group: AgentGroup, groups: Sequence[AgentGroup], packages: frozenset[str], *, of_group: bool
     ) -> None:
-        """Give names to what both ends have.
+        """Name the objects that both ends have.
 
         Args:
-            group: Whose components.
+            group: The group of the components.
             groups: All groups.
-            packages: The packages that the run has classes of.
+            packages: The packages whose classes the run uses.
             of_group: Whether they are components of the whole group; only others have agents.
         """
         super().__init__(packages)
@@ -140,7 +139,7 @@ class EntryTransfer(Transfer):
         knowledge |= {"changes": group.knowledge_changes, "known": group._known}
         self._state, self._knowledge = tuple(state), tuple(knowledge)
         self.name(state | knowledge)
-        #: The knowledge that was taken last, each name and each value, and as it was taken.
+        #: The names and values of the knowledge that was captured last, and the captured bytes.
         self._taken: tuple[list[Any], bytes] = [], b""
         self.name(
             {
@@ -168,11 +167,11 @@ class EntryTransfer(Transfer):
             )
 
     def name_parameters(self, parameters: Sequence[Any]) -> None:
-        """Give names to the parameters of components, by row; None for those who have none of their own."""
+        """Name the parameters of components, by row; None for components without parameters of their own."""
         self.name({f"parameters {row}": each for row, each in enumerate(parameters) if each is not None})
 
     def surroundings(self, *, sees_world: bool) -> bytes:
-        """What a computation may look at besides knowledge and its component, and what changes in a run."""
+        """What a computation may read besides knowledge and its component, and what changes during a run."""
         settle(self._group)
         environment = self._group.surroundings.environment
         values: dict[str, Any] = {
@@ -192,7 +191,7 @@ class EntryTransfer(Transfer):
         return self.taken(self._state, values)
 
     def knowledge(self) -> bytes:
-        """What the agents know; the same bytes for as long as that does not change, as it seldom does."""
+        """The knowledge of the agents; the same bytes until it changes, which it seldom does."""
         known = [entry for each in self._group.knowledge for entry in (*each, *each.values())]
         last, data = self._taken
         if not data or len(known) != len(last) or not all(map(is_, known, last)):
@@ -201,15 +200,15 @@ class EntryTransfer(Transfer):
         return data
 
     def component(self, component: Any) -> bytes:
-        """The state of a component, which has its path as a name."""
+        """The state of a component, which is named by its path."""
         return self.taken([component.path])
 
     def value(self, component: Any, value: Any) -> bytes:
-        """What a component computed."""
+        """The value that a component computed."""
         return self.taken((), {f"what {component.path} computed": value})
 
     def put_value(self, component: Any, data: bytes) -> Any:
-        """What a component computed at the other end."""
+        """The value that a component computed at the other end."""
         return self.put(data)[f"what {component.path} computed"]
 
 
@@ -236,7 +235,7 @@ class Replica:
         self._transfer = EntryTransfer(group, groups, description.packages, of_group=self._is_group)
         self._transfer.name_parameters(description.parameters)
         self._components: dict[int, Any] = {}
-        #: Each component as the other end has it, by row.
+        #: The state of each component at the other end, by row.
         self._sent: dict[int, bytes] = {}
 
     def compute(
@@ -249,10 +248,10 @@ class Replica:
         """Compute for some rows.
 
         Args:
-            now: In nanoseconds.
-            knowledge: What `EntryTransfer.knowledge` took; None where that is as it was.
-            surroundings: What `EntryTransfer.surroundings` took, likewise.
-            rows: Whose turns, and the component of each, likewise.
+            now: Simulated time, in nanoseconds.
+            knowledge: The bytes of `EntryTransfer.knowledge`; None if it did not change.
+            surroundings: The bytes of `EntryTransfer.surroundings`; None if they did not change.
+            rows: The row, the turn and the state of each component; None if that did not change.
         """
         if knowledge is not None:
             self._transfer.put(knowledge)
@@ -270,7 +269,7 @@ class Replica:
         return [self._compute_one(*each) for each in rows]
 
     def _take_presence(self, present: Mapping[str, NDArray[np.bool_]]) -> None:
-        """Let agents enter and leave the world here as they did there; all are in one that has just been made."""
+        """Let agents enter and leave the world as in the run; all are present in a new world."""
         for name, flags in present.items():
             group = self._groups[name]
             before = np.ones(len(group), bool) if group.present is None else group.present
@@ -297,7 +296,7 @@ class Replica:
             return ComputationResult.of_failure(row, error)
 
     def _component(self, row: int) -> Any:
-        """The replica of a component, which takes up its work here as it did there: what is not sent is made."""
+        """The replica of a component, created and initialised on first use."""
         component = self._components.get(row)
         if component is None:
             made_of = self._description

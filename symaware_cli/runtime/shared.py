@@ -1,4 +1,4 @@
-"""What a process does in a run that it shares with others, beside what every run does; and what it is given for it."""
+"""The hooks of a run that several processes share, and the parts of the run that they use."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from symaware_cli.runtime.simulation import Simulation
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What of a run is shared with other processes.
+    """The parts of a run that a process of several uses.
 
     Attributes:
-        simulation: What runs; all processes have built the whole of it.
-        kernel: Goes from instant to instant.
-        schedulers: The turns of each entry.
-        motion: What the world does.
-        observer: Watches the run for what the summary tells.
+        simulation: The simulation; every process has built the whole of it.
+        kernel: The loop over instants.
+        schedulers: The turn schedulers of all entries.
+        motion: Steps the world.
+        observer: Collects the figures of the summary.
         interruption: Holds signals back and lets them through.
-        pacer: What ties simulated time to wall time; None where nothing does.
+        pacer: Ties simulated time to wall time; None without a pace.
         asynchronous: Whether there are instants between the steps.
     """
 
@@ -42,23 +42,23 @@ class Shared:
 
 
 class Sharing(Protocol):
-    """What a process is asked for as it goes through the instants that it shares with others."""
+    """The hooks that a run calls in a process that shares it with others."""
 
     @property
     def decides(self) -> bool:
-        """Whether this process says when the run is over."""
+        """Whether this process decides when the run ends."""
 
     def begin(self, run: Shared) -> None:
-        """Wait until the run can begin; components are initialised, and the clock may move on to when it goes on."""
+        """Wait until the run can begin, after components were initialised; may advance the clock."""
 
     def arrived(self) -> None:
-        """A step of the world is made, and its messages are delivered."""
+        """Called after each step of the world, when its messages have been delivered."""
 
     def acted(self) -> None:
-        """All turns of an instant are taken."""
+        """Called after all turns of an instant."""
 
     def step(self) -> str | None:
-        """Let the world make its step; return why the run is over, if it is."""
+        """Step the world; return why the run ends, or None."""
 
     def end(self, status: str, reason: str, error: RunError | None) -> None:
-        """The run is over here."""
+        """Called when the run ends in this process."""
