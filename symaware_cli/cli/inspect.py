@@ -13,6 +13,7 @@ from symaware_cli.cli.terminal import (
     WRONG_INPUT,
     Json,
     fail,
+    is_sweep,
     names,
     print_json,
     printable,
@@ -182,7 +183,7 @@ def inspect(
         "--shares": shares or None,
         "--compare": compare,
     }
-    if path.is_dir():
+    if is_sweep(path):
         for option, value in {**{view: wanted or None for view, wanted in views.items()}, **given}.items():
             if value is not None and option != "--limit":
                 fail(f"{option} goes with a log, not with the folder of a sweep", WRONG_INPUT, as_json)

@@ -16,6 +16,7 @@ from symaware_cli.cli.terminal import (
     Json,
     fail,
     instant,
+    is_sweep,
     names,
     print_json,
     span,
@@ -70,7 +71,7 @@ def plot(
     as_json: Json = False,
 ) -> None:
     """Draw a log into one figure: trajectories, separation, risk, or any series by name; or what a sweep came to."""
-    if path.is_dir():
+    if is_sweep(path):
         others = {"--specifications": specifications, "--series": series, "--agents": agents, "--from": start}
         for option, value in {**others, "--to": end, "--at": at}.items():
             if value not in (None, False, []):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -119,7 +120,7 @@ def run(
     with trouble_shown(as_json), _refusals_shown(as_json), output_kept(as_json):
         from symaware_cli.api.scenario import Scenario
 
-        if index is not None or scenario.is_dir():
+        if index is not None or os.path.isdir(scenario):
             source = _of_sweep(scenario, index, [seed is not None, overrides], as_json)
         else:
             source = Scenario(scenario, overrides, seed=seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import time
@@ -33,6 +34,9 @@ from symaware_cli.study.sweep_source import texts_of
 #: How many cells are kept ready.
 _MOST_READY = 256
 
+#: How many runs are made between two garbage collections.
+_MOST_UNCOLLECTED = 500
+
 #: Where something lies in memory, which no two processes agree on.
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
 
@@ -56,6 +60,7 @@ class Runner:
             batch: How many runs are batched at most; 1 for none, None for as many as fit in a bounded memory.
         """
         self._batch = batch
+        self._since_collection = 0
         self._templates: OrderedDict[int, Built | str] = OrderedDict()
         self._plan = plan
         self._scenario = scenario
@@ -85,6 +90,11 @@ class Runner:
             size = min(self._batch or len(own), batch_size(template))
             for start in range(0, len(own), size):
                 yield from self._batched(own[start : start + size], template)
+        self._since_collection += len(indices)
+        if self._since_collection >= _MOST_UNCOLLECTED:
+            # Runs consist of objects that refer to each other, and full collections are rare.
+            gc.collect()
+            self._since_collection = 0
 
     def refusal(self, index: int) -> str | None:
         """Say in one line why the runs of a run's cell are made one by one; None if they are batched."""

@@ -27,8 +27,11 @@ def test_a_sweep_is_drawn_from_its_journal(tmp_path: Path) -> None:
 
 
 def test_options_of_logs_are_refused_for_sweeps(tmp_path: Path) -> None:
+    (tmp_path / "else").mkdir()
+    for name in ("sweep.yaml", "identity.json"):
+        (tmp_path / name).touch()
     assert "--agents goes with a log" in symaware("plot", tmp_path, "--agents", "robot", status=2)
-    assert "is not the folder of a sweep" in symaware("plot", tmp_path, "-o", tmp_path / "a.png", status=2)
+    assert "it is not a file" in symaware("plot", tmp_path / "else", "-o", tmp_path / "a.png", status=2)
 
 
 def test_runs_are_read_up_to_the_first_that_is_missing(tmp_path: Path) -> None:
