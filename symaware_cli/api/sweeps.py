@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from symaware_cli.study.findings import VariantDifference, VerdictShare
     from symaware_cli.study.folder import SweepFolder
     from symaware_cli.study.request import SweepRequest
-    from symaware_cli.study.session import SweepOutcome, SweepProgress
     from symaware_cli.study.sweep_plan import SweepPlan
 
 FilePath = str | os.PathLike[str]
@@ -70,8 +69,9 @@ def sweep(
     """
     from pyarrow import parquet
 
-    from symaware_cli.study.folder import TABLE
     from symaware_cli.study.request import SweepRequest
+    from symaware_cli.study.session import conduct
+    from symaware_cli.study.sweep_files import TABLE
 
     options: dict[str, Any] = {
         "runs": runs,
@@ -89,7 +89,7 @@ def sweep(
     )
     with tempfile.TemporaryDirectory() as temporary:
         folder = opened(Path(scenario), Path(temporary, "sweep") if output is None else Path(output), request)
-        outcome = conducted(folder, jobs, batch=batch, fail_fast=fail_fast)
+        outcome = conduct(folder, jobs, batch=batch, fail_fast=fail_fast)
         if outcome.is_interrupted:
             raise KeyboardInterrupt
         return parquet.read_table(folder.path / TABLE)
@@ -108,8 +108,9 @@ def opened(target: Path, output: Path | None, request: SweepRequest) -> SweepFol
         SweepError: The folder has something else, or pyarrow is not installed.
     """
     require_pyarrow()
-    from symaware_cli.study.folder import SweepFolder, is_sweep
+    from symaware_cli.study.folder import SweepFolder
     from symaware_cli.study.sweep_error import SweepError
+    from symaware_cli.study.sweep_files import is_sweep
     from symaware_cli.study.sweep_source import read_sweep
 
     if target.is_dir():
@@ -136,21 +137,6 @@ def checked(target: Path, request: SweepRequest) -> SweepPlan:
     source = SweepFolder.opened(target).source if target.is_dir() else read_sweep(target, request)
     identity_of(source, {})
     return source.plan
-
-
-def conducted(
-    folder: SweepFolder,
-    jobs: int,
-    *,
-    batch: int | None = None,
-    retry_lost: bool = False,
-    fail_fast: bool = False,
-    on_progress: Callable[[SweepProgress], object] | None = None,
-) -> SweepOutcome:
-    """Make all runs of a sweep that have no row yet; see `symaware_cli.study.session.conduct`."""
-    from symaware_cli.study.session import conduct
-
-    return conduct(folder, jobs, batch=batch, retry_lost=retry_lost, fail_fast=fail_fast, on_progress=on_progress)
 
 
 def require_pyarrow() -> None:

@@ -13,13 +13,13 @@ from symaware_cli.cli.terminal import (
     WRONG_INPUT,
     Json,
     fail,
-    is_sweep,
     names,
     print_json,
     printable,
     span,
     trouble_shown,
 )
+from symaware_cli.study.sweep_files import is_sweep
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log

@@ -16,12 +16,12 @@ from symaware_cli.cli.terminal import (
     Json,
     fail,
     instant,
-    is_sweep,
     names,
     print_json,
     span,
     trouble_shown,
 )
+from symaware_cli.study.sweep_files import is_sweep
 
 
 def plot(

@@ -171,8 +171,9 @@ def sweep(
     if add_runs is not None and not target.is_dir():
         fail("--add-runs goes with the folder of a sweep", WRONG_INPUT, as_json)
     with trouble_shown(as_json), output_kept(as_json):
-        from symaware_cli.api.sweeps import conducted, opened
+        from symaware_cli.api.sweeps import opened
         from symaware_cli.study.request import SweepRequest
+        from symaware_cli.study.session import conduct
 
         pairs = [each.partition("\0") for each in variants or ()]
         request = SweepRequest(over or (), overrides or (), [(name, text) for name, _, text in pairs], given)
@@ -183,7 +184,7 @@ def sweep(
             if add_runs is not None:
                 folder = folder.add_runs(add_runs)
             with _shown(folder, not quiet and not as_json) as tell:
-                outcome = conducted(
+                outcome = conduct(
                     folder,
                     _cores() if jobs is None else jobs,
                     batch={"auto": None, "off": 1}.get(batch) if batch in ("auto", "off") else int(batch),
@@ -231,7 +232,7 @@ def _plan_text(plan: dict[str, Any]) -> str:
 
 def _text(outcome: SweepOutcome) -> str:
     """Return the report of a sweep."""
-    from symaware_cli.study.folder import TABLE
+    from symaware_cli.study.sweep_files import TABLE
 
     counts = outcome.counts
     left = outcome.planned - counts.all

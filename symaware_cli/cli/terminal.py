@@ -29,11 +29,6 @@ Seed = Annotated[int | None, typer.Option(min=0, max=2**63 - 1, help="A seed tha
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 
-def is_sweep(path: Path) -> bool:
-    """Whether a path is the folder of a sweep; anything else that is no file is no log either."""
-    return os.path.isfile(path / "sweep.yaml") and os.path.isfile(path / "identity.json")
-
-
 @contextmanager
 def output_kept(for_scripts: bool) -> Iterator[None]:
     """Redirect the output of plugins to stderr, so that stdout contains only JSON.

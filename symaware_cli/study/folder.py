@@ -24,12 +24,9 @@ from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.identity import SweepIdentity, differences
 from symaware_cli.study.runner import Runner
 from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_files import IDENTITY, LOGS, SCENARIO, SWEEP, WRITTEN, is_sweep
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.sweep_source import SweepSource, build_cells, read_sweep, written_again
-
-#: Names in the folder.
-SWEEP, WRITTEN, IDENTITY, SCENARIO = "sweep.yaml", "as-written.yaml", "identity.json", "scenario"
-JOURNAL, TABLE, TIMES, LOGS = "journal.sqlite", "runs.parquet", "times.parquet", "logs"
 
 
 @dataclass(frozen=True)
@@ -168,11 +165,6 @@ class SweepFolder:
             except BlockingIOError:
                 raise SweepError(f"another process is at work on {self.path}") from None
             yield
-
-
-def is_sweep(path: Path) -> bool:
-    """Whether there is a folder of a sweep at a path."""
-    return (path / SWEEP).is_file() and (path / IDENTITY).is_file()
 
 
 def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIdentity, Mapping[str, bytes]]:

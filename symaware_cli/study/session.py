@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any
 from symaware_cli.study import sweep_table
 from symaware_cli.study.cell_stops import CellStops
 from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
-from symaware_cli.study.folder import JOURNAL, TABLE, TIMES, SweepFolder
+from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.row import Row
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_files import JOURNAL, TABLE, TIMES
 from symaware_cli.study.sweep_journal import Counts, SweepJournal
 from symaware_cli.study.worker_pool import WorkerPool
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.study.folder import JOURNAL, SweepFolder
+from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.metrics import BUILT_IN
 from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_document import SweepDocument
+from symaware_cli.study.sweep_files import JOURNAL
 from symaware_cli.study.sweep_journal import SweepJournal
 
 
