@@ -213,10 +213,20 @@ class ClosestPair:
     """Finds the closest pair among bodies that move a little each time.
 
     The previous closest pair gives an upper bound of the present least distance.
+
+    Attributes:
+        is_shared: Whether others find pairs of the same bodies by the same means.
     """
 
-    def __init__(self) -> None:
-        self._proximity = Proximity()
+    def __init__(self, shared: Proximity | None = None) -> None:
+        """Prepare.
+
+        Args:
+            shared: Finds pairs of the same bodies for others as well, and knows which are present; by default one of
+                its own.
+        """
+        self._proximity = Proximity() if shared is None else shared
+        self.is_shared = shared is not None
         self._last: tuple[int, int] | None = None
 
     def __call__(self, positions: Array) -> tuple[float, int, int]:
@@ -225,15 +235,18 @@ class ClosestPair:
         Args:
             positions: One row for each body [m]; shape (n, d). A body with a NaN is absent. Not changed in place.
         """
-        present: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=1))
-        known = self._proximity.present
-        if known is None or not np.array_equal(known, present):
-            self._proximity.present, self._last = present, None
-        if self._last is None:
-            reach = float(nearest_distances(positions).min(initial=np.inf))
-        else:
+        if not self.is_shared:
+            present: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=1))
+            known = self._proximity.present
+            if known is None or not np.array_equal(known, present):
+                self._proximity.present = present
+        reach = np.inf
+        if self._last is not None:
             one, other = self._last
             reach = float(lengths(positions[[one]] - positions[[other]])[0])
+        if not np.isfinite(reach):
+            self._last = None
+            reach = float(nearest_distances(positions).min(initial=np.inf))
         if not np.isfinite(reach):
             return float("inf"), -1, -1
         pairs = self._proximity.pairs(positions, reach * (1.0 + 1e-9))

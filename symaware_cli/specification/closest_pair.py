@@ -61,7 +61,7 @@ class ClosestPairScope(Scope):
         self._pairs = pairs
         self._indices: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
         #: For each set that is paired with itself.
-        self._within = [ClosestPair() for _ in pairs]
+        self._within: list[ClosestPair] = []
         self._closest: tuple[str, ...] = ()
 
     def agents(self, row: int) -> tuple[str, ...]:
@@ -83,6 +83,11 @@ class ClosestPairScope(Scope):
                 (np.array([index[id] for id in first], np.intp), np.array([index[id] for id in second], np.intp))
                 for first, second in self._pairs
             ]
+            everybody = np.arange(len(index))
+            self._within = [
+                ClosestPair(self._world.proximity if np.array_equal(first, everybody) else None)
+                for first, _ in self._indices
+            ]
         found = (self._closest_of(number, snapshot.positions) for number in range(len(self._indices)))
         distance, *pair = min(found)
         self._closest = tuple(snapshot.roster.ids[each] for each in pair) if np.isfinite(distance) else ()
@@ -92,7 +97,9 @@ class ClosestPairScope(Scope):
         first, second = self._indices[number]
         if not np.array_equal(first, second):
             return closest_pair(positions, first, second)
-        distance, one, other = self._within[number](positions[first])
+        closest = self._within[number]
+        # The very array by which the world shares its results.
+        distance, one, other = closest(positions if closest.is_shared else positions[first])
         return distance, int(first[one]), int(first[other])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, EntityGroup, Snapshot, seconds
-from symaware_cli.geometry.proximity import nearest_distances
+from symaware_cli.geometry.proximity import Proximity, nearest_distances
 from symaware_cli.geometry.region import Region
 from symaware_cli.geometry.vectors import lengths
 from symaware_cli.specification.formula import Array
@@ -51,6 +51,10 @@ class World(Protocol):
     @property
     def groups(self) -> Sequence[EntityGroup]:
         """The groups in roster order."""
+
+    @property
+    def proximity(self) -> Proximity:
+        """Finds the pairs of agents that are near each other, with results shared by all callers."""
 
     def state(self, group: EntityGroup) -> Array:
         """Return the true states of a group; shape (n, nx)."""

@@ -95,9 +95,11 @@ SCENARIO: dict[str, Any] = {
 }
 
 
-def ran(folder: Path, stated: dict[str, Any]) -> tuple[Outcome, list[tuple[float, frozenset[str], str]]]:
+def ran(
+    folder: Path, stated: dict[str, Any], scenario: dict[str, Any] = SCENARIO
+) -> tuple[Outcome, list[tuple[float, frozenset[str], str]]]:
     """The outcome of a specification, and instants, agents and predicates that decided violations."""
-    (folder / "crowd.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": {"apart": stated}}))
+    (folder / "crowd.yaml").write_text(yaml.safe_dump({**scenario, "specifications": {"apart": stated}}))
     outcome = execute(build(folder / "crowd.yaml"), folder / "crowd.mcap").specifications[0]
     events = [each for each in open_log(folder / "crowd.mcap").events() if each.name == "violated"]
     return outcome, sorted((e.data["instant"], frozenset(e.data["agents"]), e.data["predicate"]) for e in events)
@@ -124,6 +126,26 @@ def test_the_verdict_is_that_of_a_monitor_for_each_pair(
     assert (closest.verdict, closest.robustness) == (single.verdict, single.robustness)
     # The pair that is the first to violate the formula is named.
     assert violation == [] == violations or violation[0] in [each for each in violations if each[0] == violations[0][0]]
+
+
+@pytest.mark.parametrize("count", [40, 90])
+def test_the_closest_of_all_agents_is_found_by_what_the_world_knows_of_their_proximity(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    robot = SCENARIO["agents"]["robot"]
+    components = {**robot["components"], "see": {"use": "perception.range", "with": {"range": 2.0}}}
+    present = {"present": {"from": 1.0, "until": 3.0}, "count": count // 3}
+    scenario = {**SCENARIO, "agents": {"robot": {**robot, "count": count, "components": components}}}
+    stated = {"pairs": "robot", "formula": "always distance > 0.01"}
+    some_leave = {**scenario, "agents": {"robot": {**scenario["agents"]["robot"], **present}}}
+    for each in (scenario, some_leave):
+        monkeypatch.setattr(specifications, "MOST_PAIRS", 10_000)
+        single, violations = ran(tmp_path, stated, each)
+        monkeypatch.setattr(specifications, "MOST_PAIRS", 10)
+        closest, violation = ran(tmp_path, stated, each)
+        assert sum(closest.counts.values()) == 1 < sum(single.counts.values())
+        assert (closest.verdict, closest.robustness) == (single.verdict, single.robustness)
+        assert violation == [] == violations or violation[0][0] == violations[0][0]
 
 
 @pytest.mark.parametrize(
