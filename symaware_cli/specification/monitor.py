@@ -126,16 +126,7 @@ class Monitor:
         return first, found[:, None] if found.ndim == 1 else found
 
     def select(self, rows: NDArray[np.intp]) -> Monitor:
-        """Return a monitor of some rows, with their history."""
-        if self._clock.single and len(rows) == 0:
-            # A monitor of a single row holds numbers, which cannot be reduced to no row: build an empty one instead.
-            none = Monitor(self.formula, 0, interval=self.interval)
-            for _ in range(self.instants):
-                none.update([np.empty(0)] * _predicates(self.formula))
-            if self.ended:
-                none.finish()
-            none._told, none._known = self._told, none._known[self._told :]
-            return none
+        """Return a monitor of some rows, at least one, with their history."""
         made: Monitor = selected(self, rows, instances=_PARTS)
         made._reasons = {}
         for each in (made, made._clock, made._robustness_clock):

@@ -313,16 +313,17 @@ class SpecificationMonitor:
 
     def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
         """End the evaluation of rows that are no longer present."""
-        for place, cohort in enumerate(self._cohorts):
+        remaining: list[_Cohort] = []
+        for cohort in self._cohorts:
             here = present[cohort.rows]
-            if here.all():
-                continue
-            gone = cohort.select(~here)
-            gone.monitor.finish()
-            self._take(gone, decisions)
-            self._ended.add(gone, self.specification.interval)
-            self._cohorts[place] = cohort.select(here)
-        self._cohorts = [cohort for cohort in self._cohorts if len(cohort.rows)]
+            if here.any():
+                remaining.append(cohort if here.all() else cohort.select(here))
+            if not here.all():
+                gone = cohort.select(~here) if here.any() else cohort
+                gone.monitor.finish()
+                self._take(gone, decisions)
+                self._ended.add(gone, self.specification.interval)
+        self._cohorts = remaining
 
     def _take(self, cohort: _Cohort, decisions: list[Decision]) -> None:
         """Read the new results of a monitor."""

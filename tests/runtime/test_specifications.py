@@ -239,6 +239,24 @@ def test_monitors_begin_and_end_with_their_agents(ran: Ran) -> None:
     assert [event.time for event in left] == [3_000_000_000]
 
 
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "always[0, 1] (x < -9 or eventually[0, 2] x > 9)",
+        "always[0, 4] (x > 9 implies eventually[0, 1] x < 9)",
+        "eventually[0, 4] always[0, 3] x > -9",
+        "x < 9 until[0, 4] x > 9",
+        "always (x > 9 or once[0, 2] x < 9)",
+    ],
+)
+def test_the_only_agents_of_a_formula_may_leave(ran: Ran, formula: str, count: int) -> None:
+    guest = {"count": count, "model": {"use": "single-integrator"}, "state": [0, 0], "present": {"until": 3.0}}
+    summary, _ = ran({"any": {"each": "guest", "formula": formula}}, agents={**SCENARIO["agents"], "guest": guest})
+    assert summary.status == "finished"
+    assert sum(summary.specifications[0].counts.values()) == count
+
+
 def test_a_specification_without_a_value_fails_the_run(ran: Ran) -> None:
     summary, _ = ran({"odd": {"each": "robot", "formula": "always 1 / (x - 6) < 9"}})
     assert summary.status == "failed"
