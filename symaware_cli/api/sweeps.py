@@ -27,7 +27,8 @@ def sweep(
     scenario: FilePath,
     output: FilePath | None = None,
     *,
-    over: Mapping[str, Iterable[Any] | str] | None = None,
+    over: Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | None = None,
+    design: str | None = None,
     changes: Changes | None = None,
     variants: Mapping[str, Mapping[str, Any]] | None = None,
     runs: int | None = None,
@@ -46,7 +47,9 @@ def sweep(
         scenario: A scenario, or the file of a sweep, or the folder of one that is to be resumed.
         output: The folder for its journal and table; if it has the same sweep, that is resumed. By default nothing is
             kept.
-        over: Values of the scenario that vary, by their paths: lists, or ranges such as ``"0..1 by 0.1"``.
+        over: Values of the scenario that vary, by their paths: lists, ranges such as ``"0..1 by 0.1"``, or
+            distributions such as ``{"uniform": [0, 1]}``, from which each run draws.
+        design: How they draw: ``random``, ``latin-hypercube`` or ``sobol``.
         changes: Values of the scenario that all runs share, by their paths.
         variants: Variants of the scenario by name, each with its values by their paths.
         runs: Runs of each combination.
@@ -80,6 +83,7 @@ def sweep(
         "keep": keep,
         "timeout": timeout,
     }
+    options["design"] = None if design is None else json.dumps(design, ensure_ascii=False)
     options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
     request = SweepRequest(
         over=[text for path, values in (over or {}).items() for text in _varied(path, values)],
@@ -153,9 +157,11 @@ def require_pyarrow() -> None:
         raise LogError("a sweep needs the module `pyarrow`, which is not installed: pip install 'symaware-cli[sweep]'")
 
 
-def _varied(path: str, values: Iterable[Any] | str) -> tuple[str, ...]:
+def _varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Sequence[str]:
     if isinstance(values, str):
         return (f"{path}={values}",)
+    if isinstance(values, Mapping):
+        return texts({path: values})
     return tuple(f"{path}={text.partition('=')[2][1:-1]}" for text in texts({path: list(values)}))
 
 
@@ -207,7 +213,7 @@ def scenario_of(folder: Path, index: int) -> Scenario:
     sweep = SweepFolder.opened(folder)
     if not 0 <= index < sweep.plan.count:
         raise SweepError(f"{folder} has no run {index}: they are numbered from 0 to {sweep.plan.count - 1}")
-    changes = texts_of(sweep.plan.cell(index).changes)
+    changes = texts_of(sweep.plan.changes(index))
     return Scenario(sweep.source.scenario, changes, seed=sweep.plan.seed(index))
 
 

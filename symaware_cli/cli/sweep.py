@@ -72,8 +72,16 @@ def sweep(
         typer.Option(
             "--over",
             help="Vary a value: `agents.robot.count=4,8,16` or `run.duration=1..5 by 0.5`; may be repeated: every "
-            "combination is run.",
+            "combination is run. Or draw it in each run: `PATH={uniform: [0, 1]}`.",
             metavar="PATH=VALUES",
+            rich_help_panel=_PLAN,
+        ),
+    ] = None,
+    design: Annotated[
+        str | None,
+        typer.Option(
+            help="How runs draw from distributions: random, latin-hypercube or sobol.",
+            metavar="DESIGN",
             rich_help_panel=_PLAN,
         ),
     ] = None,
@@ -163,6 +171,7 @@ def sweep(
     if batch not in ("auto", "off") and not (batch.isdecimal() and int(batch) > 0):
         fail(f"--batch takes auto, off or a number, not `{batch}`", WRONG_INPUT, as_json)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
+    options["design"] = None if design is None else json.dumps(design, ensure_ascii=False)
     options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
     options["paired"] = "true" if paired else None
     given = {key: str(value) for key, value in options.items() if value is not None}
@@ -216,7 +225,14 @@ def _dry(target: Path, request: SweepRequest, add_runs: int | None) -> dict[str,
         {"parameters": dict(cell.parameters), **({} if cell.variant is None else {"variant": cell.variant})}
         for cell in plan.cells
     ]
-    return {"valid": True, "runs": runs * len(cells), "runs_of_each": runs, "combinations": cells}
+    return {
+        "valid": True,
+        "runs": runs * len(cells),
+        "runs_of_each": runs,
+        "combinations": cells,
+        "drawn": {path: each.model_dump(exclude_unset=True) for path, each in plan.document.drawn.items()},
+        "design": plan.document.design,
+    }
 
 
 def _plan_text(plan: dict[str, Any]) -> str:
@@ -227,7 +243,11 @@ def _plan_text(plan: dict[str, Any]) -> str:
     for cell in cells[:20]:
         values = [f"{path}={value}" for path, value in cell["parameters"].items()]
         lines.append("  " + ", ".join([*([cell["variant"]] if "variant" in cell else []), *values] or ["as it is"]))
-    return "\n".join([*lines, *([f"  and {len(cells) - 20:,} more"] if len(cells) > 20 else [])])
+    if len(cells) > 20:
+        lines.append(f"  and {len(cells) - 20:,} more")
+    for path, drawn in plan["drawn"].items():
+        lines.append(f"  drawn by each run ({plan['design']}): {path}={json.dumps(drawn)}")
+    return "\n".join(lines)
 
 
 def _text(outcome: SweepOutcome) -> str:

@@ -82,9 +82,13 @@ def show_shares(folder: Path, as_json: bool) -> None:
         }
         for each in found
     ]
-    typer.echo("\n".join(_aligned(lines)))
     interval = found[0].interval
-    typer.echo(f"intervals: {interval.method}, confidence {interval.confidence:g}")
+    if interval.method:
+        said = f"intervals: {interval.method}, confidence {interval.confidence:g}"
+    else:
+        lines = [{name: value for name, value in line.items() if name not in ("from", "to")} for line in lines]
+        said = "no intervals: the runs depend on each other by their design"
+    typer.echo("\n".join([*_aligned(lines), said]))
 
 
 def show_differences(folder: Path, name: str, as_json: bool) -> None:

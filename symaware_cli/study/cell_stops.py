@@ -86,7 +86,7 @@ def rule_of(plan: SweepPlan, specifications: Sequence[str]) -> StoppingRule | No
     means = {f"mean.{name}": Mean(*document.bounds.get(name, (None, None))) for name in metrics}
     text = document.until
     if text is None:
-        if len(plan.cells) > 1 or not specifications:
+        if len(plan.cells) > 1 or not specifications or not document.is_independent:
             return None
         text = f'halfwidth(satisfied["{specifications[0]}"]) < 0'
     return StoppingRule(text, {**shares, **means}, document.confidence)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symaware_cli.study.statistics.beta_mixture import BetaMixture
+from symaware_cli.study.statistics.interval_choice import IntervalChoice
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.study.statistics.paired import PairedComparison, compare
-from symaware_cli.study.statistics.proportion import clopper_pearson
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_plan import Cell, SweepPlan
 from symaware_cli.study.sweep_query import column
@@ -68,26 +67,22 @@ class VariantDifference:
 def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
     """Yield the share of each specification in each cell.
 
-    If the number of runs was planned and all of them were made, the interval is that of Clopper and Pearson; otherwise
-    one that holds at all numbers of runs, so that it may be watched. Rows that were lost are left out.
+    Rows that were lost are left out; of a sweep that is not finished, so is what comes after a gap, because the runs
+    that end first are often the short ones.
     """
     names = [name.removeprefix("verdict.") for name in table.column_names if name.startswith("verdict.")]
     index = table["index"].to_numpy()
     counts = table["state"].to_numpy() != "lost"
-    is_planned = plan.document.until is None and int(counts.sum()) == plan.count
-    confidence = plan.document.confidence
+    document = plan.document
+    is_final = document.until is None and int(counts.sum()) == plan.count
+    intervals = IntervalChoice(is_final, document.is_independent, document.confidence)
     for cell in plan.cells:
-        rows = counts & (index % len(plan.cells) == cell.number)
+        rows = np.flatnonzero(index % len(plan.cells) == cell.number)
+        rows = rows[index[rows] // len(plan.cells) == np.arange(len(rows))]
+        rows = rows[counts[rows]]
         for name in names:
             values = (table[f"verdict.{name}"].to_numpy()[rows] == "satisfied").astype(float)
-            satisfied = int(values.sum())
-            if is_planned:
-                interval = clopper_pearson(satisfied, len(values), confidence)
-            else:
-                sequence = BetaMixture(confidence)
-                sequence.update(values)
-                interval = sequence.estimate()
-            yield VerdictShare(cell, name, satisfied, interval)
+            yield VerdictShare(cell, name, int(values.sum()), intervals.share(values))
 
 
 def differences(table: pyarrow.Table, plan: SweepPlan, name: str) -> Iterator[VariantDifference]:

@@ -142,12 +142,21 @@ class SweepFolder:
             raise SweepError(_listed(message, different))
 
     def add_runs(self, count: int) -> SweepFolder:
-        """SweepPlan further runs of each cell; those that are there keep their numbers."""
-        document = self.plan.document
-        text = written_again(document, document.scenario, runs=document.runs + count)
-        draft = self.path / f".{SWEEP}"
-        draft.write_bytes(text)
-        os.replace(draft, self.path / SWEEP)
+        """Plan further runs of each cell; those that are there keep their numbers and what they drew.
+
+        Raises:
+            SweepError: Another process is at work on the folder, or runs cannot be added to the design.
+        """
+        if self.plan.document.design == "latin-hypercube":
+            raise SweepError(
+                f"no runs can be added to {self.path}: a Latin hypercube is drawn for all of its runs at once; make "
+                "another sweep, with more `runs` or another `seed`, or with `design: sobol`, which can be continued"
+            )
+        with self.locked():
+            document = SweepFolder.opened(self.path).plan.document  # as the one who had the lock before left it
+            draft = self.path / f".{SWEEP}"
+            draft.write_bytes(written_again(document, document.scenario, runs=document.runs + count))
+            os.replace(draft, self.path / SWEEP)
         return SweepFolder.opened(self.path)
 
     @contextmanager

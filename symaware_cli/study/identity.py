@@ -39,7 +39,8 @@ class SweepIdentity:
     def of_run(self, plan: SweepPlan, index: int) -> str:
         """Return what tells a run from any other: a hash of its scenario, parameters, index, seed and versions."""
         cell = plan.cell(index)
-        content = [self.cells[cell.number], cell.parameters, cell.variant, index, plan.seed(index), _counting(self)]
+        parameters = plan.parameters(index)
+        content = [self.cells[cell.number], parameters, cell.variant, index, plan.seed(index), _counting(self)]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

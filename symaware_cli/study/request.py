@@ -15,7 +15,7 @@ class SweepRequest:
     """Options of a sweep; what is None or empty stays as the file says.
 
     Attributes:
-        over: What varies, as ``path=value,value`` or ``path=first..last by step``.
+        over: What varies, as ``path=value,value``, ``path=first..last by step`` or ``path={uniform: [low, high]}``.
         set: What all runs change, as ``path=value``.
         variants: Names of variants, each with its changes as ``path=value; path=value``.
         options: Further entries of the document by their keys, as text.
@@ -75,13 +75,18 @@ def _assignment(
     text = source.text[start:end]
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
-        expected = "path=value, value or path=first..last by step" if as_list else "path=value"
+        forms = "path=value, value or path=first..last by step or path={uniform: [low, high]}"
+        expected = forms if as_list else "path=value"
         source.report("bad-set", f"{quoted(text.strip())} sets no value", _span(source, start, end), expected=expected)
         return None
     span = _span(source, start, start + len(path.rstrip()))
     if as_list and not is_range(value):
         # Commas separate values: what stands behind the path is the inside of a list.
         node = _value(source, start + len(path), f"[{value}]")
+        if node is not None and isinstance(node.value, list) and len(node.value) == 1:
+            (only,) = node.value
+            # A mapping alone is a distribution.
+            node = only if isinstance(only.value, dict) else node
     else:
         node = _value(source, start + len(path) + 1, value)
     return None if node is None else _nested((*inside, path.strip()), span, node)

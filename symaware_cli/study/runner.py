@@ -113,6 +113,8 @@ class Runner:
     def _new_template(self, index: int) -> Built | str:
         if self._batch == 1:
             return "batches are switched off"
+        if self._plan.document.drawn:
+            return "each run draws parameters of its own"
         if self._plan.document.timeout is not None:
             return "each run has a time-out of its own"
         if self._plan.document.metrics:
@@ -199,10 +201,12 @@ class Runner:
         return build_composition(composition, self._scenario.parent, self._plan.seed(index), self._catalogue)
 
     def _composition(self, index: int) -> Composition:
+        if self._plan.document.drawn:  # each run is another scenario
+            return compose(self._scenario, texts_of(self._plan.changes(index)))
         cell = self._plan.cell(index)
         found = self._ready.pop(cell.number, None)
         if found is None:
-            found = compose(self._scenario, texts_of(cell.changes))
+            found = compose(self._scenario, texts_of(self._plan.changes(index)))
             if len(self._ready) >= _MOST_READY:
                 self._ready.popitem(last=False)
         self._ready[cell.number] = found

@@ -121,6 +121,7 @@ def conduct(
     """
     began = time.monotonic()
     with folder.locked(), SweepJournal(folder.path / JOURNAL) as journal:
+        folder = SweepFolder.opened(folder.path)  # somebody may have added runs meanwhile
         folder.check()
         (folder.path / TABLE).unlink(missing_ok=True)  # it is no longer the whole truth
         if retry_lost:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, Field
 
 from symaware_cli.scenario.section import Identifier, Name, Section, Use
-from symaware_cli.study.values import expanded
+from symaware_cli.study.drawn_values import DrawnValues, Values
 
 #: The version of the format that this package reads.
 FORMAT = 1
@@ -16,11 +16,6 @@ FORMAT = 1
 #: The most runs of a sweep, and the most combinations of parameters.
 MOST_RUNS, MOST_CELLS = 10_000_000, 100_000
 
-_LISTED = {
-    "anyOf": [{"type": "array", "minItems": 1}, {"type": "string", "pattern": r"\.\."}],
-    "description": "A list of values, or a range such as `0..1 by 0.1`, with both ends.",
-}
-Values = Annotated[list[Any], BeforeValidator(expanded), Field(min_length=1), WithJsonSchema(_LISTED)]
 Target = Annotated[str, Field(min_length=1, max_length=500)]
 Changes = dict[Target, Any]
 
@@ -44,9 +39,15 @@ class SweepDocument(Section):
     seed: int = Field(0, ge=0, lt=2**63, description="Seed of the sweep, from which the seed of each run is derived.")
     runs: int = Field(1, ge=1, le=MOST_RUNS, description="Runs of each combination of parameters and variant.")
     set: Changes = Field(default_factory=dict, description="Values that all runs share, by their paths.")
-    over: dict[Target, Values] = Field(
+    over: dict[Target, Values | DrawnValues] = Field(
         default_factory=dict,
-        description="Values of the scenario that vary, by their paths; every combination of them is run.",
+        description="What varies, by the paths of its values in the scenario: lists, of which every combination is "
+        "run, and distributions such as {uniform: [0, 1]}, from which each run draws.",
+    )
+    design: Literal["random", "latin-hypercube", "sobol"] = Field(
+        "random",
+        description="How the `runs` of each combination draw from distributions: independently, with one run in each "
+        "of `runs` equally likely parts of each distribution, or filling the space of all of them evenly.",
     )
     together: list[dict[Target, Values]] = Field(
         default_factory=list,
@@ -84,3 +85,18 @@ class SweepDocument(Section):
     timeout: float | None = Field(
         None, gt=0, le=1e6, description="Wall time after which a run is given up [s]. By default there is no limit."
     )
+
+    @property
+    def listed(self) -> dict[str, list[Any]]:
+        """What varies over lists, by its path."""
+        return {path: each for path, each in self.over.items() if isinstance(each, list)}
+
+    @property
+    def drawn(self) -> dict[str, DrawnValues]:
+        """What each run draws, by its path."""
+        return {path: each for path, each in self.over.items() if isinstance(each, DrawnValues)}
+
+    @property
+    def is_independent(self) -> bool:
+        """Whether the runs of a combination are independent, as intervals and rules assume."""
+        return self.design == "random"

@@ -78,12 +78,11 @@ class SweepJournal:
 
     def add(self, row: Row, plan: SweepPlan, identity: str) -> None:
         """Write what became of a run, of which nothing is written yet; it is committed soon."""
-        cell = plan.cell(row.index)
         if not self._database.in_transaction:
             self._database.execute("BEGIN")
             self._due = time.monotonic() + _INTERVAL
         values = (
-            *(row.index, identity, _text(cell.parameters), cell.variant),
+            *(row.index, identity, _text(plan.parameters(row.index)), plan.cell(row.index).variant),
             *(plan.seed_key(row.index), plan.seed(row.index), row.state),
             *(_text(row.verdicts), _text(row.robustness), _text(row.metrics)),
             *(row.digest, row.error, row.trace, row.log, row.wall_time),

@@ -1,7 +1,8 @@
 """The plan of a sweep: which runs there are, and what each of them changes.
 
 Runs are numbered replicate by replicate: run ``index`` is replicate ``index // cells`` of cell ``index % cells``, so
-runs can be added without renumbering, and the first runs are balanced over the cells.
+runs can be added without renumbering, and the first runs are balanced over the cells. A parameter that is drawn has one
+value for each replicate, which all cells share.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
+from symaware_cli.study.samples import Samples
 from symaware_cli.study.seeds import seed_of
 from symaware_cli.study.sweep_document import SweepDocument
 
@@ -33,21 +35,23 @@ class ParameterChange:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One combination of parameters and a variant, which is run again and again.
+    """One combination of listed parameters and a variant, which is run again and again.
 
     Attributes:
         number: Its number.
         point: The number of its combination of parameters.
         variant: The name of its variant; None if there are none.
-        parameters: The values of what varies, by their paths.
-        changes: All that is changed in the scenario, in this order.
+        parameters: The values of what varies over lists, by their paths.
+        shared: What all of its runs change in the scenario before what is drawn, in this order.
+        own: What its variant changes after that.
     """
 
     number: int
     point: int
     variant: str | None
     parameters: Mapping[str, Any]
-    changes: tuple[ParameterChange, ...]
+    shared: tuple[ParameterChange, ...]
+    own: tuple[ParameterChange, ...]
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,7 @@ class SweepPlan:
                 own = tuple(
                     ParameterChange(path, value, ("variants", str(variant), path)) for path, value in content.items()
                 )
-                found.append(Cell(len(found), point, variant, parameters, (*shared, *varied, *own)))
+                found.append(Cell(len(found), point, variant, parameters, (*shared, *varied), own))
         return tuple(found)
 
     @cached_property
@@ -93,6 +97,36 @@ class SweepPlan:
         """Return the number of a run within its cell."""
         return index // len(self.cells)
 
+    @cached_property
+    def samples(self) -> Samples:
+        """What is drawn."""
+        return Samples(self.document)
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The paths of what varies: over lists first."""
+        return (*self.cells[0].parameters, *self.samples.paths)
+
+    def parameters(self, index: int) -> Mapping[str, Any]:
+        """Return the values of what varies in a run, by their paths."""
+        return {**self.cell(index).parameters, **self.samples.of(self.replicate(index))}
+
+    def changes(self, index: int) -> tuple[ParameterChange, ...]:
+        """Return all that a run changes in the scenario, in this order."""
+        return self._changes(self.cell(index), self.samples.of(self.replicate(index)))
+
+    def landmark_changes(self) -> Iterator[tuple[ParameterChange, ...]]:
+        """Yield the changes of run 0 with each value that stands for all that a parameter may draw."""
+        first = self.samples.of(0)
+        for path, drawn in self.document.drawn.items():
+            for value in drawn.landmarks:
+                yield self._changes(self.cells[0], {**first, path: value})
+
+    @staticmethod
+    def _changes(cell: Cell, sample: Mapping[str, Any]) -> tuple[ParameterChange, ...]:
+        drawn = (ParameterChange(path, value, ("over", path)) for path, value in sample.items())
+        return (*cell.shared, *drawn, *cell.own)
+
     def seed_key(self, index: int) -> int:
         """Return the number from which the seed of a run is derived; paired variants share it."""
         if self.document.paired:
@@ -107,7 +141,7 @@ class SweepPlan:
 def cell_count(document: SweepDocument) -> int:
     """Return how many cells there are, without making them."""
     count = max(1, len(document.variants))
-    for values in document.over.values():
+    for values in document.listed.values():
         count *= len(values)
     for lists in document.together:
         count *= len(next(iter(lists.values()), [None]))
@@ -115,10 +149,10 @@ def cell_count(document: SweepDocument) -> int:
 
 
 def _points(document: SweepDocument) -> Iterator[tuple[ParameterChange, ...]]:
-    """Yield every combination of what varies; the last parameter varies fastest."""
+    """Yield every combination of what varies over lists; the last parameter varies fastest."""
     axes: list[list[tuple[ParameterChange, ...]]] = [
         [(ParameterChange(path, value, ("over", path, k)),) for k, value in enumerate(values)]
-        for path, values in document.over.items()
+        for path, values in document.listed.items()
     ]
     for number, lists in enumerate(document.together):
         steps = zip(*(enumerate(values) for values in lists.values()), strict=True)

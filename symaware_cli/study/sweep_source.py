@@ -20,7 +20,7 @@ from symaware_cli.scenario.validation import validate
 from symaware_cli.study.metrics import BUILT_IN, RESERVED
 from symaware_cli.study.request import SweepRequest, merged
 from symaware_cli.study.sweep_document import FORMAT, MOST_CELLS, MOST_RUNS, SweepDocument
-from symaware_cli.study.sweep_plan import Cell, ParameterChange, SweepPlan, cell_count
+from symaware_cli.study.sweep_plan import ParameterChange, SweepPlan, cell_count
 
 #: The key by which a file of a sweep is known.
 MARK = "symaware-sweep"
@@ -42,11 +42,11 @@ class SweepSource:
     _root: SourceNode
     _sources: dict[str, Source]
 
-    def overrides(self, cell: Cell) -> list[Override]:
-        """Return the changes of a cell, such that problems with them are located where the sweep says them."""
-        # What is wrong with one cell is reported with that alone.
+    def overrides(self, changes: Sequence[ParameterChange]) -> list[Override]:
+        """Return changes such that problems with them are located where the sweep says them."""
+        # What is wrong with one run is reported with that alone.
         sources = {name: Source(name, each.raw, each.text) for name, each in self._sources.items()}
-        return [self._override(change, sources) for change in cell.changes]
+        return [self._override(change, sources) for change in changes]
 
     def problem(self, code: str, message: str, path: Path) -> Problem:
         """Return a problem with a value of the sweep."""
@@ -140,6 +140,14 @@ def _faults(document: SweepDocument, composition: Composition) -> Iterator[Probl
     if document.until is not None and document.paired:
         message = "paired variants have as many runs each, which `until` does not know of"
         yield composition.problem("invalid-value", message, ("until",), key=True, expected="either of them")
+    if not document.is_independent and not document.drawn:
+        message = f"`{document.design}` has nothing to draw"
+        expected = "a distribution in `over`, such as {uniform: [0, 1]}"
+        yield composition.problem("invalid-value", message, ("design",), key=True, expected=expected)
+    if not document.is_independent and document.until is not None:
+        message = f"`until` assumes independent runs, and those of the design `{document.design}` depend on each other"
+        expected = "`design: random`, or all `runs` without `until`"
+        yield composition.problem("invalid-value", message, ("until",), key=True, expected=expected)
     cells = cell_count(document)
     if cells > MOST_CELLS or cells * document.runs > MOST_RUNS:
         message = f"the sweep has {cells:,} combinations and {cells * document.runs:,} runs"
@@ -148,15 +156,20 @@ def _faults(document: SweepDocument, composition: Composition) -> Iterator[Probl
 
 
 def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
-    """Build every cell of a plan once, with the seed of its first run.
+    """Build the first run of every cell of a plan, and check the ends of what is drawn.
 
     Raises:
         ScenarioError: With the problems of all cells, each once.
     """
+    plan = source.plan
     problems: dict[Problem, None] = {}
-    for cell in source.plan.cells:
+
+    def built_with(changes: Sequence[ParameterChange], index: int) -> Built:
+        return build(source.scenario, source.overrides(changes), plan.seed(index), catalogue)
+
+    for cell in plan.cells:
         try:
-            built = build(source.scenario, source.overrides(cell), source.plan.seed(cell.number), catalogue)
+            built = built_with(plan.changes(cell.number), cell.number)
         except ScenarioError as error:
             problems.update(dict.fromkeys(error.problems))
             if len(problems) >= MAX_PROBLEMS:
@@ -164,6 +177,12 @@ def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
             continue
         if not problems:
             yield built
+    if not problems:
+        for changes in plan.landmark_changes():
+            try:
+                built_with(changes, 0)
+            except ScenarioError as error:
+                problems.update(dict.fromkeys(error.problems))
     if problems:
         raise ScenarioError(problems)
 

@@ -39,8 +39,9 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
     ]
     if plan.document.variants:
         fields.append(field("variant", text, "the variant of the scenario"))
-    for target in parameters(plan):
-        kind = _kind([cell.parameters[target] for cell in plan.cells])
+    for target in plan.paths:
+        drawn = plan.document.drawn.get(target)
+        kind = _kind(drawn.landmarks if drawn else [cell.parameters[target] for cell in plan.cells])
         fields.append(field(target, types[kind], "a value of the scenario that varies"))
     fields += [
         field("seed", integer, "the seed of the run"),
@@ -56,11 +57,6 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
         field("error", text, "why the run is not done"),
     ]
     return pyarrow.schema(fields, {"symaware.sweep": "1"})
-
-
-def parameters(plan: SweepPlan) -> list[str]:
-    """Return the paths of what varies."""
-    return list(plan.cells[0].parameters)
 
 
 def batches(rows: Iterator[Row], plan: SweepPlan, specifications: Sequence[str]) -> Iterator[pyarrow.RecordBatch]:
@@ -119,7 +115,7 @@ def _values(row: Row, plan: SweepPlan) -> Mapping[str, Any]:
         "index": row.index,
         "replicate": plan.replicate(row.index),
         "variant": cell.variant,
-        **cell.parameters,
+        **plan.parameters(row.index),
         "seed": plan.seed(row.index),
         "state": row.state,
         **{f"verdict.{name}": each for name, each in row.verdicts.items()},

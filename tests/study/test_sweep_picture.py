@@ -38,7 +38,7 @@ def test_runs_are_read_up_to_the_first_that_is_missing(tmp_path: Path) -> None:
     folder = tmp_path / "swept"
     symaware("sweep", tiny(tmp_path), "-o", folder, "--runs", 3, "-j", 0, "--over", "agents.robot.count=1,2", "-q")
     whole = finished_runs(SweepFolder.opened(folder))
-    assert (whole.is_final, whole.indices.tolist(), whole.shape) == (True, [0, 1, 2, 3, 4, 5], (2, 1))
+    assert (whole.intervals.is_final, whole.indices.tolist(), whole.shape) == (True, [0, 1, 2, 3, 4, 5], (2, 1))
     assert [axis.name for axis in whole.axes] == ["agents.robot.count"]
     # Runs 0, 2 and 4 are those of the first count.
     with sqlite3.connect(folder / "journal.sqlite") as journal:
@@ -46,7 +46,7 @@ def test_runs_are_read_up_to_the_first_that_is_missing(tmp_path: Path) -> None:
         journal.execute("""UPDATE runs SET state = 'failed', verdicts = '{}', metrics = '{}' WHERE "index" = 1""")
         journal.execute("""UPDATE runs SET state = 'lost', verdicts = '{}', metrics = '{}' WHERE "index" = 3""")
     part = finished_runs(SweepFolder.opened(folder))
-    assert (part.is_final, part.indices.tolist(), part.failed) == (False, [0, 1, 3, 5], 2)
+    assert (part.intervals.is_final, part.indices.tolist(), part.failed) == (False, [0, 1, 3, 5], 2)
     satisfied, length = part.metrics["satisfied.near"].values, part.metrics["path_length"].values
     assert satisfied[1] == 0
     assert np.isnan(satisfied).tolist() == [False, False, True, False]

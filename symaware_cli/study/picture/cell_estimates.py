@@ -7,14 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn
-from symaware_cli.study.statistics.bootstrap import bootstrap_mean
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
-from symaware_cli.study.statistics.proportion import clopper_pearson
-from symaware_cli.study.statistics.stopping import Mean, Share
-from symaware_cli.study.statistics.student import student_mean
-
-#: From this many values on, the interval of a mean is Student's, which is then close to that of the bootstrap.
-_MANY = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +34,7 @@ class CellEstimates:
 
 
 def estimated(runs: FinishedRuns, metric: MetricColumn, with_intervals: bool = True) -> CellEstimates:
-    """Estimate a metric in each combination of parameters.
-
-    Intervals for a fixed number of runs are made only of all runs of a planned number. Otherwise shares and means of
-    values with declared bounds have confidence sequences, which may be watched, and other means no intervals.
-    """
+    """Estimate a metric in each combination of parameters."""
     order = np.argsort(runs.cells(), kind="stable")
     count = int(np.prod(runs.shape))
     ends = np.searchsorted(runs.cells()[order], np.arange(count + 1))
@@ -57,7 +46,7 @@ def estimated(runs: FinishedRuns, metric: MetricColumn, with_intervals: bool = T
         if not len(values):
             columns[5, cell] = 0
             continue
-        found = _estimate(runs, metric, values, cell) if with_intervals else _mean(runs, values)
+        found = _estimate(runs, metric, values, cell) if with_intervals else runs.intervals.plain(values)
         low, high = (np.nan, np.nan) if metric.is_share else np.quantile(values, [0.1, 0.9])
         columns[:, cell] = found.value, found.lower, found.upper, low, high, found.count
         methods.add(found.method)
@@ -66,21 +55,6 @@ def estimated(runs: FinishedRuns, metric: MetricColumn, with_intervals: bool = T
 
 
 def _estimate(runs: FinishedRuns, metric: MetricColumn, values: Array, cell: int) -> IntervalEstimate:
-    count, confidence = len(values), runs.confidence
-    if not runs.is_final:
-        if not metric.is_share and metric.bounds is None:
-            return _mean(runs, values)
-        estimand = Share() if metric.bounds is None else Mean(*metric.bounds)
-        sequence = estimand.sequence(confidence)
-        sequence.update(values)
-        return sequence.estimate()
     if metric.is_share:
-        return clopper_pearson(int(np.sum(values)), count, confidence)
-    if count < _MANY:
-        return bootstrap_mean(values, runs.seed, f"{metric.name} {cell}", confidence)
-    return student_mean(values, confidence)
-
-
-def _mean(runs: FinishedRuns, values: Array) -> IntervalEstimate:
-    """The mean without an interval."""
-    return IntervalEstimate(float(np.mean(values)), np.nan, np.nan, len(values), runs.confidence, "")
+        return runs.intervals.share(values)
+    return runs.intervals.mean(values, metric.bounds, runs.seed, f"{metric.name} {cell}")

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.study.statistics.interval_choice import IntervalChoice
+
 Array = NDArray[np.float64]
 
 
@@ -79,8 +81,7 @@ class FinishedRuns:
         axes: What varies; every combination of their values has runs.
         variants: The names of the variants; empty where there are none.
         planned: How many runs there are to be, at most.
-        is_final: Whether these are all runs of a number that was planned, so that intervals may be made for that.
-        confidence: The confidence of intervals.
+        intervals: How intervals are chosen.
         failed: How many of those that have ended have no metrics, since they failed or were lost.
         indices: The index of each run, ascending; shape (n,).
         metrics: What was measured.
@@ -91,8 +92,7 @@ class FinishedRuns:
     axes: Sequence[ParameterAxis]
     variants: Sequence[str]
     planned: int
-    is_final: bool
-    confidence: float
+    intervals: IntervalChoice
     failed: int
     indices: NDArray[np.int64]
     metrics: Mapping[str, MetricColumn]

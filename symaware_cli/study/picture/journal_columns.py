@@ -12,6 +12,7 @@ from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.metrics import BUILT_IN
 from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
 from symaware_cli.study.row import Row
+from symaware_cli.study.statistics.interval_choice import IntervalChoice
 from symaware_cli.study.sweep_document import SweepDocument
 from symaware_cli.study.sweep_files import JOURNAL
 from symaware_cli.study.sweep_journal import SweepJournal
@@ -34,8 +35,11 @@ def finished_runs(folder: SweepFolder) -> FinishedRuns:
         axes=tuple(_axes(plan.document)),
         variants=tuple(plan.document.variants),
         planned=plan.count,
-        is_final=document.until is None and len(rows) - lost == plan.count,
-        confidence=document.confidence,
+        intervals=IntervalChoice(
+            is_final=document.until is None and len(rows) - lost == plan.count,
+            is_independent=document.is_independent,
+            confidence=document.confidence,
+        ),
         failed=sum(row.state != "done" for row in rows),
         indices=np.array([row.index for row in rows], np.int64),
         metrics={each.name: each for each in _metrics(rows, folder.specifications, document.bounds)},
@@ -53,7 +57,7 @@ def _without_gaps(rows: Iterator[Row], cells: int) -> Iterator[Row]:
 
 def _axes(document: SweepDocument) -> Iterator[ParameterAxis]:
     """The parameters in the order in which a plan combines them; see `sweep_plan`."""
-    for path, values in document.over.items():
+    for path, values in document.listed.items():
         yield ParameterAxis(path, values)
     for lists in document.together:
         if len(lists) == 1:

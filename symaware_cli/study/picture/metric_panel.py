@@ -164,13 +164,19 @@ def _samples(runs: FinishedRuns, metric: MetricColumn) -> Iterator[Array]:
 def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, methods: Sequence[str]) -> Iterator[str]:
     ended = len(runs.indices)
     if methods:
-        yield f"Intervals hold with {100 * runs.confidence:g} % each: {', '.join(methods)}."
+        yield f"Intervals hold with {100 * runs.intervals.confidence:g} % each: {', '.join(methods)}."
     if kind == "curve" and not runs.variants and not all(metric.is_share for metric in metrics):
         yield "Paler: the middle 80 % of the runs."
-    if not runs.is_final:
+    if not runs.intervals.is_independent:
+        yield "The runs depend on each other by their design: no intervals."
+    if not runs.intervals.is_final:
         if ended < runs.planned:
             yield f"{ended:,} of at most {runs.planned:,} runs."
-        if kind != "map" and not all(metric.is_share or metric.bounds for metric in metrics):
+        if (
+            kind != "map"
+            and runs.intervals.is_independent
+            and not all(metric.is_share or metric.bounds for metric in metrics)
+        ):
             yield "Means without declared bounds have no interval that holds at every number of runs."
     if runs.failed:
         yield f"{runs.failed:,} of {ended:,} runs failed or were lost, and have no metrics."

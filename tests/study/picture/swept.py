@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
+from symaware_cli.study.statistics.interval_choice import IntervalChoice
 
 
 def swept(
@@ -23,4 +24,5 @@ def swept(
         MetricColumn("constant", "", False, np.ones(len(indices))),
     ]
     metrics = {column.name: column for column in columns}
-    return FinishedRuns("swept", 7, axes, variants, planned, len(indices) == planned, 0.95, 0, indices, metrics)
+    intervals = IntervalChoice(len(indices) == planned, is_independent=True, confidence=0.95)
+    return FinishedRuns("swept", 7, axes, variants, planned, intervals, 0, indices, metrics)
