@@ -51,6 +51,8 @@ class ContactDetector:
         self._reach = max(0.0, 2.0 * float(self._radii.max(initial=0.0)))
         self._equal_radii = bool((self._radii == self._radii[:1]).all())
         self._proximity = proximity
+        #: Which pairs in blocks touched when looked at last.
+        self._were_touching: NDArray[np.bool_] | None = None
         self._among_agents = _TouchingPairs(self._names)
         self._with_obstacles = _TouchingPairs(self._names)
 
@@ -84,18 +86,30 @@ class ContactDetector:
         if not self._reach:
             return np.empty(0, np.intp)
         positions = snapshot.positions
-        first, second, _ = self._touching_agents(snapshot, positions, self._proximity.pairs(positions, self._reach))
-        begun = self._among_agents.begun(first, second)
+        pairs = self._proximity.pairs(positions, self._reach)
+        if pairs.runs and not self._any_cornered:
+            begun = self._begun_in_blocks(pairs)
+        else:
+            first, second, _ = self._touching_agents(snapshot, positions, pairs)
+            begun = self._among_agents.begun(first, second)
         if scenery.names:
             agent, obstacle, _ = self._touching_obstacles(snapshot, positions, scenery)
             begun = np.concatenate([begun, self._with_obstacles.begun(agent, obstacle)])
         return begun
 
+    def _begun_in_blocks(self, pairs: Pairs) -> Indices:
+        """Return the first agent of each contact that begins among pairs which are always the same."""
+        touching = pairs.distance < self._reaches(pairs)
+        new = touching if self._were_touching is None else touching > self._were_touching
+        self._were_touching = touching
+        return pairs.first.take(np.flatnonzero(new))
+
+    def _reaches(self, pairs: Pairs) -> float | Array:
+        """Return the distance below which the balls of each pair overlap [m]."""
+        return self._reach if self._equal_radii else self._radii.take(pairs.first) + self._radii.take(pairs.second)
+
     def _touching_agents(self, snapshot: Snapshot, positions: Array, pairs: Pairs) -> _Touching:
-        if self._equal_radii:
-            near = np.flatnonzero(pairs.distance < self._reach)
-        else:
-            near = np.flatnonzero(pairs.distance < self._radii.take(pairs.first) + self._radii.take(pairs.second))
+        near = np.flatnonzero(pairs.distance < self._reaches(pairs))
         first, second = pairs.first.take(near), pairs.second.take(near)
         number = np.full(len(near), -1)
         cornered = (

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.geometry.pieces import Pieces, separation
-from symaware_cli.geometry.proximity import Proximity, nearest_distances
+from symaware_cli.geometry.proximity import Pairs, Proximity, nearest_distances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -194,6 +194,8 @@ class BodyOutlines:
             The runs in which two are so near, ascending, shape (k,); their gaps [m], shape (k,), and the two, shape
             (k, 2).
         """
+        if proximity.has_blocks and not self.any_cornered:
+            return self._nearest_in_blocks(proximity.pairs(positions, 0.0), below)
         limits = below
         if np.isinf(below).any():
             least = np.full(len(below), np.inf)
@@ -214,3 +216,18 @@ class BodyOutlines:
         order = order[gaps[order] < limits[runs[order]]]
         first = order[np.diff(runs[order], prepend=-1) != 0]
         return runs[first], gaps[first], np.stack([one[first], other[first]], axis=1)
+
+    def _nearest_in_blocks(self, pairs: Pairs, below: Array) -> tuple[Indices, Array, Indices]:
+        """Find the nearest two discs of each run; see `nearest_of_runs`."""
+        if self._alike:
+            nearness = pairs.distance.reshape(-1, pairs.runs)
+        else:
+            nearness = pairs.distance - self.radii.take(pairs.first) - self.radii.take(pairs.second)
+            nearness = nearness.reshape(-1, pairs.runs)
+        closest = nearness.argmin(axis=0) * pairs.runs + np.arange(pairs.runs)
+        gaps = nearness.ravel().take(closest)
+        if self._alike:
+            gaps -= 2.0 * self._largest
+        runs = np.flatnonzero(gaps < below)
+        closest = closest[runs]
+        return runs, gaps[runs], np.stack([pairs.first[closest], pairs.second[closest]], axis=1)

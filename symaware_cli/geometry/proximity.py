@@ -24,20 +24,25 @@ _ALL_PAIRS = 64
 class Pairs:
     """Pairs of bodies, sorted by index.
 
+    All pairs of several runs with few bodies each are in blocks instead: one for each pair of places in a run, with
+    the pair of each run. Within each run they are sorted, too.
+
     Attributes:
         first: The smaller index of each pair; shape (m,).
         second: The greater index; shape (m,).
         distance: The distance of each pair [m]; shape (m,).
         closest: The number of the closest pair; -1 without pairs.
         least: Its distance [m]; infinite without pairs.
+        runs: The number of runs if pairs are in blocks, each of that size; otherwise 0.
     """
 
-    __slots__ = ("closest", "distance", "first", "least", "second")
+    __slots__ = ("closest", "distance", "first", "least", "runs", "second")
 
-    def __init__(self, first: Indices, second: Indices, distance: Array) -> None:
+    def __init__(self, first: Indices, second: Indices, distance: Array, runs: int = 0) -> None:
         self.first = first
         self.second = second
         self.distance = distance
+        self.runs = runs
         self.closest = int(distance.argmin()) if len(distance) else -1
         self.least = float(distance[self.closest]) if len(distance) else np.inf
 
@@ -60,6 +65,8 @@ class Proximity:
         self._seen: Array | None = None
         self._before: Array | None = None  # the array before that
         self._directed: tuple[Indices, Indices, Indices] | None = None
+        #: The bodies at each place of the runs, if pairs are in blocks; shape (n, runs).
+        self._blocks: Indices | None = None
         self._pairs = Pairs(self._first, self._second, np.empty(0))
 
     @property
@@ -71,6 +78,11 @@ class Proximity:
     def present(self, present: NDArray[np.bool_] | None) -> None:
         self._present = present
         self._built_at, self._seen, self._before = np.empty((0, 0)), None, None
+
+    @property
+    def has_blocks(self) -> bool:
+        """Whether pairs are in blocks; see `Pairs`."""
+        return self.runs is not None and self.runs.shape[1] <= _ALL_PAIRS and self._present is None
 
     def pairs(self, positions: Array, reach: float) -> Pairs:
         """Return at least all pairs whose distance is at most ``reach``.
@@ -86,13 +98,17 @@ class Proximity:
             self._build(positions, reach)
         elif positions is self._seen:
             return self._pairs
-        # `take` and plain products are five times as fast as fancy indexing and einsum for few bodies.
-        apart = positions.take(self._first, 0) - positions.take(self._second, 0)
-        apart *= apart
-        squared = apart[:, 0]
-        for axis in range(1, apart.shape[1]):
-            squared = squared + apart[:, axis]
-        self._pairs = Pairs(self._first, self._second, np.sqrt(squared))
+        if self._blocks is not None:
+            distance = _distances_in_blocks(positions, self._blocks)
+            self._pairs = Pairs(self._first, self._second, distance, self._blocks.shape[1])
+        else:
+            # `take` and plain products are five times as fast as fancy indexing and einsum for few bodies.
+            apart = positions.take(self._first, 0) - positions.take(self._second, 0)
+            apart *= apart
+            squared = apart[:, 0]
+            for axis in range(1, apart.shape[1]):
+                squared = squared + apart[:, axis]
+            self._pairs = Pairs(self._first, self._second, np.sqrt(squared))
         if positions is not self._seen:
             self._before, self._seen = self._seen, positions
         return self._pairs
@@ -143,13 +159,12 @@ class Proximity:
 
     def _build(self, positions: Array, reach: float) -> None:
         runs = np.arange(len(positions))[None] if self.runs is None else self.runs
-        self._directed = None
+        self._directed = self._blocks = None
         if runs.shape[1] <= _ALL_PAIRS:
             first, second = np.triu_indices(runs.shape[1], 1)
-            self._first, self._second = runs[:, first].ravel(), runs[:, second].ravel()
-            if len(runs) > 1:
-                order = np.lexsort((self._second, self._first))
-                self._first, self._second = self._first[order], self._second[order]
+            blocks = np.ascontiguousarray(runs.T)
+            self._blocks = blocks if self.has_blocks else None
+            self._first, self._second = blocks[first].ravel(), blocks[second].ravel()
             self._cut = np.inf
             if self._present is not None:
                 both = self._present[self._first] & self._present[self._second]
@@ -207,6 +222,33 @@ class Proximity:
 
         distances: Array = np.asarray(cKDTree(positions).query(positions, k=2)[0])
         return float(distances[:, 1].min())
+
+
+def _distances_in_blocks(positions: Array, blocks: Indices) -> Array:
+    """Return the distances of all pairs of each run, as in `Pairs`.
+
+    Nothing is gathered, and intermediate results stay in the processor's cache.
+
+    Args:
+        positions: One row for each body [m]; shape (n, d).
+        blocks: The bodies at each place of the runs; shape (k, runs).
+    """
+    first, *others = (column.take(blocks) for column in positions.T)
+    count, runs = blocks.shape
+    distance = np.empty((count * (count - 1) // 2, runs))
+    begin = 0
+    for place in range(count - 1):
+        end = begin + count - 1 - place
+        squared = distance[begin:end]
+        np.subtract(first[place], first[place + 1 :], out=squared)
+        squared *= squared
+        for values in others:
+            apart = values[place] - values[place + 1 :]
+            apart *= apart
+            squared += apart
+        np.sqrt(squared, out=squared)
+        begin = end
+    return distance.ravel()
 
 
 class ClosestPair:

@@ -23,7 +23,7 @@ from symaware_cli.scenario.section import Section
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.validation import a_number, said_of, validate
 from symaware_cli.world.arrays import FARTHEST, is_within
-from symaware_cli.world.chance import GroupChance, agent_numbers
+from symaware_cli.world.chance import GroupChance, Seed, agent_numbers
 
 Array = NDArray[np.float64]
 Plane = Annotated[list[Number], Field(min_length=2, max_length=3)]
@@ -65,15 +65,26 @@ class Sampler:
     """
 
     def __init__(
-        self, composition: Composition, seed: int, ids: Sequence[str], indexed: bool, model: Model | type[Model] | None
+        self, composition: Composition, seed: Seed, ids: Sequence[str], indexed: bool, model: Model | type[Model] | None
     ) -> None:
+        """Start without values.
+
+        Args:
+            composition: The scenario.
+            seed: The seed of the run; of several runs, whose agents are sampled together, those of the first run first.
+            ids: The ids of the agents of a run.
+            indexed: Whether the scenario says how many agents there are.
+            model: Their model, if it is known.
+        """
         self.problems: list[Problem] = []
         self._composition = composition
         self._seed = seed
         self._ids = ids
         self._indexed = indexed
         self._model = model
-        self._numbers = agent_numbers(ids)
+        #: How many values there are: one for each agent of each run.
+        self._rows = len(ids) * (1 if isinstance(seed, int) else len(seed))
+        self._numbers = np.tile(agent_numbers(ids), self._rows // max(1, len(ids)))
         # The parameters of each distribution, checked once for all agents; None after a problem.
         self._known: dict[Path, Any] = {}
         # The draws of all agents from each distribution that they share.
@@ -83,13 +94,13 @@ class Sampler:
     def states(self, value: Any, path: Path) -> Array:
         """The initial state of each agent; shape (n, nx), or (n, 0) after a problem."""
         if self._model is None:
-            return np.empty((len(self._ids), 0))
+            return np.empty((self._rows, 0))
         width = len(self._model.state)
         if value is None:
-            return np.zeros((len(self._ids), width))
+            return np.zeros((self._rows, width))
         each = self._values(value, path, width)
         if each is None or not len(each):
-            return np.empty((len(self._ids), 0))
+            return np.empty((self._rows, 0))
         states = np.array(each, float)
         if not is_within(states, LARGEST):
             row, element = (int(place[0]) for place in np.nonzero(~(np.abs(states) <= LARGEST)))
@@ -112,7 +123,8 @@ class Sampler:
 
     def _report_size(self, path: Path, row: int, inner: Path, number: float, most: float) -> None:
         """Report a number that is too large, at its position if it was written and not drawn."""
-        forms: tuple[Path, ...] = (("each", row), (row,), ("all",), ())
+        own = row % len(self._ids)
+        forms: tuple[Path, ...] = (("each", own), (own,), ("all",), ())
         places = [(*path, *form, *inner) for form in forms]
         where = next((place for place in places if self._composition.has(place)), path)
         expected = f"a number from {-most:g} to {most:g}"
@@ -129,11 +141,13 @@ class Sampler:
             if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in ("grid", "circle"):
                 # Computed once for all agents.
                 kind, placement = next(iter(content.items()))
-                return self._placed(kind, placement, (*inner, kind), width)
-            if not _may_differ(content):
-                first = self._collect(lambda row: self._value(content, inner, row, width), only=1)
-                return first and first * count
-            return self._collect(lambda row: self._value(content, inner, row, width))
+                placed = self._placed(kind, placement, (*inner, kind), width)
+                return None if placed is None else np.tile(placed, (self._rows // count, 1))
+            first = self._collect(lambda row: self._value(content, inner, row, width), only=1)
+            if first is None or not _may_differ(content):
+                return first and first * self._rows
+            columns = self._columns(content, inner)
+            return columns or self._collect(lambda row: self._value(content, inner, row, width))
         if not isinstance(content, list) or len(content) != count:
             said = f"{len(content)} values" if isinstance(content, list) else said_of(content)
             said = "1 value" if said == "1 values" else said
@@ -142,7 +156,9 @@ class Sampler:
             expected = f"a list of {count}{shared}"
             self._report("wrong-count", f"{quoted(dotted(path))} gives {said} for {agents}", inner, expected=expected)
             return None
-        return self._collect(lambda row: self._value(content[row], (*inner, row), row, width), tolerance=10)
+        return self._collect(
+            lambda row: self._value(content[row % count], (*inner, row % count), row, width), tolerance=10
+        )
 
     def _form(self, value: Any, path: Path, width: int | None) -> tuple[bool, Any, Path] | None:
         """Return whether a value is a list of one for each agent, the content and its path; None after a problem."""
@@ -193,7 +209,7 @@ class Sampler:
         """Collect the values of all agents, or of the first ones; stop after more than `tolerance` problems."""
         before = len(self.problems)
         values = []
-        for row in range(len(self._ids) if only is None else only):
+        for row in range(self._rows if only is None else only):
             values.append(value_of(row))
             if len(self.problems) > before + tolerance:
                 break
@@ -264,7 +280,7 @@ class Sampler:
         if kind in ("uniform", "normal"):
             return self._random(kind, content, inner, row, width)
         placed = self._placed(kind, content, inner, width)
-        return None if placed is None else placed[row].tolist()
+        return None if placed is None else placed[row % len(self._ids)].tolist()
 
     def _random(self, kind: str, content: Any, path: Path, row: int, width: int | None) -> Any:
         if path not in self._known:
@@ -276,20 +292,44 @@ class Sampler:
         # A single number for a whole state applies to every element.
         shape = size or width or 0
         unit = self._units(kind, path, row, shape or 1)
-        drawn = first + (second - first) * unit if kind == "uniform" else first + second * unit
+        drawn = _scaled(kind, first, second, unit)
         return drawn.tolist() if shape else float(drawn[0])
+
+    def _columns(self, value: Any, path: Path) -> list[Any] | None:
+        """Draw the values of all agents element by element, instead of agent by agent.
+
+        The value is sound: that of the first agent is known. None unless it is a list of numbers and distributions of
+        single numbers.
+        """
+        if not isinstance(value, list):
+            return None
+        columns = np.empty((self._rows, len(value)))
+        for number, one in enumerate(value):
+            if _is_number(one) and abs(one) <= FARTHEST:
+                columns[:, number] = one
+                continue
+            kind = next(iter(one), "") if isinstance(one, Mapping) else ""
+            parameters = self._known.get((*path, number, kind))
+            if kind not in ("uniform", "normal") or parameters is None or parameters[0].ndim or parameters[1].ndim:
+                return None
+            unit = self._shared_units(kind, (*path, number, kind), 1)[:, 0]
+            first, second = parameters
+            columns[:, number] = _scaled(kind, first, second, unit)
+        return columns.tolist()
 
     def _units(self, kind: str, path: Path, row: int, count: int) -> Array:
         """An agent's draws from the standard distribution; shape (count,)."""
-        purpose = f"scenario {'.'.join(str(part) for part in path[2:])}"
-        if self._is_each:
-            # This distribution belongs to one agent.
-            alone: Array = _unit(GroupChance(self._seed, purpose, self._numbers[row : row + 1]), kind, count)[0]
-            return alone
+        drawn = self._shared_units(kind, path, count, row % len(self._ids) if self._is_each else None)
+        own: Array = drawn[row // len(self._ids) if self._is_each else row]
+        return own
+
+    def _shared_units(self, kind: str, path: Path, count: int, agent: int | None = None) -> Array:
+        """The draws of all rows, or of one agent of each run to which a distribution belongs; shape (m, count)."""
         if path not in self._drawn:
-            self._drawn[path] = _unit(GroupChance(self._seed, purpose, self._numbers), kind, count)
-        drawn: Array = self._drawn[path][row]
-        return drawn
+            purpose = f"scenario {'.'.join(str(part) for part in path[2:])}"
+            numbers = self._numbers if agent is None else self._numbers[agent :: len(self._ids)]
+            self._drawn[path] = _unit(GroupChance(self._seed, purpose, numbers), kind, count)
+        return self._drawn[path]
 
     def _distribution_bounds(self, kind: str, content: Any, path: Path) -> tuple[Array, Array] | None:
         """Check and return the two parameters of a distribution; None after a problem."""
@@ -446,6 +486,11 @@ def _shape(value: Any) -> tuple[int, ...] | None:
     if len(shapes) != 1 or None in shapes:
         return None
     return (len(value), *next(shape for shape in shapes if shape is not None))
+
+
+def _scaled(kind: str, first: Array, second: Array, unit: Array) -> Array:
+    """Scale draws from the standard distribution to one with two parameters."""
+    return first + (second - first) * unit if kind == "uniform" else first + second * unit
 
 
 def _unit(chance: GroupChance, kind: str, count: int) -> Array:

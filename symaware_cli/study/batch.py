@@ -22,6 +22,7 @@ from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Timing
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.specifications import SpecificationBuilder
 from symaware_cli.scenario.timing_check import TimingCheck
@@ -194,18 +195,16 @@ class Batch:
         count = len(self._seeds)
         if not _is_drawn(content.get("state")) and not _is_drawn(content.get("knowledge")):
             return np.tile(template.initial_state, (count, 1)), [dict(each) for each in template.knowledge] * count
-        states: list[Array] = []
-        knowledge: list[Mapping[str, Any]] = []
+        sampler = Sampler(composition, self._seeds, template.ids, content.get("count") is not None, template.model)
         path = ("agents", template.name)
-        for seed in self._seeds:
-            sampler = Sampler(composition, seed, template.ids, content.get("count") is not None, template.model)
-            states.append(sampler.states(content.get("state"), (*path, "state")))
-            known: list[dict[str, Any]] = [{} for _ in template.ids]
-            for name, value in (content.get("knowledge") or {}).items():
-                for own, one in zip(known, sampler.knowledge(value, (*path, "knowledge", name)), strict=True):
-                    own[name] = one
-            knowledge += known
-        return np.concatenate(states), knowledge
+        states = sampler.states(content.get("state"), (*path, "state"))
+        knowledge: list[dict[str, Any]] = [{} for _ in states]
+        for name, value in (content.get("knowledge") or {}).items():
+            for own, one in zip(knowledge, sampler.knowledge(value, (*path, "knowledge", name)), strict=True):
+                own[name] = one
+        if sampler.problems:
+            raise ScenarioError(sampler.problems)
+        return states, knowledge
 
     def _stated(self, composition: Composition) -> Sequence[Specification]:
         """The specifications about the rows of all runs."""
@@ -289,7 +288,8 @@ class BatchObserver(Observer):
 
     def sample(self, now: int) -> None:
         """Sample contacts, distances and risks."""
-        np.add.at(self.contacts_of, self._run_of[self._environment.contacts_begun()], 1)
+        begun = self._run_of.take(self._environment.contacts_begun())
+        self.contacts_of += np.bincount(begun, minlength=len(self.contacts_of))
         if self._runs.shape[1] > 1:
             self._sample_distances(now)
         peaks = np.full(self._runs.size, -np.inf)

@@ -19,8 +19,8 @@ from symaware_cli.runtime.simulation import Simulation
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint64]
 
-#: How many steps are worked through at a time.
-_STEPS = 32
+#: How many steps are worked through at a time, and how many rows are hashed at a time, which fit in the cache.
+_STEPS, _ROWS = 32, 8192
 
 #: Odd factors of the hash, from the digits of pi, e and the golden ratio.
 _FIRST, _SECOND, _NEXT = np.uint64(0x243F6A8885A308D3), np.uint64(0xB7E151628AED2A6B), np.uint64(0x9E3779B97F4A7C15)
@@ -122,28 +122,35 @@ class _GroupMeasurement:
         for states in self._states:
             position = self.group.model.positions(states)
             if self._position is not None:
-                self.path_lengths += lengths(position - self._position)
+                # Axis by axis: NumPy subtracts rows of two elements many times as slowly.
+                apart = np.empty((position.shape[1], len(position)))
+                for axis, moved in enumerate(apart):
+                    np.subtract(position[:, axis], self._position[:, axis], out=moved)
+                self.path_lengths += lengths(apart.T)
             self._position = position
         for inputs in self._inputs:
             for column in range(inputs.shape[1]):
                 self.efforts += inputs[:, column] * inputs[:, column]
         for values in (self._states, self._inputs):
-            for hashed in _hashed(values):
-                self.hashes *= _NEXT
-                self.hashes ^= hashed
+            share = max(1, _ROWS // max(1, len(self.group)))
+            for begin in range(0, len(values), share):
+                for hashed in _hashed(values[begin : begin + share]):
+                    self.hashes *= _NEXT
+                    self.hashes ^= hashed
         self._states.clear()
         self._inputs.clear()
 
 
 def _hashed(values: list[Array]) -> Numbers:
-    """Hash the rows of arrays of one shape (n, k), each by itself; shape (m, n)."""
-    if not values:
-        return np.empty((0, 0), np.uint64)
+    """Hash the rows of m arrays of one shape (n, k), each by itself; shape (m, n)."""
     bits: Numbers = np.stack(values).view(np.uint64)
     factors = _FIRST + _NEXT * np.arange(0, 2 * bits.shape[2], 2, dtype=np.uint64)
-    mixed = bits * (factors | np.uint64(1))
-    mixed ^= mixed >> _HALF
-    mixed *= _SECOND
-    mixed ^= mixed >> _HALF
-    hashed: Numbers = mixed.sum(axis=2, dtype=np.uint64)
+    factors |= np.uint64(1)
+    hashed: Numbers = np.zeros(bits.shape[:2], np.uint64)
+    for column, factor in enumerate(factors):
+        mixed = bits[..., column] * factor
+        mixed ^= mixed >> _HALF
+        mixed *= _SECOND
+        mixed ^= mixed >> _HALF
+        hashed += mixed
     return hashed

@@ -13,10 +13,10 @@ SC 2011.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from hashlib import blake2b
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -98,7 +98,7 @@ def _words(numbers: Numbers) -> Words:
 
 def number_of(text: str) -> int:
     """Return a 64-bit number that depends on a text only, not on process, platform or order."""
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
+    return int.from_bytes(blake2b(text.encode(), digest_size=8).digest(), "little")
 
 
 def agent_numbers(ids: Iterable[str]) -> Numbers:
@@ -171,9 +171,11 @@ def standard_normal(first: Numbers, second: Numbers, key: int | Numbers, width: 
         radius *= -2.0
         np.sqrt(radius, out=radius)
         angle = odd[:lanes] * _ANGLE
-        drawn[part, 0::2] = (radius * np.cos(angle)).T
-        if width > 1:
-            drawn[part, 1::2] = (radius * np.sin(angle))[: width // 2].T
+        pairs = width // 2
+        for number, sines in enumerate(np.sin(angle[:pairs])):
+            np.multiply(radius[number], sines, out=drawn[part, 2 * number + 1])
+        for number, cosines in enumerate(np.cos(angle, out=angle)):
+            np.multiply(radius[number], cosines, out=drawn[part, 2 * number])
     return drawn
 
 
@@ -195,7 +197,8 @@ class GroupChance:
         self._seeds = (seed,) if isinstance(seed, int) else tuple(seed)
         #: How many rows each run has.
         self._share = max(1, len(numbers) // len(self._seeds))
-        self._purpose = purpose
+        #: How the text of a key begins, for each run.
+        self._beginnings = [f"{each}\0{purpose}\0".encode() for each in self._seeds]
         self._numbers = numbers
         self._turn = Turn(-1)
         self._used: dict[tuple[str, ...], int] = {}
@@ -300,11 +303,12 @@ class GroupChance:
 
     def _key(self, turn: Turn, purpose: tuple[str | int, ...], count: int, rows: Indices | None) -> int | Numbers:
         """The key of a purpose: one for all counters, or that of the run which each of them belongs to."""
-        keys = [key_of(seed, self._purpose, *turn, *purpose) for seed in self._seeds]
-        if len(keys) == 1:
-            return keys[0]
-        of_runs = np.array(keys, np.uint64)
-        return np.repeat(of_runs, count // len(keys)) if rows is None else of_runs[rows // self._share]
+        end = "\0".join(map(str, (*turn, *purpose))).encode()
+        keys = b"".join([blake2b(begin + end, digest_size=8).digest() for begin in self._beginnings])
+        if len(self._seeds) == 1:
+            return int.from_bytes(keys, "little")
+        of_runs = np.frombuffer(keys, "<u8").astype(np.uint64, copy=False)
+        return np.repeat(of_runs, count // len(self._seeds)) if rows is None else of_runs[rows // self._share]
 
 
 class _Ahead(NamedTuple):
@@ -342,7 +346,7 @@ def generator(seed: int, path: str, turn: Turn | None = None) -> np.random.Gener
 
 def _generator_key(seed: int, path: str, turn: Turn | None) -> NDArray[np.uint64]:
     text = "\0".join(map(str, (seed, path, *(turn or ()))))
-    return np.frombuffer(hashlib.blake2b(text.encode(), digest_size=16).digest(), "<u8").astype(np.uint64)
+    return np.frombuffer(blake2b(text.encode(), digest_size=16).digest(), "<u8").astype(np.uint64)
 
 
 class AgentChance:

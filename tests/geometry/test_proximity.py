@@ -82,3 +82,30 @@ def test_a_crowd_that_shrinks_or_grows_is_looked_at_anew() -> None:
         assert set(zip(pairs.first[chosen].tolist(), pairs.second[chosen].tolist(), strict=True)) == near(
             positions, 1.0
         )
+
+
+@pytest.mark.parametrize("count", [2, 10, 70])
+def test_pairs_of_several_runs_are_those_of_each_run_to_the_bit(count: int) -> None:
+    random = np.random.default_rng(count)
+    runs = random.permutation(5 * count).reshape(5, count)
+    runs.sort(axis=1)
+    together, alone = Proximity(), [Proximity() for _ in runs]
+    together.runs = runs
+    for _ in range(4):
+        positions = random.uniform(-3.0, 3.0, (5 * count, 3))
+        pairs = together.pairs(positions, 0.7)
+        one, other, distance = together.directed(positions, 0.7)
+        assert pairs.runs == (5 if together.has_blocks else 0)
+        for bodies, proximity in zip(runs, alone, strict=True):
+            own = np.isin(pairs.first, bodies)
+            near = own & (pairs.distance <= 0.7)
+            expected = proximity.pairs(positions[bodies], 0.7)
+            within = expected.distance <= 0.7
+            assert bodies[expected.first[within]].tolist() == pairs.first[near].tolist()
+            assert bodies[expected.second[within]].tolist() == pairs.second[near].tolist()
+            assert expected.distance[within].tobytes() == pairs.distance[near].tobytes()
+            first, second, apart = proximity.directed(positions[bodies], 0.7)
+            directed = np.isin(one, bodies)
+            assert bodies[first].tolist() == one[directed].tolist()
+            assert bodies[second].tolist() == other[directed].tolist()
+            assert apart.tobytes() == distance[directed].tobytes()

@@ -216,3 +216,32 @@ def test_a_run_that_fails_costs_its_row_only_in_a_batch_too(tmp_path: Path) -> N
     alone, batched = (sweep(tmp_path / "odd.yaml", tmp_path / str(batch), runs=8, batch=batch) for batch in (1, None))
     assert {"done", "failed"} == set(alone["state"].to_pylist())
     assert batched.equals(alone)
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        {"normal": [[1.0, -1.0], 0.5]},
+        [{"uniform": [-4, 4]}, 3],
+        {"each": [[0, {"normal": [0, 1]}], [{"uniform": [-1, 1]}, 2], {"uniform": [-3, 3]}]},
+        {"circle": {"radius": 3.0}},
+    ],
+)
+def test_starts_of_any_form_are_those_of_each_run(tmp_path: Path, state: Any) -> None:
+    document = {
+        "symaware": 1,
+        "name": "starts",
+        "run": {"duration": 0.2},
+        "environment": {"use": "kinematic"},
+        "agents": {
+            "robot": {
+                "count": 3,
+                "model": {"use": "single-integrator"},
+                "state": state,
+                "knowledge": {"goal": {"uniform": [[-9, -9], [9, 9]]}},
+                "components": {"see": {"use": "perception.self"}, "steer": {"use": "control.go-to-goal"}},
+            }
+        },
+    }
+    (tmp_path / "starts.yaml").write_text(yaml.safe_dump(document))
+    assert_batchable(tmp_path / "starts.yaml")

@@ -8,7 +8,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.components.control.steering import Approach, along, differing, directions, lengths, scaled
+from symaware_cli.components.control.steering import (
+    Approach,
+    along,
+    differences,
+    differing,
+    directions,
+    lengths,
+    scaled,
+)
 from symaware_cli.core import AgentGroup
 
 Array = NDArray[np.float64]
@@ -71,7 +79,7 @@ class GoToGoal(GoalSeeking):
     def _compute(self) -> tuple[Array, Array, Array, Array, Array, Array]:
         model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
         position = model.positions(state)
-        way = goal - position
+        way = differences(goal, position)
         distance = lengths(way)
         speed = self._slowing(distance)
         direction = directions(way, distance)

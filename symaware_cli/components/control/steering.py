@@ -94,6 +94,14 @@ def lengths(vectors: Array) -> Array:
     return np.sqrt(square)
 
 
+def differences(vectors: Array, others: Array) -> Array:
+    """Return vectors (n, d) minus others (n, d)."""
+    apart = np.empty_like(vectors)
+    for axis in range(vectors.shape[1]):
+        np.subtract(vectors[:, axis], others[:, axis], out=apart[:, axis])
+    return apart
+
+
 def directions(vectors: Array, length: Array) -> Array:
     """Return unit vectors, from vectors (n, d) and their lengths (n,); zero for length zero."""
     return scaled(vectors, 1.0 / np.maximum(length, 1e-12))
