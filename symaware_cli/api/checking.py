@@ -124,11 +124,12 @@ def _require_recorded(log: Log, specification: Specification, omitted: Sequence[
     names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
     moving = {"closing_speed", "control_input", "speed", "velocity"}
     if specification.of == "belief":
-        needed = {"state", *({"control"} if names & moving else ()), *({"awareness"} & {*map(_kind, names)})}
+        needed = {"state", *({"requested_control"} if names & moving else ()), *({"awareness"} & {*map(_kind, names)})}
         needed |= names & {"intent", "risk", "uncertainty"}
     else:
-        needed = {"world", *({"control", "applied"} if names & moving else ())}
-    missing = sorted(needed & {*omitted})
+        needed = {"world", *({"requested_control", "applied_control"} if names & moving else ())}
+    left_out = {*omitted, *(("requested_control", "applied_control") if "control" in omitted else ())}
+    missing = sorted(needed & left_out)
     if missing:
         raise LogError(
             f"{log.path} does not say what `{specification.name}` is about: its scenario leaves {', '.join(missing)} "

@@ -60,7 +60,7 @@ class RunResult:
 
         Args:
             name: A group, an agent, or an entity of the environment.
-            field: Such as ``world`` (the true state), ``state`` (the believed one), ``control`` or ``risk``.
+            field: Such as ``world`` (the true state), ``state`` (the believed one), ``applied_control`` or ``risk``.
 
         Raises:
             LogError: There is no such name or field, or the run was not recorded.

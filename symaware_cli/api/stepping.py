@@ -193,7 +193,7 @@ class SteppedSimulation:
 
         The values replace those that the components request, and the inputs of agents that a failure or a fault has
         taken out of the run, until other values or None are set. The components keep running. The model saturates the
-        values like any request; the log has both, as ``control_requested`` and ``control``.
+        values like any request; the log has both, as ``requested_control`` and ``applied_control``.
 
         Args:
             name: A group, or an agent.

@@ -97,7 +97,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     Attributes:
         others: The beliefs about others that the agent's own components wrote.
-        told: What others sent about themselves, for the time of sending, by id.
+        received: What others sent about themselves, for the time of sending, by id.
     """
 
     __slots__ = (
@@ -111,7 +111,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         "_views_of",
         "_world",
         "others",
-        "told",
+        "received",
     )
 
     def __init__(self, own: SelfAwareness, awareness: GroupAwareness, row: int) -> None:
@@ -120,7 +120,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._row = row
         self._world: Snapshot | None = None
         self.others = OwnBeliefs()
-        self.told = OwnBeliefs()
+        self.received = OwnBeliefs()
         #: The states that were looked up since the last change, or those that all agents share.
         self._states: dict[str, Array] = {}
         self._keeps = True
@@ -137,9 +137,9 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         if state is None:
             state = self.perceived(id)
         if state is None:
-            state = self.told.motion(id)
+            state = self.received.motion(id)
         if state is None:
-            if id not in self.others and id not in self.told:
+            if id not in self.others and id not in self.received:
                 raise KeyError(id)
             roster = self._awareness.roster
             state = np.full(2 * roster.dimensions if roster else 0, np.nan)
@@ -168,30 +168,35 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
                 return TimeSeries.sampled([tracks.time], tracks.covariances[place].reshape(1, -1))
             if self.world is not None and id in self.world:
                 return empty
-        return self.told.parts.get(name, _NO_PART).get(id, empty)
+        return self.received.parts.get(name, _NO_PART).get(id, empty)
+
+    @property
+    def told(self) -> OwnBeliefs:
+        """The former name of `received`."""
+        return self.received
 
     @property
     def parts(self) -> Sequence[str]:
         """The names of all parts that may have values, the declared ones first."""
         declared = self._awareness.parts
-        return [*declared, *sorted({*self.others.parts, *self.told.parts}.difference(declared))]
+        return [*declared, *sorted({*self.others.parts, *self.received.parts}.difference(declared))]
 
     def held_part(self, name: str) -> dict[str, TimeSeries]:
         """Return the own values in effect of a part of other agents, by id in the roster's order.
 
         A vector is returned as a series with one point, now.
         """
-        roster, own, told = (
+        roster, own, received = (
             self._awareness.roster,
             self.others.parts.get(name, _NO_PART),
-            self.told.parts.get(name, _NO_PART),
+            self.received.parts.get(name, _NO_PART),
         )
         found: dict[str, TimeSeries] = {}
         if roster is None:
             return found
-        for id in sorted({*own, *told}.intersection(roster.indices), key=roster.indices.__getitem__):
+        for id in sorted({*own, *received}.intersection(roster.indices), key=roster.indices.__getitem__):
             value = self.part(name, id)
-            if value is not None and (value is own.get(id) or value is told.get(id)):
+            if value is not None and (value is own.get(id) or value is received.get(id)):
                 found[id] = value if isinstance(value, TimeSeries) else TimeSeries.sampled([self._now], value[None])
         return found
 
@@ -260,11 +265,11 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     @property
     def held(self) -> tuple[OwnBeliefs, Snapshot | None, OwnBeliefs]:
         """Return all beliefs that this agent holds itself, for another process."""
-        return self.others, self._world, self.told
+        return self.others, self._world, self.received
 
     @held.setter
     def held(self, held: tuple[OwnBeliefs, Snapshot | None, OwnBeliefs]) -> None:
-        self.others, self._world, self.told = held
+        self.others, self._world, self.received = held
         self._version = None
 
     def tracks(self, now: int) -> Tracks:
@@ -281,10 +286,10 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         count = len(others)
         motions, covariances = np.full((count, width), np.nan), np.zeros((count, width, width))
         instants = np.full(count, now, np.int64)
-        held, told = [], []
+        held, received = [], []
         tracked, places = [], []
         perceived = []
-        own, said = self.others.places, self.told.places
+        own, said = self.others.places, self.received.places
         for row, id in enumerate(others):
             if id in own:
                 held.append(row)
@@ -294,8 +299,8 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             elif world is not None and id in world:
                 perceived.append(row)
             elif id in said:
-                told.append(row)
-        for table, rows in ((self.others, held), (self.told, told)):
+                received.append(row)
+        for table, rows in ((self.others, held), (self.received, received)):
             if rows:
                 chosen = np.fromiter((table.places[others[row]] for row in rows), np.intp, len(rows))
                 motions[rows], instants[rows] = table.motions(chosen), table.times(chosen)
@@ -368,7 +373,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         elif self.others.set_part(name, id, value if isinstance(value, TimeSeries) else frozen(value)):
             self._changed(name)
 
-    def hear(self, vector: AwarenessVector, time: int, *, alone: bool) -> None:
+    def receive(self, vector: AwarenessVector, time: int, *, alone: bool) -> None:
         """Store what another agent sent about itself.
 
         Args:
@@ -376,16 +381,18 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             time: The time of sending, in nanoseconds.
             alone: Whether there is no other source for its position.
         """
-        told = self.told
-        told.set_motion(vector.id, vector.state, time)
-        changed = [name for name, value in vector.items() if name != "state" and told.set_part(name, vector.id, value)]
+        received = self.received
+        received.set_motion(vector.id, vector.state, time)
+        changed = [
+            name for name, value in vector.items() if name != "state" and received.set_part(name, vector.id, value)
+        ]
         self._changed(*(["state", *changed] if alone else changed))
 
     def forget(self, id: str) -> None:
         """Forget what another agent sent."""
-        if id in self.told:
-            self.told.remove(id)
-            self._changed(*self.told.parts)
+        if id in self.received:
+            self.received.remove(id)
+            self._changed(*self.received.parts)
 
     def __setitem__(self, id: str, vector: AwarenessVector) -> None:
         if id == self._own.id:
@@ -420,10 +427,10 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     def _known(self) -> dict[str, AwarenessVector]:
         """A view of each known agent: itself, those known by the group's components in the roster's order, others."""
-        awareness, held, told = self._awareness, self.others, self.told
+        awareness, held, received = self._awareness, self.others, self.received
         world = self._world or awareness._world
         shared = awareness.tracks if world is None else world.roster if world.present is None else world
-        sources = (shared, held.version, told.version)
+        sources = (shared, held.version, received.version)
         if sources != self._views_of:
             known: Sequence[str] = ()
             if world is not None:
@@ -431,7 +438,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             elif awareness.tracks is not None and awareness.roster is not None:
                 ids = awareness.roster.ids
                 known = [ids[other] for other in self._tracked().tolist()]
-            ids = (*known, *sorted({*held, *told}.difference(known)))
+            ids = (*known, *sorted({*held, *received}.difference(known)))
             # Not changed in place, because a caller may be iterating over it.
             views, own = self._views, self._own.id
             self._views = {own: self._own}

@@ -46,8 +46,8 @@ class SharedBeliefs:
         "_joined",
         "_joined_of",
         "_name",
+        "_received",
         "_seen",
-        "_told",
         "_world",
         "clock",
         "holders",
@@ -63,7 +63,7 @@ class SharedBeliefs:
         self.parts = {part.name: part for part in parts}
         self._world: Snapshot | None = None
         self._seen: Tracks | None = None
-        self._told: Tracks | None = None
+        self._received: Tracks | None = None
         self._joined: Tracks | None = None
         self._joined_of: object = None
         self.version = Version()
@@ -91,13 +91,13 @@ class SharedBeliefs:
         self._seen, self.version = tracks, Version()
 
     @property
-    def told(self) -> Tracks | None:
+    def received(self) -> Tracks | None:
         """The beliefs of each agent about others from received messages."""
-        return self._told
+        return self._received
 
-    @told.setter
-    def told(self, tracks: Tracks | None) -> None:
-        self._told, self.version = tracks, Version()
+    @received.setter
+    def received(self, tracks: Tracks | None) -> None:
+        self._received, self.version = tracks, Version()
 
     @property
     def tracks(self) -> Tracks | None:
@@ -105,18 +105,18 @@ class SharedBeliefs:
 
         None if there are no beliefs, or if all of them are in `world`.
         """
-        if self._told is None:
+        if self._received is None:
             return self._seen
         if self._joined_of is not self.version:
-            self._joined, self._joined_of = self._join(self._seen, self._told, self._world), self.version
+            self._joined, self._joined_of = self._join(self._seen, self._received, self._world), self.version
         return self._joined
 
-    def _join(self, seen: Tracks | None, told: Tracks, world: Snapshot | None) -> Tracks | None:
+    def _join(self, seen: Tracks | None, received: Tracks, world: Snapshot | None) -> Tracks | None:
         if seen is None and world is not None:
-            if told.instants.max(initial=world.time) <= world.time:
+            if received.instants.max(initial=world.time) <= world.time:
                 return None
             seen = self.everybody(world)
-        return told if seen is None else seen.updated(told)
+        return received if seen is None else seen.updated(received)
 
     def motion(self, id: str, state: ArrayLike, *, is_state: bool = False) -> Array:
         """Convert a statement about another agent into the common layout of beliefs about others; see `as_motion`."""

@@ -85,8 +85,8 @@ def inspect(
         str | None,
         typer.Option(
             help="Show values over time, such as `robot.0:state` or `robot:world:x`. NAME: an agent, "
-            "a group, an entity. FIELD: state, world, control, control_requested, intent, uncertainty, risk, another "
-            "part of awareness, or a sensor's name.",
+            "a group, an entity. FIELD: state, world, applied_control, requested_control, intent, uncertainty, "
+            "risk, another part of awareness, or a sensor's name.",
             metavar="NAME:FIELD[:COLUMN]",
             rich_help_panel=VIEW,
         ),

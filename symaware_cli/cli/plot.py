@@ -50,8 +50,8 @@ def plot(
         list[str] | None,
         typer.Option(
             help="A series to plot, such as `robot.0:state:heading` or `robot:risk`, of an agent, a group or an "
-            "entity; may be repeated. The fields: state, world, control, control_requested, intent, uncertainty, risk, "
-            "and further parts of awareness.",
+            "entity; may be repeated. The fields: state, world, applied_control, requested_control, intent, "
+            "uncertainty, risk, and further parts of awareness.",
             metavar="NAME:FIELD[:COLUMN]",
         ),
     ] = None,

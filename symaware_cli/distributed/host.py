@@ -77,7 +77,7 @@ class Host(Participant):
         while missing := self._missing:
             happening = self._wait(deadline)
             if happening is None:
-                self._fail("run", f"nobody came within {self._patience:g} s for {listed(missing)}")
+                self._fail("run", f"no process joined within {self._patience:g} s for {listed(missing)}")
             self._take(happening)
         # The log must not depend on who came first.
         for member in self._in_order:
@@ -162,7 +162,7 @@ class Host(Participant):
                 self._take(happening)
             elif self._awaited:
                 ids = listed(id for id in self._simulation.environment.roster.ids if id in self._awaited)
-                self._fail("run", f"nobody came back within {self._patience:g} s for {ids}")
+                self._fail("run", f"no process rejoined within {self._patience:g} s for {ids}")
 
     def _deliver_posts(self) -> None:
         """Send the messages of members on, in an order that does not depend on which report came first."""

@@ -129,7 +129,9 @@ def _open_channels(writer: LogWriter, parts: Sequence[ProcessLog]) -> dict[str, 
         for channel in part.log.index.channels.values():
             info, path = part.log.channels[channel.topic], part.log.path
             if info.schema not in _NAMES or info.encoding != "protobuf":
-                raise LogError(f"the messages on {info.topic} ({info.schema or 'no schema'}) in {path} are not ours")
+                raise LogError(
+                    f"the messages on {info.topic} ({info.schema or 'no schema'}) in {path} are not of SymAware"
+                )
             first, first_path = known.setdefault(info.topic, (info, path))
             if (first.schema, first.metadata) != (info.schema, info.metadata):
                 what = "columns" if first.schema == info.schema else "messages"

@@ -116,12 +116,12 @@ class MessageExchange:
         if self.network is not None:
             self.network.present = present
 
-    def disturb(self, disturbances: Sequence[Disturbance]) -> None:
+    def add_disturbances(self, disturbances: Sequence[Disturbance]) -> None:
         """Add disturbances from now on."""
         self.flush()
         self._transmission.disturbances.extend(disturbances)
 
-    def relieve(self, disturbances: Sequence[Disturbance]) -> None:
+    def remove_disturbances(self, disturbances: Sequence[Disturbance]) -> None:
         """Remove disturbances."""
         self.flush()
         for disturbance in disturbances:

@@ -18,7 +18,7 @@ from symaware_cli.geometry.rotation import rotated
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.log_schema import GEOMETRY
-from symaware_cli.recording.surface import MEDIA_TYPES, bounds, stl
+from symaware_cli.recording.mesh_files import MEDIA_TYPES, bounds, stl
 
 #: Maximum size of a mesh, and of all meshes together [bytes]; a mesh beyond is replaced by its bounding box.
 LARGEST = 16 << 20

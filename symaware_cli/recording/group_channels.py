@@ -112,7 +112,7 @@ class GroupChannels:
             writer: The log.
             environment: The initialised world.
             group: The group.
-            omit: Kinds to omit; `applied` for the control inputs applied by the world.
+            omit: Kinds to omit.
             own: The rows to record, ascending; None for all. The other rows run in another process.
         """
         self._rows = RecordedRows(group, own)
@@ -129,8 +129,8 @@ class GroupChannels:
         motion = columns_metadata(motion_quantities(environment.roster.dimensions))
         topics = {
             "world": (f"/world/{group.name}/state", "Rows", columns_metadata(group.model.state)),
-            "control": (f"/agents/{group.name}/control", "Rows", inputs),
-            "applied": (f"/world/{group.name}/control", "Rows", inputs),
+            "requested_control": (f"/agents/{group.name}/control", "Rows", inputs),
+            "applied_control": (f"/world/{group.name}/control", "Rows", inputs),
             **{
                 name: (signal_topic(group.name, name, part), SIGNAL_MESSAGES[part.kind], signal_metadata(part))
                 for name, part in awareness.parts.items()
@@ -179,16 +179,16 @@ class GroupChannels:
                 self._record_all(now, channels["world"], truth)
                 if self._postures:
                     self._postures.record(now)
-        if "applied" in channels and steps > self._told_steps:
+        if "applied_control" in channels and steps > self._told_steps:
             # The inputs that were applied in the last step; only the world knows them.
             self._told_steps = steps
-            self._record_all(now, channels["applied"], self._environment.applied_input(self._group))
+            self._record_all(now, channels["applied_control"], self._environment.applied_input(self._group))
         for channel, column in self._parts:
             updates += self._record_any(now, channel, column)
         if self._others:
             updates += self._others.record(now)
-        if "control" in channels:
-            updates += self._record_column(now, channels["control"], self._group.control_column)
+        if "requested_control" in channels:
+            updates += self._record_column(now, channels["requested_control"], self._group.control_column)
         if "knowledge" in channels:
             updates += self._record_knowledge(now, channels["knowledge"])
         for channel, column in self._signals:

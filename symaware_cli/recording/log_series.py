@@ -15,7 +15,7 @@ from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.log_file import names_in
 from symaware_cli.recording.log_journals import LogJournals
 from symaware_cli.recording.logged_beliefs import LoggedBeliefs, beliefs
-from symaware_cli.recording.names import TOPICS
+from symaware_cli.recording.names import FORMER_FIELDS, TOPICS
 from symaware_cli.recording.series import (
     LoggedTable,
     Prediction,
@@ -39,11 +39,11 @@ class LogSeries(LogJournals):
             name: A group, an agent, or an entity of the environment. The name of a group of one is also that of its
                 agent.
             field: `state` (believed), `world` (true), `pose` and `joints` (further true quantities in spatial worlds);
-                `control` (the input that the world applied in the step that ended at that time), `control_requested`
-                (the input requested from that time on); a part of awareness, such as `intent`, `uncertainty` and
-                `risk`, of which the first point is used if it is a time series; or a signal, by component and name,
-                such as `radar.returns`, or by component alone for a sensor that measures a vector: from the time it
-                became available, NaN where a measurement was missed.
+                `applied_control` (the input that the world applied in the step that ended at that time),
+                `requested_control` (the input requested from that time on); a part of awareness, such as `intent`,
+                `uncertainty` and `risk`, of which the first point is used if it is a time series; or a signal, by
+                component and name, such as `radar.returns`, or by component alone for a sensor that measures a vector:
+                from the time it became available, NaN where a measurement was missed.
 
         Returns:
             For a group: every instant at which any of its agents was recorded, (k, n, columns); the other agents keep
@@ -79,7 +79,7 @@ class LogSeries(LogJournals):
         Raises:
             UnknownNameError: The field does not exist.
         """
-        topics = self._fields(owner)
+        topics, field = self._fields(owner), FORMER_FIELDS.get(field, field)
         if field not in topics:
             there = ", ".join(sorted(topics))
             raise UnknownNameError(f"there is no field {field!r}; there are {there}", field, sorted(topics))

@@ -8,16 +8,19 @@ TOPICS = {
     "world": "/world/{}/state",
     "pose": "/world/{}/pose",
     "joints": "/world/{}/joints",
-    "control": "/world/{}/control",
-    "control_requested": "/agents/{}/control",
+    "applied_control": "/world/{}/control",
+    "requested_control": "/agents/{}/control",
 } | {part.name: f"/agents/{{}}/{part.name}" for part in PARTS}
 """The topic of each field of `Log.series` that any log may have."""
 
-FIELDS = tuple(TOPICS)
+FORMER_FIELDS = {"control": "applied_control", "control_requested": "requested_control"}
+"""Former names of fields, which are still accepted."""
+
+FIELDS = (*TOPICS, *FORMER_FIELDS)
 """The fields of `Log.series`."""
 
-KINDS = ("control", "knowledge", "awareness", "sensors", "world")
-"""The kinds of records that `Recorder` can omit."""
+KINDS = ("control", "requested_control", "applied_control", "knowledge", "awareness", "sensors", "world")
+"""The kinds of records that `Recorder` can omit; `control` stands for the requested and the applied control inputs."""
 
 TABLES = (
     *(part.name for part in PARTS),

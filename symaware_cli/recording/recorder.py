@@ -76,8 +76,7 @@ class Recorder:
             environment: The initialised world.
             groups: All groups.
             interval: Minimum simulated time between two records of a group, in nanoseconds; 0 for every step.
-            omit: Parts of awareness and `KINDS` to omit; ``applied`` omits only the control inputs that the world
-                applied.
+            omit: Parts of awareness and `KINDS` to omit.
             events: Events to record: ``notable`` for those that do not recur, ``all``, or ``none`` but the last one.
             messages: Messages to record: all stages of all messages, only dropped messages, or none.
             own: The ids of the agents whose awareness, control and knowledge are recorded; None for all.
@@ -102,9 +101,9 @@ class Recorder:
         for group in sorted(groups, key=lambda group: group.name):
             rows = [row for row, id in enumerate(group.ids) if own is None or id in own]
             every = {*KINDS, *group.awareness.parts, *group.awareness.signals}
-            left_out = {*omit} if rows else {*omit, *every} - {"world"}
+            left_out = {*omit} if rows else {*omit, *every} - {"world", "applied_control"}
             if "control" in omit:
-                left_out.add("applied")
+                left_out |= {"requested_control", "applied_control"}
             self._groups.append(GroupChannels(writer, environment, group, left_out, rows))
         self._entities = None if "world" in omit else EntityChannels(writer, environment)
         postures = [PostureChannels(writer, environment, name) for name in environment.obstacles if "world" not in omit]

@@ -173,7 +173,7 @@ class Blind(Effect):
         for each in self.components:
             disturbance = partial(_blindfold, frozenset(each.rows))
             scheduler = targets.scheduler(each)
-            scheduler.supervision.disturb(disturbance)
+            scheduler.supervision.add_disturbance(disturbance)
             disturbance(scheduler.entry.group, ())
             begun.append((scheduler, disturbance))
         return begun
@@ -181,7 +181,7 @@ class Blind(Effect):
     def end(self, targets: Targets, begun: Any) -> None:
         """Let the sensors detect agents again, from their next turns on."""
         for scheduler, disturbance in begun:
-            scheduler.supervision.undisturb(disturbance)
+            scheduler.supervision.remove_disturbance(disturbance)
 
 
 def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int]) -> None:
@@ -220,14 +220,14 @@ class MeasurementError(Effect):
             scheduler = targets.scheduler(each)
             noise = _Noise(self.deviation, scheduler.entry, targets.simulation.seed, name)
             disturbance = partial(_mismeasure, self, each.rows, noise)
-            scheduler.supervision.disturb(disturbance)
+            scheduler.supervision.add_disturbance(disturbance)
             begun.append((scheduler, disturbance))
         return begun
 
     def end(self, targets: Targets, begun: Any) -> None:
         """Stop adding the error."""
         for scheduler, disturbance in begun:
-            scheduler.supervision.undisturb(disturbance)
+            scheduler.supervision.remove_disturbance(disturbance)
 
 
 class _Noise:
@@ -288,12 +288,12 @@ class Cut(Effect):
     def begin(self, targets: Targets, name: str) -> Any:
         """Disturb the message exchange."""
         disturbances = [Disturbance(name, *ends, self.loss, self.delay, self.bandwidth) for ends in self.ways]
-        targets.simulation.exchange.disturb(disturbances)
+        targets.simulation.exchange.add_disturbances(disturbances)
         return disturbances
 
     def end(self, targets: Targets, begun: Any) -> None:
         """Remove the disturbance."""
-        targets.simulation.exchange.relieve(begun)
+        targets.simulation.exchange.remove_disturbances(begun)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
         if isinstance(column, SeriesColumn)
     ]
     tables = [(column, column.tables) for column in written if isinstance(column, TableColumn)]
-    seen, told = awareness.seen, awareness.told
+    seen, received = awareness.seen, awareness.received
     yield
     for column, before in columns:
         if column.values is not before and column.values[chosen].tobytes() != before[chosen].tobytes():
@@ -54,8 +54,8 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     held[chosen] = True
     if awareness.seen is not None and awareness.seen is not seen:
         awareness.seen = _merged(awareness.seen, seen, held)
-    if awareness.told is not None and awareness.told is not told:
-        awareness.told = _merged(awareness.told, told, held)
+    if awareness.received is not None and awareness.received is not received:
+        awareness.received = _merged(awareness.received, received, held)
 
 
 def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> Tracks:

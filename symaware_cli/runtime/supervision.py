@@ -92,13 +92,13 @@ class Supervision:
             del self.suspended[agent]
         self._changed()
 
-    def disturb(self, disturbance: Disturb) -> None:
+    def add_disturbance(self, disturbance: Disturb) -> None:
         """Add a function to call after each turn; see `Disturb`."""
         self.disturbances.append(disturbance)
         self._changed()
 
-    def undisturb(self, disturbance: Disturb) -> None:
-        """Remove a function added by `disturb`."""
+    def remove_disturbance(self, disturbance: Disturb) -> None:
+        """Remove a function added by `add_disturbance`."""
         self.disturbances.remove(disturbance)
         self._changed()
 

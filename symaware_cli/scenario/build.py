@@ -15,17 +15,11 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import (
     AgentGroup,
-    Component,
-    Entity,
     Environment,
-    GroupComponent,
-    Model,
-    Quantity,
     WorldError,
     nanoseconds,
 )
 from symaware_cli.distributed.transport import Transport
-from symaware_cli.models.conformity import faults_of
 from symaware_cli.network.topology.topology import Topology
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
@@ -40,15 +34,15 @@ from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.fault_builder import FaultBuilder
+from symaware_cli.scenario.group_builder import GroupBuilder
 from symaware_cli.scenario.network_builder import NetworkBuilder
 from symaware_cli.scenario.overrides import Override
-from symaware_cli.scenario.parts import check_omitted, declared_parts, declared_signals, name_columns
+from symaware_cli.scenario.parts import check_omitted
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, topologies, words
 from symaware_cli.scenario.presence_builder import PresenceBuilder
-from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
+from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, quoted
 from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
-from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specifications import SpecificationBuilder, check_values
 from symaware_cli.scenario.timing_check import TimingCheck
@@ -174,9 +168,6 @@ class _SimulationBuilder:
         self._world = world
         self._found = tuple(found)
         self._problems: list[Problem] = []
-        self._uses: dict[str, dict[str, Any]] = {}
-        #: The names of the parts of awareness that components declare.
-        self._declared: set[str] = set()
         self._factory = PluginFactory(composition, catalogue, self._report, self._problems.extend)
 
     def build(self) -> Built:
@@ -190,18 +181,19 @@ class _SimulationBuilder:
             self._problems += document
             document = self._sound_part(data, document)
         # Objects are created even if the document has problems elsewhere, so that one pass reports everything.
-        seed = document.seed if isinstance(document, ScenarioDocument) else 0
+        valid = document if isinstance(document, ScenarioDocument) else None
         environment = self._environment(mapping(data.get("environment")))
+        maker = GroupBuilder(self._composition, self._report, self._problems.extend, self._factory, valid, self._found)
         groups, component_entries = [], []
         for name, entry in mapping(data.get("agents")).items():
-            group, group_slots = self._group(name, mapping(entry), document, seed)
+            group, own_entries = maker.build(name, mapping(entry))
             if group:
                 groups.append(group)
-            component_entries += group_slots
+            component_entries += own_entries
         steps = self._steps(mapping(data.get("run")).get("duration"), environment)
         networks = self._topologies(data.get("topology"))
         transport = next(iter(self._factory.make(mapping(data.get("transport")), ("transport",))), None)
-        check_omitted(mapping(data.get("recording")).get("omit"), self._declared, self._report)
+        check_omitted(mapping(data.get("recording")).get("omit"), maker.declared, self._report)
         options, network = RunOptions(), None
         if isinstance(document, ScenarioDocument) and environment is not None:
             options = self._options(document, environment, groups, component_entries)
@@ -209,7 +201,7 @@ class _SimulationBuilder:
             check_assets(document, environment, self._folder, self._report)
             check_consensus(document, environment.time_step, component_entries, self._report)
             if document.topology is not None and len(groups) == len(document.agents):
-                builder = NetworkBuilder(self._report, environment, groups, seed)
+                builder = NetworkBuilder(self._report, environment, groups, document.seed)
                 narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
                 network = builder.build(document.topology, networks, narrowed=narrowed)
                 if network is not None:
@@ -223,7 +215,7 @@ class _SimulationBuilder:
         if network is not None:
             simulation.connect(network)
         files = {**self._composition.files, **assets(document, self._folder)}
-        return Built(document, simulation, steps, options, data, files, self._uses, transport)
+        return Built(document, simulation, steps, options, data, files, maker.uses, transport)
 
     def _sound_part(self, data: Mapping[str, Any], problems: list[Problem]) -> ScenarioDocument | list[Problem]:
         """The document without its wrong entries, if these are in sections whose entries do not need each other."""
@@ -324,126 +316,6 @@ class _SimulationBuilder:
         made = {path: self._factory.make(each, path) for path, each in topologies(entry)}
         return {path: instances[0] for path, instances in made.items() if instances}
 
-    def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
-        made = self._factory.make(entry, path)
-        if not made:
-            return None
-        model: Model = made[0]
-        fault = _fault_of(model)
-        if fault:
-            self._report("broken-plugin", f"the model {quoted(entry['use'])} {fault}", (*path, "use"))
-            return None
-        return model
-
-    def _conforms(self, model: Model, use: str, state: Array, path: Path) -> bool:
-        """Check that a model returns arrays of the declared shapes; done once, as checks in a run would cost time."""
-        faults = list(faults_of(model, state))
-        for fault in faults:
-            self._report("broken-plugin", f"the model {quoted(use)} {fault}", path)
-        return not faults
-
-    def _group(
-        self, name: str, entry: Mapping[str, Any], document: ScenarioDocument | list[Problem], seed: int
-    ) -> tuple[AgentGroup | None, list[ComponentEntry]]:
-        path: Path = ("agents", name)
-        model = self._model(mapping(entry.get("model")), (*path, "model"))
-        count = entry.get("count")
-        sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
-        indexed = count is not None
-        ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
-        # Even if the model's parameters are invalid, its class declares the columns of the state.
-        kind = self._factory.plugins.get((*path, "model"))
-        described = model or (kind if kind is not None and _fault_of(kind) is None else None)
-        sampler = Sampler(self._composition, seed, ids, indexed, described)
-        states, knowledge = None, []
-        if sound or not indexed:
-            states = sampler.states(entry.get("state"), (*path, "state"))
-            knowledge = self._knowledge(sampler, entry, path, len(ids))
-            self._problems += sampler.problems
-        components = mapping(entry.get("components"))
-        uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
-        uses_model = mapping(entry.get("model")).get("use")
-        self._uses[name] = {"model": uses_model, "components": uses}
-        instances = {
-            component: self._factory.make(mapping(content), (*path, "components", component), len(ids))
-            for component, content in components.items()
-        }
-        capable = [
-            component
-            for component, made in instances.items()
-            if made and self._has_knowledge(made[0], entry, (*path, "components", component), uses[component])
-        ]
-        declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
-        parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
-        self._declared.update(each.name for each in (*parts, *signals.values()))
-        if model is None or states is None or sampler.problems or self._found:
-            return None, []
-        body = document.agents[name].entity if isinstance(document, ScenarioDocument) else Entity()
-        if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
-            return None, []
-        group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
-        group.regions = document.regions if isinstance(document, ScenarioDocument) else {}
-        component_entries = [
-            ComponentEntry(group, component, uses[component], instances[component])
-            for component in capable
-            if self._can_work(group, instances[component][0], (*path, "components", component), uses[component])
-        ]
-        return group, component_entries
-
-    def _knowledge(self, sampler: Sampler, entry: Mapping[str, Any], path: Path, count: int) -> list[dict[str, Any]]:
-        knowledge: list[dict[str, Any]] = [{} for _ in range(count)]
-        for name, value in mapping(entry.get("knowledge")).items():
-            for own, known in zip(knowledge, sampler.knowledge(value, (*path, "knowledge", name)), strict=False):
-                own[name] = known
-        return knowledge
-
-    def _has_knowledge(
-        self, component: Component | GroupComponent, entry: Mapping[str, Any], path: Path, use: str
-    ) -> bool:
-        """Check that the agents have all the knowledge that a component needs."""
-        known = entry.get("knowledge", {})
-        if not isinstance(known, Mapping):
-            return False
-        for name, meaning in component.knowledge.items():
-            if name in known:
-                continue
-            meant = nearest(name, known)
-            where = (*path[:2], "knowledge", meant) if meant else path
-            self._report(
-                "missing-knowledge",
-                f"{quoted(use)} needs the knowledge {quoted(name)}" + (f", not {quoted(meant)}" if meant else ""),
-                where,
-                key=True,
-                expected=f"{quoted(name)} under {quoted(dotted((*path[:2], 'knowledge')))}: {meaning}",
-            )
-        return set(component.knowledge) <= set(known)
-
-    def _can_work(self, group: AgentGroup, component: Component | GroupComponent, path: Path, use: str) -> bool:
-        """Check that a component can work for a group, as far as that is known before the run."""
-        try:
-            component.check(group)
-            # If several components set a series, the columns of the last one apply.
-            name_columns(group, component)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            said = words(error)
-            for name in component.knowledge:
-                where = (*path[:2], "knowledge", name)
-                if not _is_numeric(group, name):
-                    said = f"the knowledge {quoted(name)} is not made of numbers, as many for each agent"
-                if f"`{name}`" in said:
-                    self._report(
-                        "unsuitable",
-                        f"{quoted(use)} cannot work with this: {said}",
-                        where,
-                        expected=component.knowledge[name],
-                    )
-                    return False
-            self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", path, key=True)
-            return False
-        return True
-
     def _steps(self, duration: Any, environment: Environment | None) -> int:
         """Return the number of steps of the run; 0 if the duration is invalid, which is already reported."""
         if environment is None or not isinstance(duration, int | float) or not 0 < duration <= 1e9:
@@ -496,26 +368,3 @@ def _unresolved(value: Any, path: Path) -> Iterator[Path]:
     items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
     for key, each in items:
         yield from _unresolved(each, (*path, key))
-
-
-def _fault_of(model: Model | type[Model]) -> str | None:
-    """Return the fault in a model's declarations as a predicate; None if they are valid."""
-    for name in ("state", "control_input"):
-        declared = getattr(model, name, ())
-        if not isinstance(declared, Sequence) or not declared or not all(isinstance(x, Quantity) for x in declared):
-            return f"declares no `{name}` as quantities"
-    indices = [*model.position, *(() if model.heading is None else (model.heading,))]
-    if not all(0 <= index < len(model.state) for index in indices):
-        return "places its position or heading outside its state"
-    if not all(0 <= index < len(model.state) for index in (*model.velocities, *model.angles)):
-        return "places its velocities or angles outside its state"
-    if len(model.velocities) not in (0, len(model.position)):
-        return f"has {len(model.velocities)} velocities for {len(model.position)} coordinates of its position"
-    return None
-
-
-def _is_numeric(group: AgentGroup, name: str) -> bool:
-    try:
-        return group.known(name).dtype == float
-    except (TypeError, ValueError):
-        return False

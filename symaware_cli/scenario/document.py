@@ -385,8 +385,8 @@ class Recording(Section):
     omit: list[str] = Field(
         default_factory=list,
         description="What to omit, for smaller logs: parts of awareness and signals of components by "
-        "name, such as state, intent, uncertainty and risk; control, knowledge, awareness (of "
-        "others), sensors, world.",
+        "name, such as state, intent, uncertainty and risk; requested_control, applied_control, "
+        "control for both of them; knowledge, awareness (of others), sensors, world.",
     )
 
 

@@ -107,7 +107,7 @@ def _recorder(
     messages = recording.messages
     if place is not None and place.role == "member":
         # The host records the world and all messages.
-        omit, messages = [*omit, "world", "applied"], "none"
+        omit, messages = [*omit, "world", "applied_control"], "none"
     writer = stack.enter_context(LogWriter(log))
     notes = _attach(writer, built, share)
     recorder = Recorder(

@@ -15,7 +15,7 @@ from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import FUNCTIONS
 
 #: Names that have another meaning in logs, tables, expressions or messages.
-_TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "applied", "id"})
+_TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "id"})
 
 
 def declared_by(plugin: Any) -> Sequence[Part]:

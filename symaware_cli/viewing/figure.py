@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry.articulation import Articulation, Visual
 from symaware_cli.geometry.rotation import composed, rotated
-from symaware_cli.recording.surface import MEDIA_TYPES, bounds
+from symaware_cli.recording.mesh_files import MEDIA_TYPES, bounds
 
 Array = NDArray[np.float64]
 

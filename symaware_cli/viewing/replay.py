@@ -80,7 +80,7 @@ class Replay:
         believed = [
             name
             for name, group_view in run_view.group_views.items()
-            if not group_view.whereabouts.startswith("/world/")
+            if not group_view.state_topic.startswith("/world/")
         ]
         bodies = "true positions of agents" + (f" ({', '.join(believed)}: believed)" if believed else "")
         shared = "".join(
@@ -125,7 +125,7 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
     first = start if start is not None else log.start_time or 0
     last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
     corners = [corner for obstacle_view in run_view.obstacle_views.values() for corner in obstacle_view.corners]
-    group_views = {group_view.whereabouts: group_view for group_view in run_view.group_views.values()}
+    group_views = {group_view.state_topic: group_view for group_view in run_view.group_views.values()}
     for moment in np.linspace(first, last, _SAMPLES).astype(np.int64).tolist():
         for message in _sample(log, group_views, moment, last):
             group_view = group_views[message.channel.topic]

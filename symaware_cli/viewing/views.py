@@ -42,7 +42,7 @@ class GroupView:
         control_input: Name and unit of each element of the control input.
         position: Indices of the position in the state, 2 or 3.
         heading: Index of the heading in the state; None if it has none.
-        whereabouts: The topic of the states to draw: the true ones or, if the log omits them, the believed ones.
+        state_topic: The topic of the states to draw: the true ones or, if the log omits them, the believed ones.
         perception_range: Range of perception [m]; None if unlimited or unknown.
         height: Height of agents whose position is two-dimensional [m].
         figure: Links and joints of the bodies, if the log has them.
@@ -57,7 +57,7 @@ class GroupView:
     control_input: tuple[tuple[str, str], ...]
     position: tuple[int, ...]
     heading: int | None
-    whereabouts: str
+    state_topic: str
     perception_range: float | None = None
     height: float = 0.0
     figure: Figure | None = None
@@ -229,7 +229,7 @@ def run_view_of(log: Log) -> RunView:
                     name,
                     group,
                     colours=colour,
-                    whereabouts=_whereabouts(name, log),
+                    state_topic=_state_topic(name, log),
                     perception_range=ranges.get(name),
                     height=heights.get(name, 0.0),
                     figure=of.get(name),
@@ -298,7 +298,7 @@ def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> O
     )
 
 
-def _whereabouts(name: str, log: Log) -> str:
+def _state_topic(name: str, log: Log) -> str:
     truth, belief = f"/world/{name}/state", f"/agents/{name}/state"
     return belief if truth not in log.topics and belief in log.topics else truth
 

@@ -88,7 +88,7 @@ def test_knowledge_holds_an_awareness_vector_that_cannot_be_changed_in_any_part(
 
 def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state(awareness: GroupAwareness) -> None:
     database = AwarenessDatabase(SelfAwareness("robot.0", awareness, 0), awareness, 0)
-    database.hear(AwarenessVector("robot.1", [9.0, 9.0], attention=[0.25, 0.75]), 0, alone=True)
+    database.receive(AwarenessVector("robot.1", [9.0, 9.0], attention=[0.25, 0.75]), 0, alone=True)
     assert database["robot.1"]["attention"].tolist() == [0.25, 0.75]
     database["robot.1"] = AwarenessVector("robot.1", [1.0, 2.0])
     assert database["robot.1"].state.tolist() == [1.0, 2.0]

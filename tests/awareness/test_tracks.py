@@ -67,9 +67,9 @@ def test_who_goes_straight_on_becomes_less_certain() -> None:
     assert now.at(0) is now
 
 
-@pytest.mark.parametrize("sure", ["seen", "told"])
+@pytest.mark.parametrize("sure", ["seen", "received"])
 def test_what_is_sure_needs_no_covariance(sure: str) -> None:
-    one, other = tracks(0, [(0, 1)], [0], sure == "told"), tracks(0, [(0, 2)], [0], sure == "seen")
+    one, other = tracks(0, [(0, 1)], [0], sure == "received"), tracks(0, [(0, 2)], [0], sure == "seen")
     certain = 0 if sure == "seen" else 1
     assert not present(one.updated(other).covariances)[certain].any()
     assert present(one.updated(other).covariances)[1 - certain].any()
@@ -91,9 +91,9 @@ def test_what_is_told_before_the_world_was_seen_changes_nothing() -> None:
     awareness = ready.groups[0].awareness
     awareness.world = ready.environment.snapshot()
     told = Tracks.of(0, 2, np.array([0]), np.array([1]), np.zeros((1, 2)), np.zeros((1, 2)))
-    awareness.told = told
+    awareness.received = told
     assert awareness.tracks is None
-    awareness.told = told.at(STEP).updated(
+    awareness.received = told.at(STEP).updated(
         Tracks.of(STEP, 2, np.array([0]), np.array([1]), np.ones((1, 2)), np.zeros((1, 2)))
     )
     later = present(ready.groups[0].awareness.tracks)

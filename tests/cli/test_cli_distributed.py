@@ -186,7 +186,7 @@ def test_it_waits_for_a_host_no_longer_than_it_is_told(run: Callable[..., Result
 def test_a_host_waits_for_members_no_longer_than_it_is_told(run: Callable[..., Result]) -> None:
     done = run("--listen", 0, "--only", "ticker", "--wait", 1)
     assert done.exit_code == 1
-    assert "nobody came within 1 s for robot.0, robot.1" in done.stderr
+    assert "no process joined within 1 s for robot.0, robot.1" in done.stderr
 
 
 def test_ctrl_c_ends_the_waiting(tmp_path: Path) -> None:

@@ -266,12 +266,12 @@ class TestBroadcasts:
         assert all(frame[1:3] == ([7.0, 0.0], [0.3]) for frame in frames[1:20])
         assert frames[19][3][0] > frames[11][3][0] > 0.0
         assert frames[20:] == [None] * len(frames[20:])
-        assert not database.told
+        assert not database.received
 
     def test_what_a_broadcast_said_can_be_looked_up(self) -> None:
         scene = Scene(a=speaker(Broadcast), b=Team({"hear": Inbox}))
         scene.run(4)
-        told = scene.groups["b"].agents[0].awareness_database.told["a"]
+        told = scene.groups["b"].agents[0].awareness_database.received["a"]
         assert told.state.tolist() == pytest.approx([2 * 2.0 * STEP / 1e9, 0.0, 2.0, 0.0])
         assert told.uncertainty.times.tolist() == [2 * STEP]
 

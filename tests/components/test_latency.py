@@ -88,7 +88,7 @@ CASES = {
     "communication.flooding": Case([], {"names": ["x"]}, {"x": 1}),
     "communication.consensus": Case([], {"name": "x", "gain": 0.2}, {"x": 1.0}),
     "communication.request": Case([], {"whom": ["other"], "names": ["x"]}, others={"communication.request": {}}),
-    "communication.inbox": Case(["told"], others={"communication.state": {}}),
+    "communication.inbox": Case(["received"], others={"communication.state": {}}),
 }
 
 
@@ -127,7 +127,7 @@ def visible(group: AgentGroup) -> dict[str, Any]:
         parts[name] = [(column.row(row).times, column.row(row).values) for row in range(len(group))]
     world, observation = awareness.world, awareness.observation
     parts["world"] = world and (world.time, world.states)
-    parts["seen"], parts["told"] = tracks(awareness.seen), tracks(awareness.told)
+    parts["seen"], parts["received"] = tracks(awareness.seen), tracks(awareness.received)
     parts["observation"] = observation and (observation.time, observation.state, tracks(observation.tracks))
     parts["readings"] = {name: vars_of(each) for name, each in awareness.readings.items()}
     parts["signals"] = {name: awareness[name] for name in awareness.signals}

@@ -404,7 +404,7 @@ def test_a_run_does_not_wait_for_ever_for_a_member_that_shall_be_restarted(
     west.wait_for("west takes part")
     west.send(signal.SIGKILL)
     assert run.end() == [1, -signal.SIGKILL]
-    assert "nobody came back within 3 s for robot.0" in host.text
+    assert "no process rejoined within 3 s for robot.0" in host.text
 
 
 @pytest.mark.slow

@@ -93,9 +93,9 @@ def test_what_was_sent_is_delivered_dropped_or_in_flight_at_every_instant(
             exchange.send(Message(ids[one], EVERYBODY, {"text": "hello"}))
         elif what == "disturb":
             loss, bandwidth = one
-            exchange.relieve(storms)
+            exchange.remove_disturbances(storms)
             storms = [Disturbance("storm", set(ids[:3]), set(ids), loss, two * MILLISECOND, bandwidth)]
-            exchange.disturb(storms)
+            exchange.add_disturbances(storms)
         elif what == "wait":
             for _ in range(one):
                 now += MILLISECOND

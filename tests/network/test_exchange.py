@@ -270,7 +270,7 @@ def test_topologies_may_follow_each_other_and_begin_again() -> None:
 def test_a_disturbance_takes_its_share_of_those_it_is_about() -> None:
     post = Post(laid(Complete, world(40)))
     robots = [f"robot.{number}" for number in range(40)]
-    post.exchange.disturb([Disturbance("storm", set(robots[:20]), set(robots), 0.25, 20_000_000)])
+    post.exchange.add_disturbances([Disturbance("storm", set(robots[:20]), set(robots), 0.25, 20_000_000)])
     for step in range(10):
         post.exchange.deliver(step * STEP)
         post.post()
@@ -289,11 +289,11 @@ def delayed_at_first(channel: Mapping[str, float]) -> Post:
     """One robot tells another something every 50 ms, the first three times under a fault that delays it by 0.2 s."""
     post = Post(laid(Line, world(2)), channel)
     fault = Disturbance("fog", {"robot.0"}, {"robot.1"}, 0.0, 200_000_000)
-    post.exchange.disturb([fault])
+    post.exchange.add_disturbances([fault])
     for step in range(12):
         post.exchange.deliver(step * STEP)
         if step == 3:
-            post.exchange.relieve([fault])
+            post.exchange.remove_disturbances([fault])
         if step < 6:
             post.post([0])
     return post
@@ -318,11 +318,11 @@ def test_a_fault_narrows_links_of_any_kind(channel: dict[str, float | str] | Non
     post = Post(ids=["robot.0", "robot.1"]) if channel is None else Post(laid(Line, world(2)), channel)
     # 40 bytes each.
     mud = Disturbance("mud", {"robot.0"}, {"robot.1"}, 0.0, 0, bandwidth=400.0)
-    post.exchange.disturb([mud])
+    post.exchange.add_disturbances([mud])
     for step in range(20):
         post.exchange.deliver(step * STEP)
         if step == 3:
-            post.exchange.relieve([mud])
+            post.exchange.remove_disturbances([mud])
         if step in (0, 1, 2, 4, 10):
             post.post([0])
     first, *others, last = due(post)
@@ -338,7 +338,7 @@ def test_a_fault_narrows_links_of_any_kind(channel: dict[str, float | str] | Non
 
 def test_a_narrowed_link_drops_what_its_queue_does_not_hold() -> None:
     post = Post(laid(Line, world(2)), {"bandwidth": 1e6, "queue": 100.0})
-    post.exchange.disturb([Disturbance("mud", {"robot.0"}, {"robot.1"}, 0.0, 0, bandwidth=400.0)])
+    post.exchange.add_disturbances([Disturbance("mud", {"robot.0"}, {"robot.1"}, 0.0, 0, bandwidth=400.0)])
     for step in range(40):
         post.exchange.deliver(step * STEP)
         if step < 20:

@@ -253,7 +253,7 @@ def test_the_name_of_a_group_of_one_is_its_agents(sample: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "field", "sentence"),
     [
-        ("robot", "staet", "no field 'staet'; there are control, control_requested, intent, joints, pose, risk, state"),
+        ("robot", "staet", "no field 'staet'; there are applied_control, intent, joints, pose, requested_control"),
         ("robto", "state", "has no agent, group or entity 'robto'; there are robot, car, wall"),
         ("car", "risk", r"has no risk of 'car' \(no channel /agents/car/risk\); there is state$"),
     ],

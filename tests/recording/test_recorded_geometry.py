@@ -21,8 +21,8 @@ from symaware_cli.models.racecar import Racecar
 from symaware_cli.recording import geometry
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.geometry import GeometryWriter, geometry_of
+from symaware_cli.recording.mesh_files import bounds, triangles
 from symaware_cli.recording.recorder import Recorder
-from symaware_cli.recording.surface import bounds, triangles
 from symaware_cli.recording.writer import LogWriter
 
 PACKAGE = Path(pybullet.__file__).parent

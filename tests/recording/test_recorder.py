@@ -5,9 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from simulating import STEP, Team, simulate
+import pytest
+from simulating import STEP, Team, simulate, simulation
 
 from symaware_cli import Controller, GroupComponent, Log, Snapshot, TimeSeries, open_log
+from symaware_cli.recording.recorder import Recorder
+from symaware_cli.recording.writer import LogWriter
 
 
 class Drift(Controller):
@@ -58,3 +61,27 @@ def test_who_knows_the_world_as_it_was_is_recorded_with_what_it_knows(tmp_path: 
         before = truth.values[truth.times.tolist().index(message.time - STEP)]
         np.testing.assert_array_equal(known.values.reshape(2, 4)[:, :2], before[::-1])
     assert len(messages) == 2
+
+
+@pytest.mark.parametrize(
+    ("omit", "left"),
+    [
+        ([], {"/agents/a/control", "/world/a/control"}),
+        (["control"], set()),
+        (["requested_control"], {"/world/a/control"}),
+        (["applied_control"], {"/agents/a/control"}),
+    ],
+)
+def test_requested_and_applied_control_inputs_are_omitted_one_by_one(
+    omit: list[str], left: set[str], tmp_path: Path
+) -> None:
+    ready = simulation({"a": Team({"go": Drift}, count=1)})
+    with LogWriter(tmp_path / "log.mcap") as writer:
+        Recorder(writer, ready.environment, ready.groups, omit=omit)
+    assert {topic for topic in open_log(tmp_path / "log.mcap").channels if topic.endswith("/control")} == left
+
+
+def test_control_inputs_have_their_former_names_as_well(tmp_path: Path) -> None:
+    log = recorded({"go": Drift}, 1, tmp_path)
+    for name, former in (("applied_control", "control"), ("requested_control", "control_requested")):
+        np.testing.assert_array_equal(log.series("a", name).values, log.series("a", former).values)

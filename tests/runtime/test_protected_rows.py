@@ -161,7 +161,7 @@ def test_held_rows_see_nobody_if_they_have_not_seen_anybody_yet(group: AgentGrou
 
 
 def test_what_held_rows_believe_grows_old(group: AgentGroup) -> None:
-    for source in ("seen", "told"):
+    for source in ("seen", "received"):
         setattr(group.awareness, source, tracks(0, 0, 1, 2))
         with protected(group, [1]):
             setattr(group.awareness, source, tracks(2_000_000_000, 0, 1, 2))

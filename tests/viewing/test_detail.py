@@ -19,7 +19,7 @@ def run_view(**counts: int) -> RunView:
             control_input=(),
             position=(0, 1),
             heading=None,
-            whereabouts=f"/world/{name}/state",
+            state_topic=f"/world/{name}/state",
         )
         for name, count in counts.items()
     }

@@ -10,8 +10,8 @@ from foxglove_files import read
 from rerun_files import Recording
 
 from symaware_cli.viewing.foxglove.output import Output
+from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
 from symaware_cli.viewing.foxglove.show import show
-from symaware_cli.viewing.foxglove.stage import Stage
 from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.rerun.output import RerunOutput
 from symaware_cli.viewing.scene import marks
@@ -28,11 +28,11 @@ def shown(folder: Path, *shown: marks.Mark) -> tuple[Recording, Any]:
     recording.save(folder / "marks.rrd")
     output = RerunOutput(recording)
     with open(folder / "marks.mcap", "wb") as file, Output(file) as written:
-        stage = Stage(written)
+        updates = SceneUpdates(written)
         for mark in shown:
             output.show(mark)
-            show(stage, mark)
-        stage.flush()
+            show(updates, mark)
+        updates.flush()
     recording.flush()
     recording.disconnect()
     return Recording(folder / "marks.rrd"), read(folder / "marks.mcap")

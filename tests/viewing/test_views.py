@@ -46,7 +46,7 @@ def test_a_scenario_that_says_nothing_of_it_is_no_hindrance(scenario: bytes, tmp
 
 def test_where_the_truth_was_left_out_belief_stands_for_it(tmp_path: Path) -> None:
     log = log_of(tmp_path, YARD, "recording.omit=[world]")
-    assert run_view_of(log).group_views["cart"].whereabouts == "/agents/cart/state"
+    assert run_view_of(log).group_views["cart"].state_topic == "/agents/cart/state"
 
 
 @pytest.mark.parametrize("damage", [{"groups": {"a": {"agents": ["a"]}}}, {"entities": {"b": {}}}, {"roster": None}])

@@ -88,9 +88,9 @@ class Inbox(GroupCommunicationReceiver):
         self._learnt: defaultdict[str, dict[int, int]] = defaultdict(dict)
         #: Send time and sequence number of each awareness vector in use, by the receiver's row and the id.
         self._received: dict[tuple[int, str], tuple[int, int]] = {}
-        group.awareness.told = None
+        group.awareness.received = None
         for agent in vars(group).get("agents", ()):
-            for id in list(agent.awareness_database.told):
+            for id in list(agent.awareness_database.received):
                 agent.awareness_database.forget(id)
 
     @property
@@ -110,8 +110,8 @@ class Inbox(GroupCommunicationReceiver):
         if further:
             self._reports = self._reports.merged(further, latest=parameters.policy == "latest")
         self._forget()
-        if len(self._reports.keys) or awareness.told is not None:
-            awareness.told = self._reports.tracks(
+        if len(self._reports.keys) or awareness.received is not None:
+            awareness.received = self._reports.tracks(
                 self.computed_at,
                 len(self._group),
                 self._roster_size,
@@ -188,7 +188,7 @@ class Inbox(GroupCommunicationReceiver):
         if vector.id == message.sender and "position" in payload:
             state = np.concatenate(self._in_space([payload["position"], payload["velocity"]]))
         told = vector.replaced(state=state, uncertainty=uncertainty)
-        agent.awareness_database.hear(told, message.sent_time, alone="position" not in payload)
+        agent.awareness_database.receive(told, message.sent_time, alone="position" not in payload)
 
     def _store_knowledge_of_states(self, delivery: Delivery, keys: NDArray[np.int64], names: Sequence[str]) -> None:
         """Store the knowledge in messages."""

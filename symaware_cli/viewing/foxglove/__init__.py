@@ -36,8 +36,8 @@ def export_foxglove(
     run_view = run_view_of(log)
     try:
         from symaware_cli.viewing.foxglove.output import Output
+        from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
         from symaware_cli.viewing.foxglove.show import show
-        from symaware_cli.viewing.foxglove.stage import Stage
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("foxglove_schemas_protobuf"):
             raise
@@ -50,14 +50,14 @@ def export_foxglove(
     detail = Detail(focus=(), labels=not crowd, awareness=True, curves=True, trail=trail, single=False, words="")
     scene = Scene(run_view, detail, (*SCENE, *TABLES))
     with whole_file(path, log.path) as place, open(place, "wb") as file, Output(file) as output:
-        stage = Stage(output)
+        updates = SceneUpdates(output)
         for chunk in scene.chunk_reader().chunks(log.messages()):
             try:
                 for mark in scene.marks(chunk):
-                    show(stage, mark)
+                    show(updates, mark)
             except (ValueError, IndexError, AttributeError) as error:
                 raise LogError(f"{log.path} is inconsistent up to {chunk.end} ns: {error}") from error
-            stage.flush()
+            updates.flush()
             if on_progress:
                 on_progress(chunk.end)
     return output.counts

@@ -20,10 +20,10 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from numpy.typing import NDArray
 
 from symaware_cli.geometry.articulation import Visual
-from symaware_cli.recording.surface import triangles
+from symaware_cli.recording.mesh_files import triangles
 from symaware_cli.viewing.foxglove import primitives
 from symaware_cli.viewing.foxglove.primitives import ORIGIN, WORLD, colour, entity, pose, vector
-from symaware_cli.viewing.foxglove.stage import Stage
+from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
 from symaware_cli.viewing.outline import circle, outlines
 from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.scene.marks import Bodies, Figures, Solid
@@ -38,44 +38,44 @@ _VISIBLE = 8
 _NOSE = (240, 240, 240)
 
 
-def show_bodies(stage: Stage, mark: Bodies) -> None:
+def show_bodies(updates: SceneUpdates, mark: Bodies) -> None:
     """Show bodies: frames at each instant, and primitives whenever a colour visibly changes."""
     owner = mark.path.rpartition("/")[2]
     if mark.ring is None:
-        _move(stage, f"/tf/{owner}", mark.times, mark.names, mark.positions, mark.orientations)
-    shown: NDArray[np.int16] | None = stage.kept.get(mark.path)
+        _move(updates, f"/tf/{owner}", mark.times, mark.names, mark.positions, mark.orientations)
+    shown: NDArray[np.int16] | None = updates.kept.get(mark.path)
     for time, colours in zip(mark.times.tolist(), mark.colours.astype(np.int16), strict=True):
         if shown is None:
             labels = [_label(mark, row, text, time) for row, text in mark.labels.items()]
-            stage.put_up(time, f"/labels/{owner}", mark.path, labels)
+            updates.set_entities(time, f"/labels/{owner}", mark.path, labels)
         if shown is None or (np.abs(colours - shown) >= _VISIBLE).any():
             made = [_body(mark, row, colour(tint), time) for row, tint in enumerate(colours.tolist())]
-            stage.put_up(time, f"/{mark.layer}", mark.path, made)
+            updates.set_entities(time, f"/{mark.layer}", mark.path, made)
             shown = colours
-    stage.kept[mark.path] = shown
+    updates.kept[mark.path] = shown
 
 
-def show_solid(stage: Stage, mark: Solid) -> None:
+def show_solid(updates: SceneUpdates, mark: Solid) -> None:
     """Show a body that extends upright over its outline."""
-    if mark.path not in stage.kept:
-        stage.kept[mark.path] = True
+    if mark.path not in updates.kept:
+        updates.kept[mark.path] = True
         time = int(mark.times[0])
         made = entity(mark.name, time, mark.name)
         shade = colour(faded(np.array(mark.colour), mark.faded).tolist(), 1.0 - mark.transparency)
         made.triangles.extend(primitives.prisms(mark.outlines, mark.low, mark.high, shade))
         if mark.label:
             made.texts.append(_text(mark.label, mark.high, mark.colour))
-        stage.put_up(time, f"/{mark.layer}", mark.path, [made])
+        updates.set_entities(time, f"/{mark.layer}", mark.path, [made])
     positions, orientations = mark.positions[:, None], mark.orientations[:, None]
-    _move(stage, f"/tf/{mark.name}", mark.times, [mark.name], positions, orientations)
+    _move(updates, f"/tf/{mark.name}", mark.times, [mark.name], positions, orientations)
 
 
-def show_figures(stage: Stage, mark: Figures) -> None:
+def show_figures(updates: SceneUpdates, mark: Figures) -> None:
     """Show bodies of links and joints, with a frame ``<body>/<link>`` for each link."""
     figure = mark.figure
     links = figure.articulation.links
-    if mark.path not in stage.kept:
-        stage.kept[mark.path] = True
+    if mark.path not in updates.kept:
+        updates.kept[mark.path] = True
         parts = {place: SceneEntity() for place in sorted({place for _, place in figure.visuals})}
         for visual, place in figure.visuals:
             _add(parts[place], visual, mark.surfaces, colour(mark.colour))
@@ -86,24 +86,24 @@ def show_figures(stage: Stage, mark: Figures) -> None:
                 frame = f"{body}/{links[place].name}" if place else body
                 made.append(entity(frame, time, frame))
                 made[-1].MergeFrom(part)
-        stage.put_up(time, f"/{mark.layer}", mark.path, made)
+        updates.set_entities(time, f"/{mark.layer}", mark.path, made)
     places = [place for place in sorted({place for _, place in figure.visuals}) if place]
     first = 0
     for owner, bodies in mark.owners:
         some = slice(first, first + len(bodies))
         first = some.stop
-        _move(stage, f"/tf/{owner}", mark.times, bodies, mark.positions[:, some], mark.orientations[:, some])
+        _move(updates, f"/tf/{owner}", mark.times, bodies, mark.positions[:, some], mark.orientations[:, some])
         if places:
             inner, turned = figure.articulation.frames(mark.joints[:, some])
             names = [f"{body}/{links[place].name}" for body in bodies for place in places]
             shape = (len(mark.times), len(names))
             given = inner[..., places, :].reshape(*shape, 3), turned[..., places, :].reshape(*shape, 4)
             parents = [body for body in bodies for _ in places]
-            _move(stage, f"/tf/{owner}/links", mark.times, names, *given, parents)
+            _move(updates, f"/tf/{owner}/links", mark.times, names, *given, parents)
 
 
 def _move(
-    stage: Stage,
+    updates: SceneUpdates,
     topic: str,
     times: NDArray[np.int64],
     names: Sequence[str],
@@ -126,7 +126,7 @@ def _move(
             for row in np.flatnonzero(known[instant]).tolist()
         ]
         if transforms:
-            stage.say(time, topic, FrameTransforms(transforms=transforms))
+            updates.add_message(time, topic, FrameTransforms(transforms=transforms))
 
 
 def _body(mark: Bodies, row: int, shade: Color, time: int) -> SceneEntity:

@@ -16,11 +16,11 @@ from symaware_cli.recording.sensor_channels import NOTHING
 from symaware_cli.viewing.camera import line_of_sight
 from symaware_cli.viewing.foxglove import primitives
 from symaware_cli.viewing.foxglove.primitives import WORLD
-from symaware_cli.viewing.foxglove.stage import Stage
+from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
 from symaware_cli.viewing.scene.marks import Images, Rays
 
 
-def show_rays(stage: Stage, mark: Rays) -> None:
+def show_rays(updates: SceneUpdates, mark: Rays) -> None:
     """Show scans; those with unevenly spaced rays are omitted, since Foxglove has no message for them."""
     given = zip(mark.times.tolist(), mark.names, mark.angles, mark.distances, mark.poses.tolist(), strict=True)
     for time, name, angles, distances, (x, y, z, heading) in given:
@@ -37,22 +37,22 @@ def show_rays(stage: Stage, mark: Rays) -> None:
             end_angle=angles[-1],
             ranges=distances.tolist(),
         )
-        stage.say(time, f"/{mark.layer}/{name}", shown)
+        updates.add_message(time, f"/{mark.layer}/{name}", shown)
 
 
-def show_images(stage: Stage, mark: Images) -> None:
+def show_images(updates: SceneUpdates, mark: Images) -> None:
     """Show images: colour images with frame and intrinsics of the camera, or depth images."""
     topic = f"/{mark.layer}"
     for number, (time, data) in enumerate(zip(mark.times.tolist(), mark.files, strict=True)):
         stamp = primitives.timestamp(time)
         if mark.kind == "depth":
-            stage.say(time, f"{topic}/depth", _depth(stamp, data, mark.frame))
+            updates.add_message(time, f"{topic}/depth", _depth(stamp, data, mark.frame))
             continue
         view = float(mark.fields_of_view[number])
-        stage.say(time, f"/tf/{mark.frame}", _frame(stamp, mark, number))
-        stage.say(time, f"{topic}/calibration", _calibration(stamp, png.size(data), view, mark.frame))
+        updates.add_message(time, f"/tf/{mark.frame}", _frame(stamp, mark, number))
+        updates.add_message(time, f"{topic}/calibration", _calibration(stamp, png.size(data), view, mark.frame))
         seen = CompressedImage(timestamp=stamp, frame_id=mark.frame, data=data, format="png")
-        stage.say(time, f"{topic}/colour", seen)
+        updates.add_message(time, f"{topic}/colour", seen)
 
 
 def _frame(stamp: Timestamp, mark: Images, number: int) -> FrameTransform:

@@ -18,8 +18,8 @@ from symaware_cli.viewing.foxglove import primitives
 from symaware_cli.viewing.foxglove.frames import show_bodies, show_figures, show_solid
 from symaware_cli.viewing.foxglove.output import PlotChannel
 from symaware_cli.viewing.foxglove.primitives import colour, entity
+from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
 from symaware_cli.viewing.foxglove.sensors import show_images, show_rays
-from symaware_cli.viewing.foxglove.stage import Stage
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.scene import marks
 
@@ -41,11 +41,11 @@ _LEVELS = {"DEBUG": LogLine.DEBUG, "INFO": LogLine.INFO, "WARNING": LogLine.WARN
 Items = marks.Lines | marks.Points | marks.Crosses | marks.Rings | marks.Ellipsoids
 
 
-def show(stage: Stage, mark: marks.Mark) -> None:
+def show(updates: SceneUpdates, mark: marks.Mark) -> None:
     """Show a mark, if Foxglove supports its kind."""
     shown = _SHOWN.get(type(mark))
     if shown is not None and len(mark.times):
-        shown(stage, mark)
+        shown(updates, mark)
 
 
 class _ItemEntities:
@@ -80,25 +80,29 @@ class _ItemEntities:
         """Return colours for the points of an item, each fainter than the one before."""
         return _fading(self._colours[item], self._alphas[item], count)
 
-    def say(self, stage: Stage, lifetime: float) -> None:
+    def show_for(self, updates: SceneUpdates, lifetime: float) -> None:
         """Show the entities of this instant for some time [s], whatever else is up."""
         for made in self._made.values():
             made.lifetime.FromNanoseconds(int(1e9 * lifetime))
         if self._made:
-            stage.say(self._time, f"/{self._mark.layer or self._mark.path}", SceneUpdate(entities=self._made.values()))
+            updates.add_message(
+                self._time, f"/{self._mark.layer or self._mark.path}", SceneUpdate(entities=self._made.values())
+            )
 
-    def put_up(self, stage: Stage) -> None:
+    def set_entities(self, updates: SceneUpdates) -> None:
         """Show the entities of this instant."""
-        stage.put_up(self._time, f"/{self._mark.layer or self._mark.path}", self._mark.path, self._made.values())
+        updates.set_entities(
+            self._time, f"/{self._mark.layer or self._mark.path}", self._mark.path, self._made.values()
+        )
 
 
-def _show_lines(stage: Stage, mark: marks.Lines) -> None:
+def _show_lines(updates: SceneUpdates, mark: marks.Lines) -> None:
     lines = _split(mark)
     if mark.begins is not None:
-        _show_once(stage, mark, lines, mark.begins)
+        _show_once(updates, mark, lines, mark.begins)
         return
     if mark.lasting:
-        _show_lasting(stage, mark, lines)
+        _show_lasting(updates, mark, lines)
         return
     known = [bool(np.isfinite(line).all()) for line in lines]
     items = _ItemEntities(mark, len(lines))
@@ -107,24 +111,24 @@ def _show_lines(stage: Stage, mark: marks.Lines) -> None:
             shade = items.fading(item, len(lines[item])) if mark.fades else items.shade(item)
             line = primitives.line(lines[item], shade, mark.width, thickness=mark.thickness)
             items.entity(item).lines.append(line)
-        items.put_up(stage)
+        items.set_entities(updates)
 
 
-def _show_once(stage: Stage, mark: marks.Lines, lines: Sequence[Array], begins: NDArray[np.bool_]) -> None:
+def _show_once(updates: SceneUpdates, mark: marks.Lines, lines: Sequence[Array], begins: NDArray[np.bool_]) -> None:
     """Show new lines, each for the time that it lasts, without moving it."""
     items = _ItemEntities(mark, len(lines))
     for _, some in items.instants():
         for item in some:
             if begins[item] and np.isfinite(lines[item]).all():
                 items.entity(item).lines.append(primitives.line(lines[item], items.shade(item), mark.width))
-        items.say(stage, mark.lasting)
+        items.show_for(updates, mark.lasting)
 
 
-def _show_lasting(stage: Stage, mark: marks.Lines, lines: Sequence[Array]) -> None:
+def _show_lasting(updates: SceneUpdates, mark: marks.Lines, lines: Sequence[Array]) -> None:
     """Show lines that last for some time: those of one name are joined, since each continues the previous one."""
     who = np.arange(len(lines)) if mark.who is None else mark.who
-    lately: deque[tuple[int, dict[int, Array]]] = stage.kept.setdefault(mark.path, deque())
-    due = stage.kept.get((mark.path, "due"), 0)
+    lately: deque[tuple[int, dict[int, Array]]] = updates.kept.setdefault(mark.path, deque())
+    due = updates.kept.get((mark.path, "due"), 0)
     items = _ItemEntities(mark, len(lines))
     for time, some in items.instants():
         lately.append((time, {int(who[item]): lines[item] for item in some}))
@@ -138,8 +142,8 @@ def _show_lasting(stage: Stage, mark: marks.Lines, lines: Sequence[Array]) -> No
             points = np.concatenate([pieces[0][:1], *(piece[1:] for piece in pieces)])
             known = points[np.isfinite(points).all(axis=1)]
             items.entity(item).lines.append(primitives.line(known, items.shade(item), mark.width))
-        items.put_up(stage)
-    stage.kept[mark.path, "due"] = due
+        items.set_entities(updates)
+    updates.kept[mark.path, "due"] = due
 
 
 @lru_cache(maxsize=1024)
@@ -153,17 +157,17 @@ def _split(mark: marks.Lines) -> Sequence[Array]:
     return [mark.points[first:end] for first, end in zip([0, *ends[:-1]], ends, strict=False)]
 
 
-def _show_points(stage: Stage, mark: marks.Points) -> None:
-    _show_balls(stage, mark, mark.positions, np.broadcast_to(_DOT, mark.positions.shape), _DOT_LEFT)
+def _show_points(updates: SceneUpdates, mark: marks.Points) -> None:
+    _show_balls(updates, mark, mark.positions, np.broadcast_to(_DOT, mark.positions.shape), _DOT_LEFT)
 
 
-def _show_ellipsoids(stage: Stage, mark: marks.Ellipsoids) -> None:
+def _show_ellipsoids(updates: SceneUpdates, mark: marks.Ellipsoids) -> None:
     sizes = np.where(mark.half_sizes[:, :1] > 0.0, mark.half_sizes, np.nan)
-    _show_balls(stage, mark, mark.centres, sizes, _SURFACE_LEFT, mark.orientations)
+    _show_balls(updates, mark, mark.centres, sizes, _SURFACE_LEFT, mark.orientations)
 
 
 def _show_balls(
-    stage: Stage, mark: Items, centres: Array, sizes: Array, share: float, orientations: Array | None = None
+    updates: SceneUpdates, mark: Items, centres: Array, sizes: Array, share: float, orientations: Array | None = None
 ) -> None:
     known = np.isfinite(np.concatenate([centres, sizes], axis=1)).all(axis=1).tolist()
     items = _ItemEntities(mark, len(centres))
@@ -172,45 +176,45 @@ def _show_balls(
             turned = _UPRIGHT if orientations is None else orientations[item]
             ball = primitives.ellipsoid(centres[item], sizes[item], turned, items.shade(item, share))
             items.entity(item).spheres.append(ball)
-        items.put_up(stage)
+        items.set_entities(updates)
 
 
-def _show_crosses(stage: Stage, mark: marks.Crosses) -> None:
+def _show_crosses(updates: SceneUpdates, mark: marks.Crosses) -> None:
     items = _ItemEntities(mark, len(mark.positions))
     for _, some in items.instants():
         for item in some:
             ends = mark.positions[item] + mark.size * _STROKES
             items.entity(item).lines.append(primitives.strokes(ends, items.shade(item), mark.width))
-        items.put_up(stage)
+        items.set_entities(updates)
 
 
-def _show_rings(stage: Stage, mark: marks.Rings) -> None:
+def _show_rings(updates: SceneUpdates, mark: marks.Rings) -> None:
     items = _ItemEntities(mark, len(mark.centres))
     for _, some in items.instants():
         for item in (item for item in some if np.isfinite(mark.centres[item]).all()):
             ring = mark.centres[item] + mark.radii[item] * _RING
             items.entity(item).lines.append(primitives.line(ring, items.shade(item), mark.width))
-        items.put_up(stage)
+        items.set_entities(updates)
 
 
-def _show_curves(stage: Stage, mark: marks.Curves) -> None:
+def _show_curves(updates: SceneUpdates, mark: marks.Curves) -> None:
     columns, values = [(name, "") for name in mark.names], mark.values
     if mark.level is not None:
         columns.append((mark.level[0], ""))
         values = np.column_stack([values, np.full(len(values), mark.level[1])])
     given: dict[str, Any] = {"path": mark.path, "times": mark.times, "names": [mark.path], "columns": columns}
-    _show_numbers(stage, marks.Numbers(values=values[:, None], **given))
+    _show_numbers(updates, marks.Numbers(values=values[:, None], **given))
 
 
-def _show_numbers(stage: Stage, mark: marks.Numbers) -> None:
-    if mark.path not in stage.kept:
-        stage.kept[mark.path] = PlotChannel(mark.path, mark.columns, mark.names)
-    columns: PlotChannel = stage.kept[mark.path]
+def _show_numbers(updates: SceneUpdates, mark: marks.Numbers) -> None:
+    if mark.path not in updates.kept:
+        updates.kept[mark.path] = PlotChannel(mark.path, mark.columns, mark.names)
+    columns: PlotChannel = updates.kept[mark.path]
     for time, values in zip(mark.times.tolist(), mark.values, strict=True):
-        stage.say(time, f"/{mark.path}", columns.message(values), columns.metadata)
+        updates.add_message(time, f"/{mark.path}", columns.message(values), columns.metadata)
 
 
-def _show_journal(stage: Stage, mark: marks.Journal) -> None:
+def _show_journal(updates: SceneUpdates, mark: marks.Journal) -> None:
     lines = zip(mark.times.tolist(), mark.kinds, mark.sources, mark.texts, mark.levels, strict=True)
     for time, kind, source, text, level in lines:
         line = LogLine(
@@ -219,10 +223,10 @@ def _show_journal(stage: Stage, mark: marks.Journal) -> None:
             message=f"{kind} {text}".rstrip(),
             name=source,
         )
-        stage.say(time, f"/{mark.layer or mark.path}", line)
+        updates.add_message(time, f"/{mark.layer or mark.path}", line)
 
 
-_SHOWN: Mapping[type, Callable[[Stage, Any], None]] = {
+_SHOWN: Mapping[type, Callable[[SceneUpdates, Any], None]] = {
     marks.Lines: _show_lines,
     marks.Points: _show_points,
     marks.Crosses: _show_crosses,

@@ -109,7 +109,7 @@ class _Gathering:
     def _topics(self, name: str) -> Iterable[str]:
         """Return the topics that the panels of a name require."""
         views = [self._run_view.group_views[group] for group in self.chosen.members]
-        places = [view.whereabouts for view in views]
+        places = [view.state_topic for view in views]
         places += [f"/world/{obstacle}/state" for obstacle in self._run_view.obstacle_views]
         match name:
             case "trajectories":
@@ -117,7 +117,7 @@ class _Gathering:
                 around = [each.around for each in self._run_view.regions.values() if each.around is not None]
                 views += [self._run_view.group_views[self._run_view.place[agent][0]] for agent in around]
                 knowledge = [f"/agents/{view.name}/knowledge" for view in views]
-                return [*places, *(view.whereabouts for view in views), *knowledge, "/contacts", *paths]
+                return [*places, *(view.state_topic for view in views), *knowledge, "/contacts", *paths]
             case "separation" | "speed" | "altitude":
                 return places
             case "specifications":
@@ -219,7 +219,7 @@ class _Gathering:
             believed=tuple(
                 group
                 for group, lines in self.chosen.members.items()
-                if not views[group].whereabouts.startswith("/world/") and views[group].whereabouts in self._log.topics
+                if not views[group].state_topic.startswith("/world/") and views[group].state_topic in self._log.topics
             ),
         )
 
@@ -380,5 +380,5 @@ _REASONS = {
     "risk": "no component computed a risk, or it was not recorded",
     "speed": "it requires states at two instants at least",
     "altitude": "no agent moves in space",
-    "control": "the applied control input was not recorded (--series NAME:control_requested)",
+    "control": "the applied control input was not recorded (--series NAME:requested_control)",
 }

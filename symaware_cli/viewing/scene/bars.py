@@ -28,7 +28,7 @@ class Bars(Drawing):
     def marks(self, chunk: Chunk) -> Iterator[Lines]:
         """Yield a mark for each part or signal of a group."""
         for group_view in self.run_view.group_views.values():
-            rows, places = self.shown_rows(group_view), chunk.frames.get(group_view.whereabouts)
+            rows, places = self.shown_rows(group_view), chunk.frames.get(group_view.state_topic)
             for number, (name, topic) in enumerate(group_view.drawn("bars")):
                 series = chunk.strips.get(topic)
                 # The values of a vector, or the first values of a series.

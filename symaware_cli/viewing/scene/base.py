@@ -41,7 +41,7 @@ class Drawing(ABC):
         if who in self.run_view.place:
             group, row = self.run_view.place[who]
             group_view = self.run_view.group_views[group]
-            frames = chunk.frames.get(group_view.whereabouts)
+            frames = chunk.frames.get(group_view.state_topic)
             known = None if frames is None else group_view.positions(frames.of(times, row))
         else:
             frames = chunk.frames.get(f"/world/{who}/state")
@@ -64,7 +64,7 @@ class Drawing(ABC):
             values = poses.at(times)
             return values[..., :3], values[..., 3:]
         if isinstance(who, GroupView):
-            frames = chunk.frames.get(who.whereabouts)
+            frames = chunk.frames.get(who.state_topic)
             count = len(times), len(who.agents)
             states = np.full((*count, len(who.state)), np.nan) if frames is None else frames.at(times)
             return who.positions(states), who.orientations(states)

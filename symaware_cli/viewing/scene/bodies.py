@@ -30,7 +30,7 @@ class Agents(Drawing):
     def marks(self, chunk: Chunk) -> Iterator[Bodies]:
         """Yield a mark for each group with known positions."""
         for group_view in self.run_view.group_views.values():
-            frames = chunk.frames.get(group_view.whereabouts)
+            frames = chunk.frames.get(group_view.state_topic)
             times = frames.times if frames else np.empty(0, np.int64)
             if group_view.name not in self._shown:
                 self._shown.add(group_view.name)

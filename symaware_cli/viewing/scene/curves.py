@@ -40,7 +40,7 @@ class SeparationCurve(Drawing):
         if self.run_view.agent_count < 2:
             return
         found = {
-            name: chunk.frames.get(group_view.whereabouts) for name, group_view in self.run_view.group_views.items()
+            name: chunk.frames.get(group_view.state_topic) for name, group_view in self.run_view.group_views.items()
         }
         times = np.unique(np.concatenate([frames.times for frames in found.values() if frames] or [_NEVER]))
         if not len(times):
@@ -121,7 +121,7 @@ def _curves(path: str, times: NDArray[np.int64], names: Sequence[str], values: A
         yield Curves(path=path, times=times, values=values, names=names, colours=colours, keep=keep)
 
 
-class Everything(Drawing):
+class NumberTables(Drawing):
     """Makes tables of the numbers of all agents except paths, from which users choose what to plot."""
 
     def marks(self, chunk: Chunk) -> Iterator[Numbers]:
@@ -143,7 +143,7 @@ class Everything(Drawing):
             yield Numbers(path=path, times=frames.times, values=frames.values, names=names, columns=columns)
 
 
-class RecordedNumbers(Everything):
+class RecordedNumbers(NumberTables):
     """Makes tables of all numbers in a chunk, including those of entities and the table signals of agents in focus."""
 
     def marks(self, chunk: Chunk) -> Iterator[Numbers]:

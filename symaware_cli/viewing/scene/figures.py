@@ -73,7 +73,7 @@ class Appearances(Drawing):
         self._begun = True
 
     def _moments(self, who: GroupView | ObstacleView, chunk: Chunk) -> Times:
-        topics = [who.whereabouts if isinstance(who, GroupView) else f"/world/{who.name}/state"]
+        topics = [who.state_topic if isinstance(who, GroupView) else f"/world/{who.name}/state"]
         topics += [f"/world/{who.name}/{kind}" for kind in ("pose", "joints")]
         found = [chunk.frames[topic].times for topic in topics if topic in chunk.frames]
         return np.concatenate([np.empty(0, np.int64), *found])

@@ -44,7 +44,7 @@ class Informed(Drawing):
                         self._since[group][row] = min(self._since[group][row], time)
                 moments.append(time)
         for name, group_view in self.run_view.group_views.items():
-            since, frames = self._since[name], chunk.frames.get(group_view.whereabouts)
+            since, frames = self._since[name], chunk.frames.get(group_view.state_topic)
             if frames is None or (since == _NEVER).all():
                 continue
             times = np.union1d(frames.times, np.array(moments, np.int64))

@@ -150,7 +150,7 @@ class Messages(Drawing):
         places = np.full((len(agents), 3), np.nan)
         groups = self._groups[agents]
         for name, group_view in self.run_view.group_views.items():
-            frames = chunk.frames.get(group_view.whereabouts)
+            frames = chunk.frames.get(group_view.state_topic)
             mine = np.flatnonzero(groups == name)
             if frames is not None and len(mine):
                 places[mine] = group_view.positions(frames.of(times[mine], self._rows[agents[mine]]))
@@ -164,7 +164,7 @@ class Messages(Drawing):
                 *(obstacle_view.corners for obstacle_view in self.run_view.obstacle_views.values()),
             ]
             for group_view in self.run_view.group_views.values():
-                frames = chunk.frames.get(group_view.whereabouts)
+                frames = chunk.frames.get(group_view.state_topic)
                 if frames is not None:
                     corners += [group_view.positions(frames.values).reshape(-1, 3), group_view.positions(frames.before)]
             everywhere = np.concatenate(corners)

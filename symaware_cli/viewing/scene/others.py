@@ -32,7 +32,7 @@ _RING = 1.3
 _THIN, _THICK = 1.0, 1.75
 
 
-class Others(Drawing):
+class BeliefsAboutOthers(Drawing):
     """Draws the world as each agent in focus believes it to be, at the path as/<agent>."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
@@ -54,7 +54,7 @@ class Others(Drawing):
         """Yield the beliefs of the agents in focus, and their own intents."""
         for group, agents in self._focus.items():
             group_view = self.run_view.group_views[group]
-            frames = chunk.frames.get(group_view.whereabouts)
+            frames = chunk.frames.get(group_view.state_topic)
             for agent, row in agents:
                 times, places = np.empty(0, np.int64), np.empty((0, 3))
                 if frames is not None:

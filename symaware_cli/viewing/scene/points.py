@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _POINT, _NEAR_POINT = 3.0, 4.0
 
 
-class Found(Drawing):
+class SignalPoints(Drawing):
     """Draws the points of all agents in the scene, unless there are many, and in each agent's tab."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
@@ -64,14 +64,14 @@ class Found(Drawing):
     def _found(self, group_view: GroupView, name: str, topic: str, chunk: Chunk) -> Iterator[tuple[int, int, Array]]:
         """Yield the points of every agent at each instant at which any were recorded."""
         known = self._known.setdefault(topic, [np.empty((0, 0))] * len(group_view.agents))
-        names, whereabouts = group_view.signals[name].column_names, chunk.frames.get(group_view.whereabouts)
+        names, state_frames = group_view.signals[name].column_names, chunk.frames.get(group_view.state_topic)
         for time, tables in self._said(topic, chunk):
             for row, table in tables:
                 known[row] = table
             now = np.array([time])
             states = np.full((len(known), len(group_view.state)), np.nan)
-            if whereabouts is not None:
-                states = whereabouts.at(now)[0]
+            if state_frames is not None:
+                states = state_frames.at(now)[0]
             positions, headings = group_view.positions(states), group_view.headings(states)
             for row, table in enumerate(known):
                 heading = 0.0 if headings is None else float(headings[row])

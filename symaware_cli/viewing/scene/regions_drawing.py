@@ -67,7 +67,7 @@ class RegionsDrawing(Drawing):
                 continue
             group, row = self.run_view.place[region.around]
             group_view = self.run_view.group_views[group]
-            frames = chunk.frames.get(group_view.whereabouts)
+            frames = chunk.frames.get(group_view.state_topic)
             if frames is not None and len(frames.times):
                 headings = np.zeros(len(frames.times))
                 if group_view.heading is not None and region.turns:

@@ -10,7 +10,7 @@ from symaware_cli.viewing.scene.bars import Bars
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.bodies import Agents
 from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
-from symaware_cli.viewing.scene.curves import AwarenessCurves, Everything, RecordedNumbers, SeparationCurve
+from symaware_cli.viewing.scene.curves import AwarenessCurves, NumberTables, RecordedNumbers, SeparationCurve
 from symaware_cli.viewing.scene.figures import Appearances
 from symaware_cli.viewing.scene.goals import Goals
 from symaware_cli.viewing.scene.informed import Informed
@@ -18,8 +18,8 @@ from symaware_cli.viewing.scene.intents import Intents
 from symaware_cli.viewing.scene.journal import Events, Knowledge
 from symaware_cli.viewing.scene.marks import Mark
 from symaware_cli.viewing.scene.messages import Messages
-from symaware_cli.viewing.scene.others import Others
-from symaware_cli.viewing.scene.points import Found
+from symaware_cli.viewing.scene.others import BeliefsAboutOthers
+from symaware_cli.viewing.scene.points import SignalPoints
 from symaware_cli.viewing.scene.regions_drawing import RegionsDrawing
 from symaware_cli.viewing.scene.risk import RiskCurves
 from symaware_cli.viewing.scene.scenery import SceneryDrawing
@@ -39,9 +39,9 @@ SCENE: tuple[type[Drawing], ...] = (
     Trails,
     Intents,
     Uncertainties,
-    Others,
+    BeliefsAboutOthers,
     Bars,
-    Found,
+    SignalPoints,
     Scans,
     Cameras,
     Messages,
@@ -53,7 +53,7 @@ SCENE: tuple[type[Drawing], ...] = (
 )
 #: Curves of selected quantities, and tables from which users choose what to plot.
 CURVES: tuple[type[Drawing], ...] = (SpecificationCurves, RiskCurves, SeparationCurve, AwarenessCurves)
-TABLES: tuple[type[Drawing], ...] = (Everything,)
+TABLES: tuple[type[Drawing], ...] = (NumberTables,)
 #: The drawings for plots of a whole run.
 PLOTTED: tuple[type[Drawing], ...] = (
     SceneryDrawing,

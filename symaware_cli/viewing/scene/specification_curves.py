@@ -82,7 +82,7 @@ class Violations(Drawing):
                         self._since.setdefault(agent, time)
         for agent, since in self._since.items():
             group_view = self.run_view.group_views[self.run_view.place[agent][0]]
-            frames = chunk.frames.get(group_view.whereabouts)
+            frames = chunk.frames.get(group_view.state_topic)
             times = np.empty(0, np.int64) if frames is None else frames.times[frames.times >= since]
             if len(times):
                 centres = self.places(agent, times, chunk)

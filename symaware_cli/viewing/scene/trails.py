@@ -28,7 +28,7 @@ class Trails(Drawing):
         """Yield the segments between the instants."""
         step = _STEP if self.run_view.agent_count <= MANY else _CROWD_STEP
         for group_view in self.run_view.group_views.values():
-            frames = chunk.frames.get(group_view.whereabouts)
+            frames = chunk.frames.get(group_view.state_topic)
             if not frames:
                 continue
             last = self._last.get(group_view.name)

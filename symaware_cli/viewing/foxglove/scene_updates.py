@@ -14,7 +14,7 @@ from symaware_cli.viewing.foxglove.output import Output
 from symaware_cli.viewing.foxglove.primitives import timestamp
 
 
-class Stage:
+class SceneUpdates:
     """Collects the messages for an interval of time, and writes them in the order of time.
 
     Entities are shown until they are replaced or removed. Every scene update of a topic contains all its entities, so
@@ -33,11 +33,11 @@ class Stage:
         self._changes: dict[tuple[int, str], dict[str, list[SceneEntity]]] = {}
         self._up: dict[str, dict[str, list[SceneEntity]]] = {}
 
-    def say(self, time: int, topic: str, message: Message, metadata: Mapping[str, str] | None = None) -> None:
+    def add_message(self, time: int, topic: str, message: Message, metadata: Mapping[str, str] | None = None) -> None:
         """Add a message at an instant [ns], with metadata of its channel."""
         self._said.append((time, topic, message, metadata or {}))
 
-    def put_up(self, time: int, topic: str, path: str, entities: Iterable[SceneEntity]) -> None:
+    def set_entities(self, time: int, topic: str, path: str, entities: Iterable[SceneEntity]) -> None:
         """Replace the entities of a path on a topic, from an instant [ns] on."""
         self._changes.setdefault((time, topic), {})[path] = list(entities)
 

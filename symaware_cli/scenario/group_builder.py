@@ -1,0 +1,201 @@
+"""Builds the groups of a scenario: their models, initial states, knowledge and components, with checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Component, Entity, GroupComponent, Model, Quantity
+from symaware_cli.models.conformity import faults_of
+from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.document import ScenarioDocument
+from symaware_cli.scenario.parts import declared_parts, declared_signals, name_columns
+from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, words
+from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
+from symaware_cli.scenario.sampling import Sampler
+from symaware_cli.scenario.source import Path
+
+Array = NDArray[np.float64]
+
+
+class GroupBuilder:
+    """Builds the groups of a scenario, and reports problems with them.
+
+    Attributes:
+        uses: For each group, the entry-point names of its ``model`` and ``components``.
+        declared: The names of the parts of awareness and signals that components declare.
+    """
+
+    def __init__(
+        self,
+        composition: Composition,
+        report: Callable[..., None],
+        report_all: Callable[[Sequence[Problem]], None],
+        factory: PluginFactory,
+        document: ScenarioDocument | None,
+        found: Sequence[Problem],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            composition: The composed document.
+            report: Takes the code and the message of a problem, the path, and hints.
+            report_all: Takes problems.
+            factory: Creates models and components.
+            document: The validated document; None if it is invalid.
+            found: Problems with single values that are already known; no groups are created if there are any.
+        """
+        self._composition = composition
+        self._report = report
+        self._report_all = report_all
+        self._factory = factory
+        self._document = document
+        self._found = found
+        self.uses: dict[str, dict[str, Any]] = {}
+        self.declared: set[str] = set()
+
+    def build(self, name: str, entry: Mapping[str, Any]) -> tuple[AgentGroup | None, list[ComponentEntry]]:
+        """Build a group and its component entries; None and no entries after a problem."""
+        path: Path = ("agents", name)
+        model = self._model(mapping(entry.get("model")), (*path, "model"))
+        count = entry.get("count")
+        sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
+        indexed = count is not None
+        ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
+        # Even if the model's parameters are invalid, its class declares the columns of the state.
+        kind = self._factory.plugins.get((*path, "model"))
+        described = model or (kind if kind is not None and _fault_of(kind) is None else None)
+        sampler = Sampler(self._composition, self._document.seed if self._document else 0, ids, indexed, described)
+        states, knowledge = None, []
+        if sound or not indexed:
+            states = sampler.states(entry.get("state"), (*path, "state"))
+            knowledge = self._knowledge(sampler, entry, path, len(ids))
+            self._report_all(sampler.problems)
+        components = mapping(entry.get("components"))
+        uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
+        uses_model = mapping(entry.get("model")).get("use")
+        self.uses[name] = {"model": uses_model, "components": uses}
+        instances = {
+            component: self._factory.make(mapping(content), (*path, "components", component), len(ids))
+            for component, content in components.items()
+        }
+        capable = [
+            component
+            for component, made in instances.items()
+            if made and self._has_knowledge(made[0], entry, (*path, "components", component), uses[component])
+        ]
+        declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
+        parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
+        self.declared.update(each.name for each in (*parts, *signals.values()))
+        if model is None or states is None or sampler.problems or self._found:
+            return None, []
+        body = self._document.agents[name].entity if self._document else Entity()
+        if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
+            return None, []
+        group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
+        group.regions = self._document.regions if self._document else {}
+        component_entries = [
+            ComponentEntry(group, component, uses[component], instances[component])
+            for component in capable
+            if self._can_work(group, instances[component][0], (*path, "components", component), uses[component])
+        ]
+        return group, component_entries
+
+    def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
+        made = self._factory.make(entry, path)
+        if not made:
+            return None
+        model: Model = made[0]
+        fault = _fault_of(model)
+        if fault:
+            self._report("broken-plugin", f"the model {quoted(entry['use'])} {fault}", (*path, "use"))
+            return None
+        return model
+
+    def _conforms(self, model: Model, use: str, state: Array, path: Path) -> bool:
+        """Check that a model returns arrays of the declared shapes; done once, as checks in a run would cost time."""
+        faults = list(faults_of(model, state))
+        for fault in faults:
+            self._report("broken-plugin", f"the model {quoted(use)} {fault}", path)
+        return not faults
+
+    def _knowledge(self, sampler: Sampler, entry: Mapping[str, Any], path: Path, count: int) -> list[dict[str, Any]]:
+        knowledge: list[dict[str, Any]] = [{} for _ in range(count)]
+        for name, value in mapping(entry.get("knowledge")).items():
+            for own, known in zip(knowledge, sampler.knowledge(value, (*path, "knowledge", name)), strict=False):
+                own[name] = known
+        return knowledge
+
+    def _has_knowledge(
+        self, component: Component | GroupComponent, entry: Mapping[str, Any], path: Path, use: str
+    ) -> bool:
+        """Check that the agents have all the knowledge that a component needs."""
+        known = entry.get("knowledge", {})
+        if not isinstance(known, Mapping):
+            return False
+        for name, meaning in component.knowledge.items():
+            if name in known:
+                continue
+            meant = nearest(name, known)
+            where = (*path[:2], "knowledge", meant) if meant else path
+            self._report(
+                "missing-knowledge",
+                f"{quoted(use)} needs the knowledge {quoted(name)}" + (f", not {quoted(meant)}" if meant else ""),
+                where,
+                key=True,
+                expected=f"{quoted(name)} under {quoted(dotted((*path[:2], 'knowledge')))}: {meaning}",
+            )
+        return set(component.knowledge) <= set(known)
+
+    def _can_work(self, group: AgentGroup, component: Component | GroupComponent, path: Path, use: str) -> bool:
+        """Check that a component can work for a group, as far as that is known before the run."""
+        try:
+            component.check(group)
+            # If several components set a series, the columns of the last one apply.
+            name_columns(group, component)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            said = words(error)
+            for name in component.knowledge:
+                where = (*path[:2], "knowledge", name)
+                if not _is_numeric(group, name):
+                    said = f"the knowledge {quoted(name)} is not made of numbers, as many for each agent"
+                if f"`{name}`" in said:
+                    self._report(
+                        "unsuitable",
+                        f"{quoted(use)} cannot work with this: {said}",
+                        where,
+                        expected=component.knowledge[name],
+                    )
+                    return False
+            self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", path, key=True)
+            return False
+        return True
+
+
+def _fault_of(model: Model | type[Model]) -> str | None:
+    """Return the fault in a model's declarations as a predicate; None if they are valid."""
+    for name in ("state", "control_input"):
+        declared = getattr(model, name, ())
+        if not isinstance(declared, Sequence) or not declared or not all(isinstance(x, Quantity) for x in declared):
+            return f"declares no `{name}` as quantities"
+    indices = [*model.position, *(() if model.heading is None else (model.heading,))]
+    if not all(0 <= index < len(model.state) for index in indices):
+        return "places its position or heading outside its state"
+    if not all(0 <= index < len(model.state) for index in (*model.velocities, *model.angles)):
+        return "places its velocities or angles outside its state"
+    if len(model.velocities) not in (0, len(model.position)):
+        return f"has {len(model.velocities)} velocities for {len(model.position)} coordinates of its position"
+    return None
+
+
+def _is_numeric(group: AgentGroup, name: str) -> bool:
+    try:
+        return group.known(name).dtype == float
+    except (TypeError, ValueError):
+        return False
