@@ -12,14 +12,18 @@ from symaware_cli.cli.terminal import WRONG_INPUT, fail
 
 def schema(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
+    sweep: Annotated[bool, typer.Option("--sweep", help="The schema of files of sweeps instead.")] = False,
     built_in: Annotated[bool, typer.Option("--built-in", help="Without the plugins of other packages.")] = False,
 ) -> None:
-    """Write the JSON schema of scenarios for editors, with the parameters of every installed plugin."""
+    """Write the JSON schema of scenarios (or sweeps) for editors, with the parameters of every installed plugin."""
     import json
 
-    from symaware_cli.scenario.json_schema import scenario_schema
+    if sweep:
+        from symaware_cli.study.sweep_schema import sweep_schema as described
+    else:
+        from symaware_cli.scenario.json_schema import scenario_schema as described
 
-    content, broken = scenario_schema(built_in_only=built_in)
+    content, broken = described(built_in_only=built_in)
     text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"
     for problem in broken:
         typer.echo(f"symaware: left out: {problem}", err=True)

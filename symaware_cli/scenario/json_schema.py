@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from typing import Any
 
 from symaware_cli.scenario.catalogue import Catalogue, PluginError
@@ -36,26 +37,51 @@ def scenario_schema(
     definitions = schema["$defs"]
     broken: list[str] = []
     declared: set[str] = set()
-    for kind in _USES:
-        branches = []
-        names = []
-        for listing in catalogue.listings(kind):
-            if built_in_only and not listing.built_in:
-                continue
-            try:
-                plugin = catalogue.load(kind, listing.name)
-            except PluginError as error:
-                broken.append(str(error))
-                continue
-            names.append({"const": listing.name, "description": (inspect.getdoc(plugin) or "").partition("\n")[0]})
-            branches.append(_branch(listing.name, kind, plugin, definitions))
+    for kind, uses in _USES.items():
+        for plugin in describe_plugins(kind, uses, definitions, broken, catalogue, built_in_only):
             declared.update(each.name for each in (*declared_by(plugin), *signals_of(plugin)))
-        for use in _USES[kind]:
-            definitions[use]["properties"]["use"]["anyOf"] = names
-            definitions[use]["allOf"] = branches
     definitions["Recording"]["properties"]["omit"]["items"]["enum"] = omittable(declared)
     _describe_values(schema)
     return _with_bases(schema), broken
+
+
+def describe_plugins(
+    kind: str,
+    uses: Sequence[str],
+    definitions: dict[str, Any],
+    broken: list[str],
+    catalogue: Catalogue,
+    built_in_only: bool,
+) -> list[Any]:
+    """Describe the plugins of a kind and their parameters in the definitions of a schema.
+
+    Args:
+        kind: The kind, such as ``component``.
+        uses: The definitions that refer to a plugin of this kind.
+        definitions: The definitions, which are added to.
+        broken: Takes a sentence about each plugin that is omitted because it is broken.
+        catalogue: The installed plugins.
+        built_in_only: Whether to omit plugins of other packages.
+
+    Returns:
+        The plugins.
+    """
+    found, branches, names = [], [], []
+    for listing in catalogue.listings(kind):
+        if built_in_only and not listing.built_in:
+            continue
+        try:
+            plugin = catalogue.load(kind, listing.name)
+        except PluginError as error:
+            broken.append(str(error))
+            continue
+        found.append(plugin)
+        names.append({"const": listing.name, "description": (inspect.getdoc(plugin) or "").partition("\n")[0]})
+        branches.append(_branch(listing.name, kind, plugin, definitions))
+    for use in uses if found else ():
+        definitions[use]["properties"]["use"]["anyOf"] = names
+        definitions[use]["allOf"] = branches
+    return found
 
 
 def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> dict[str, Any]:
