@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,10 +13,12 @@ import typer
 from symaware_cli.cli.terminal import print_array, printable
 
 if TYPE_CHECKING:
+    import pyarrow
+
     from symaware_cli.study.sweep_plan import Cell
 
 #: Columns that are shown only when they are asked for, or as JSON or CSV.
-_QUIET = ("replicate", "seed", "digest", "error")
+_QUIET = ("replicate", "seed", "goals", "digest", "error")
 
 
 def show_rows(
@@ -45,7 +48,7 @@ def show_rows(
         from pyarrow import csv
 
         sink = pyarrow.BufferOutputStream()
-        csv.write_csv(shown, sink)
+        csv.write_csv(_flat(shown), sink)
         sys.stdout.write(sink.getvalue().to_pybytes().decode())
     else:
         if not columns:
@@ -122,6 +125,17 @@ def show_differences(folder: Path, name: str, as_json: bool) -> None:
     typer.echo(f"intervals: {mean.method}, confidence {mean.confidence:g}, {mean.count:,} pairs")
 
 
+def _flat(table: pyarrow.Table) -> pyarrow.Table:
+    """Write lists as JSON: CSV has none."""
+    import pyarrow
+
+    for number, field in enumerate(table.schema):
+        if pyarrow.types.is_list(field.type):
+            texts = [None if each is None else json.dumps(each) for each in table[number].to_pylist()]
+            table = table.set_column(number, field.name, pyarrow.array(texts, pyarrow.string()))
+    return table
+
+
 def _of(cell: Cell) -> dict[str, Any]:
     return {**({} if cell.variant is None else {"variant": cell.variant}), **cell.parameters}
 
@@ -145,4 +159,6 @@ def _cell(value: Any) -> str:
         return "-"
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, list):
+        return ", ".join(f"{printable(each['agent'])} {each['time']:.6g}" for each in value) or "-"
     return f"{value:.6g}" if isinstance(value, float) else printable(str(value))

@@ -12,7 +12,7 @@ from dataclasses import replace
 from symaware_cli.scenario.problem import Problem, ScenarioError, nearest
 from symaware_cli.specification.expression import EvaluationError
 from symaware_cli.specification.token import ExpressionError
-from symaware_cli.study.metrics import BUILT_IN
+from symaware_cli.study.metrics import NUMERIC
 from symaware_cli.study.row import Row
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.study.statistics.stopping import Mean, Share, StoppingRule
@@ -82,7 +82,7 @@ def rule_of(plan: SweepPlan, specifications: Sequence[str]) -> StoppingRule | No
     """
     document = plan.document
     shares = {f"{verdict}.{name}": Share() for name in specifications for verdict in ("satisfied", "violated")}
-    metrics = [*(each.name for each in BUILT_IN), *document.metrics]
+    metrics = [*(each.name for each in NUMERIC), *document.metrics]
     means = {f"mean.{name}": Mean(*document.bounds.get(name, (None, None))) for name in metrics}
     text = document.until
     if text is None:

@@ -122,7 +122,7 @@ def _numbers(table: pyarrow.Table, name: str) -> Any:
     if name.startswith("verdict."):
         texts = found.to_numpy()
         return np.where(texts == None, np.nan, (texts == "satisfied").astype(float))  # noqa: E711 (element by element)
-    if pyarrow.types.is_string(found.type):
+    if pyarrow.types.is_string(found.type) or pyarrow.types.is_list(found.type):
         raise SweepError(f"`{name}` is not made of numbers")
     return found.cast(pyarrow.float64()).to_numpy()
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +20,22 @@ from symaware_cli.runtime.simulation import Simulation
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint64]
 
+#: The most goals that are kept of a run, the first ones; most runs have one an agent.
+MOST_GOALS = 256
+
 #: How many steps are worked through at a time, and how many rows are hashed at a time, which fit in the cache.
 _STEPS, _ROWS = 32, 8192
 
 #: Odd factors of the hash, from the digits of pi, e and the golden ratio.
 _FIRST, _SECOND, _NEXT = np.uint64(0x243F6A8885A308D3), np.uint64(0xB7E151628AED2A6B), np.uint64(0x9E3779B97F4A7C15)
 _HALF = np.uint64(32)
+
+
+class GoalReached(NamedTuple):
+    """A goal that an agent reached: the id of the agent, and the simulated time [s]."""
+
+    agent: str
+    time: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +46,14 @@ class RunMeasurement:
         digest: A hash of the states and control inputs of all agents at every step, in hexadecimal.
         path_length: The way that all agents went together [m].
         effort: The integral of the squared control inputs over time, summed over agents.
+        goals: The agent and the time of each goal that was reached, in order of time, the first `MOST_GOALS` [s].
         goal_time: When the last goal was reached [s]; None if none was.
     """
 
     digest: str
     path_length: float
     effort: float
+    goals: tuple[GoalReached, ...]
     goal_time: float | None
 
 
@@ -58,6 +71,7 @@ class Measurement:
         self._is_batch = any(group.seeds for group in simulation.groups)
         self._step = seconds(simulation.environment.time_step)
         self._groups = [_GroupMeasurement(group) for group in simulation.groups]
+        self._goals: list[list[GoalReached]] = [[] for _ in range(self._runs)]
         self._goal_times: list[float | None] = [None] * self._runs
         simulation.events.subscribe("stepping", self._on_step)
         simulation.events.subscribe("goal-reached", self._on_goal)
@@ -76,8 +90,15 @@ class Measurement:
             each.add(environment.state(each.group), each.group.control_input)
 
     def _on_goal(self, event: Event) -> None:
-        path = event.source.removeprefix("agents.")
-        self._goal_times[int(path.partition(":")[0]) if self._is_batch else 0] = seconds(event.time)
+        agent = event.source.removeprefix("agents.").rpartition(".")[0]
+        run = 0
+        if self._is_batch:
+            number, _, agent = agent.partition(":")
+            run = int(number)
+        reached = GoalReached(agent, seconds(event.time))
+        self._goal_times[run] = reached.time
+        if len(self._goals[run]) < MOST_GOALS:
+            self._goals[run].append(reached)
 
     def _of_run(self, run: int) -> RunMeasurement:
         digest, path_length, effort = hashlib.blake2b(digest_size=16), 0.0, 0.0
@@ -87,7 +108,8 @@ class Measurement:
             digest.update(each.hashes[own].tobytes())
             path_length += float(np.sum(each.path_lengths[own]))
             effort += float(np.sum(each.efforts[own]))
-        return RunMeasurement(digest.hexdigest(), path_length, effort * self._step, self._goal_times[run])
+        goals = tuple(self._goals[run])
+        return RunMeasurement(digest.hexdigest(), path_length, effort * self._step, goals, self._goal_times[run])
 
 
 class _GroupMeasurement:

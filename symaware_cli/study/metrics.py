@@ -8,7 +8,7 @@ from typing import Any
 
 from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.study.measurement import RunMeasurement
+from symaware_cli.study.measurement import MOST_GOALS, RunMeasurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,8 @@ class MetricDescription:
 
     Attributes:
         name: Its name.
-        kind: The type of its values: ``number``, ``integer``, ``truth`` or ``text``.
+        kind: The type of its values: ``number``, ``integer``, ``truth`` or ``text``; or ``times``, a list of
+            agents with the time at which something happened to each [s].
         unit: The unit; empty for none.
         description: What it is.
         version: A number that changes when the same run gives another value.
@@ -73,6 +74,10 @@ _BUILT_IN: tuple[tuple[MetricDescription, _Value], ...] = (
         lambda run: run.measurement.goal_time,
     ),
     (
+        MetricDescription("goals", "times", "s", f"who reached a goal, and when; the first {MOST_GOALS}"),
+        lambda run: [each._asdict() for each in run.measurement.goals],
+    ),
+    (
         MetricDescription("path_length", "number", "m", "the way of all agents together"),
         lambda run: run.measurement.path_length,
     ),
@@ -97,8 +102,9 @@ _BUILT_IN: tuple[tuple[MetricDescription, _Value], ...] = (
 #: Further names of columns.
 RESERVED = ("index", "replicate", "variant", "seed", "state", "digest", "error")
 
-#: The metrics that every row has.
+#: The metrics that every row has, and those of them that are numbers or truths.
 BUILT_IN = tuple(description for description, _ in _BUILT_IN)
+NUMERIC = tuple(description for description in BUILT_IN if description.kind not in ("text", "times"))
 
 
 def figures(run: RunFigures) -> dict[str, Any]:

@@ -55,7 +55,7 @@ def query(
     if where is not None:
         table = table.filter(_mask(table, where))
     if sort is not None:
-        name = column(table, sort.removeprefix("-"))
+        name = _single(table, column(table, sort.removeprefix("-")))
         order = "descending" if sort.startswith("-") else "ascending"
         table = table.sort_by([(name, order), ("index", "ascending")])
     return table if limit is None else table.slice(0, limit)
@@ -74,6 +74,19 @@ def column(table: pyarrow.Table, name: str) -> str:
         which = f"; {' and '.join(found)} are called so" if found else ""
         raise UnknownNameError(f"the table has no column `{name}`{which}", name, table.column_names)
     return found[0]
+
+
+def _single(table: pyarrow.Table, name: str) -> str:
+    """Return the name of a column whose rows have one value each.
+
+    Raises:
+        SweepError: They have lists.
+    """
+    import pyarrow
+
+    if pyarrow.types.is_list(table[name].type):
+        raise SweepError(f"`{name}` is a list in each row, which is neither compared nor sorted by")
+    return name
 
 
 def _mask(table: pyarrow.Table, where: str) -> Any:
@@ -127,7 +140,7 @@ def _parts(node: Node) -> Sequence[str]:
 def _column(table: pyarrow.Table, name: str) -> Any:
     import pyarrow
 
-    values = table[column(table, name)]
+    values = table[_single(table, column(table, name))]
     if pyarrow.types.is_string(values.type):
         return values.to_numpy()
     return values.cast(pyarrow.float64()).to_numpy() if values.null_count else values.to_numpy()

@@ -27,7 +27,8 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
     import pyarrow
 
     text, integer, number = pyarrow.string(), pyarrow.int64(), pyarrow.float64()
-    types = {"number": number, "integer": integer, "truth": pyarrow.bool_(), "text": text}
+    times = pyarrow.list_(pyarrow.struct([("agent", text), ("time", number)]))
+    types = {"number": number, "integer": integer, "truth": pyarrow.bool_(), "text": text, "times": times}
 
     def field(name: str, kind: pyarrow.DataType, description: str, unit: str = "", version: int = 0) -> pyarrow.Field:
         notes = {"description": description, "unit": unit, "version": str(version or "")}

@@ -46,6 +46,28 @@ def test_a_row_says_what_the_run_alone_says(tmp_path: Path) -> None:
         )
 
 
+def test_each_goal_is_in_the_table_with_its_agent_and_time_however_runs_are_made(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    changes = ["--set", "run.duration=5", "--set", "agents.robot.knowledge.goal=[2, 0]", "--runs", 4, "--jobs", 0]
+    for batch in ("off", 3):
+        symaware("sweep", scenario, "-o", tmp_path / f"{batch}", *changes, "--batch", batch)
+    assert table_digest(tmp_path / "off") == table_digest(tmp_path / "3")
+    for row in rows(tmp_path / "3"):
+        longer = {"run.duration": 5.0, "agents.robot.knowledge.goal": [2, 0]}
+        alone = symaware_cli.load(scenario, longer, seed=row["seed"]).run(output=tmp_path / f"{row['index']}.mcap")
+        events = [each for each in alone.events if each.name == "goal-reached"]
+        expected = [(each.source.removeprefix("agents.").rpartition(".")[0], each.time / 1e9) for each in events]
+        assert [(each["agent"], each["time"]) for each in row["goals"]] == expected
+        assert len(expected) == row["goals_reached"] == 2
+        assert row["goal_time"] == row["goals"][-1]["time"]
+    out = tmp_path / "3"
+    first = rows(out)[0]["goals"][0]
+    assert f"{first['agent']} {first['time']:.6g}, robot." in symaware("inspect", out, "--columns", "goals")
+    assert '[{""agent"": ""robot.' in symaware("inspect", out, "--csv")
+    assert "`goals` is a list" in symaware("inspect", out, "--where", "goals > 1", status=2)
+    assert "`goals` is a list" in symaware("inspect", out, "--sort", "goals", status=2)
+
+
 def test_bad_input_is_located_and_creates_nothing(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     before = sorted(tmp_path.iterdir())

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.study.folder import SweepFolder
-from symaware_cli.study.metrics import BUILT_IN
+from symaware_cli.study.metrics import NUMERIC
 from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
 from symaware_cli.study.row import Row
 from symaware_cli.study.statistics.interval_choice import IntervalChoice
@@ -73,13 +73,12 @@ def _metrics(
         verdicts = [None if row.state == "lost" else row.verdicts.get(name) == "satisfied" for row in rows]
         yield MetricColumn(f"satisfied.{name}", "", True, _numbers(verdicts))
         yield MetricColumn(f"robustness.{name}", "", False, _numbers([row.robustness.get(name) for row in rows]))
-    for each in BUILT_IN:
-        if each.kind != "text":
-            values = _numbers([row.metrics.get(each.name) for row in rows])
-            low, high = bounds.get(each.name, (math.inf, -math.inf))
-            is_within = bool(((values >= low) & (values <= high) | np.isnan(values)).all())
-            declared = (low, high) if is_within and low < high else None
-            yield MetricColumn(each.name, each.unit, each.kind == "truth", values, declared)
+    for each in NUMERIC:
+        values = _numbers([row.metrics.get(each.name) for row in rows])
+        low, high = bounds.get(each.name, (math.inf, -math.inf))
+        is_within = bool(((values >= low) & (values <= high) | np.isnan(values)).all())
+        declared = (low, high) if is_within and low < high else None
+        yield MetricColumn(each.name, each.unit, each.kind == "truth", values, declared)
 
 
 def _numbers(values: Sequence[Any]) -> Array:
