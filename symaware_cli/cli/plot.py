@@ -18,6 +18,7 @@ from symaware_cli.cli.terminal import (
     instant,
     names,
     print_json,
+    progress_shown,
     span,
     trouble_shown,
 )
@@ -55,6 +56,20 @@ def plot(
             metavar="NAME:FIELD[:COLUMN]",
         ),
     ] = None,
+    trajectories: Annotated[
+        bool,
+        typer.Option(
+            "--trajectories",
+            help="Of a sweep: the paths of its runs over the map, those that violate a specification in red. The runs "
+            "are made again for it.",
+        ),
+    ] = False,
+    runs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="With --trajectories: how many runs of each combination; by default 1,000 among all of them."
+        ),
+    ] = None,
     agents: Annotated[
         str | None,
         typer.Option(help="Plot only these agents or groups, separated by commas."),
@@ -76,8 +91,18 @@ def plot(
         for option, value in {**others, "--to": end, "--at": at}.items():
             if value not in (None, False, []):
                 fail(f"{option} goes with a log, and {path} is a folder", WRONG_INPUT, as_json)
-        _plot_sweep(path, output, names(show), title, _measures(size, as_json), dpi, as_json)
+        measures = _measures(size, as_json)
+        if trajectories:
+            if show is not None:
+                fail("--show names metrics, and --trajectories is another picture", WRONG_INPUT, as_json)
+            _plot_paths(path, output, runs, title, measures, dpi, as_json)
+            return
+        if runs is not None:
+            fail("--runs goes with --trajectories", WRONG_INPUT, as_json)
+        _plot_sweep(path, output, names(show), title, measures, dpi, as_json)
         return
+    if trajectories or runs is not None:
+        fail("--trajectories and --runs go with the folder of a sweep; see --show", WRONG_INPUT, as_json)
     span(start, end, as_json)
     instant("--at", at, as_json)
     measures = _measures(size, as_json)
@@ -152,6 +177,47 @@ def _plot_sweep(
     typer.echo(f"{file}: {shown}; {size_in_words(facts['size'])}")
     failed = f", {runs.failed:,} of them failed or lost" if runs.failed else ""
     typer.echo(_line("runs", f"{len(runs.indices):,}{failed}"))
+    for note in picture.notes:
+        typer.echo(_line("note", note))
+
+
+def _plot_paths(
+    folder: Path,
+    output: Path | None,
+    count: int | None,
+    title: str | None,
+    size: tuple[float, float] | None,
+    dpi: int,
+    as_json: bool,
+) -> None:
+    with trouble_shown(as_json):
+        from symaware_cli.scenario.files import unused_path
+        from symaware_cli.study.picture.sweep_picture import plot_paths
+
+        file = output or unused_path(f"{folder.resolve().name}-trajectories", suffix=".png")
+        try:
+            with progress_shown("runs made again", not as_json) as tell:
+                picture = plot_paths(folder, file, count, title, size, dpi, tell)
+        except KeyboardInterrupt:
+            raise typer.Exit(INTERRUPTED) from None
+    panels: list[dict[str, Any]] = [
+        {"of": panel.caption, "runs": len(panel.paths), "violating": sum(panel.violated)} for panel in picture.panels
+    ]
+    facts: dict[str, Any] = {
+        "sweep": str(folder),
+        "file": str(file),
+        "size": file.stat().st_size,
+        "runs": picture.runs,
+        "panels": panels,
+        "notes": list(picture.notes),
+    }
+    if as_json:
+        print_json(facts)
+        return
+    typer.echo(f"{file}: trajectories; {size_in_words(facts['size'])}")
+    violating = sum(panel["violating"] for panel in panels)
+    said = f", {violating:,} of them violate a specification" if picture.specifications else ""
+    typer.echo(_line("runs", f"{picture.runs:,}{said}"))
     for note in picture.notes:
         typer.echo(_line("note", note))
 

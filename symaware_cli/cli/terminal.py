@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, TextIO
@@ -68,6 +68,21 @@ def is_plain() -> bool:
 def is_lively(stream: TextIO) -> bool:
     """Whether a stream is a terminal that supports colours and progress bars."""
     return stream.isatty() and not is_plain()
+
+
+@contextmanager
+def progress_shown(what: str, wanted: bool = True) -> Iterator[Callable[[int, int], None] | None]:
+    """Show a bar on a terminal, told by how much of how many is done; None where none is shown."""
+    if not wanted or not is_lively(sys.stderr):
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(compact=True))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def bold(text: str) -> str:

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from symaware_cli.recording.error import OutputError, reason
+from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.problem import ScenarioError
@@ -99,13 +100,16 @@ class SweepFolder:
         """The names of the specifications of all cells."""
         return self.identity.specifications
 
-    def runner(self, batch: int | None = None) -> Runner:
+    def runner(
+        self, batch: int | None = None, follow: Callable[[Sequence[int], Simulation], object] | None = None
+    ) -> Runner:
         """Return a runner in this process.
 
         Args:
-            batch: See `Runner`.
+            batch: See `Runner`, as for the next.
+            follow: See there.
         """
-        return Runner(self.plan, self.source.scenario, batch)
+        return Runner(self.plan, self.source.scenario, batch, follow)
 
     def check(self) -> None:
         """Make sure that further rows come of the same files and versions.

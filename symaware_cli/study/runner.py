@@ -51,14 +51,22 @@ class MetricError(Exception):
 class Runner:
     """Makes runs of a plan."""
 
-    def __init__(self, plan: SweepPlan, scenario: Path, batch: int | None = None) -> None:
+    def __init__(
+        self,
+        plan: SweepPlan,
+        scenario: Path,
+        batch: int | None = None,
+        follow: Callable[[Sequence[int], Simulation], object] | None = None,
+    ) -> None:
         """Prepare.
 
         Args:
             plan: The plan.
             scenario: The scenario file.
             batch: How many runs are batched at most; 1 for none, None for as many as fit in a bounded memory.
+            follow: Called before runs begin, with their numbers and what runs.
         """
+        self._follow = follow
         self._batch = batch
         self._since_collection = 0
         self._templates: OrderedDict[int, Built | str] = OrderedDict()
@@ -135,6 +143,8 @@ class Runner:
             yield from map(self.run, indices)
             return
         measurement = Measurement(batch.simulation)
+        if self._follow is not None:
+            self._follow(indices, batch.simulation)
         with batch.simulation.environment:
             batch.advance()
         if batch.run.signal is not None:
@@ -175,6 +185,8 @@ class Runner:
         with prepared(built, log, timeout=timeout, may_exit=False) as run:
             followers = _called("metrics", partial(self._custom.followers, built.simulation))
             measurement = Measurement(built.simulation)
+            if self._follow is not None:
+                self._follow([index], built.simulation)
             run.advance()
             measured, custom = None, {}
             if run.status == "finished":

@@ -3,39 +3,25 @@
 from __future__ import annotations
 
 import math
-import textwrap
-import warnings
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
-from symaware_cli.recording.error import LogError
+from symaware_cli.study.picture.figure_sheet import FigureSheet, Handles, columns_of
 from symaware_cli.study.picture.finished_runs import Array, ParameterAxis
 from symaware_cli.study.picture.metric_panel import MetricPanel, SweepPicture
 from symaware_cli.viewing.palette import AGENTS, hexadecimal
-from symaware_cli.viewing.plotting.figure_style import (
-    FAINT,
-    HEADING,
-    LEAST_TYPE,
-    SMALL,
-    require_writable,
-    save,
-    settle,
-    styled,
-    type_scale,
-)
+from symaware_cli.viewing.plotting.figure_style import SMALL, type_scale
 
-#: Inches: a panel, a line of text, the width of a character, and the title with what surrounds all panels.
-_PANEL, _LINE, _CHARACTER, _AROUND = (4.3, 3.0), 0.19, 0.071, 0.55
-
-#: So many panels stand side by side.
-_COLUMNS = 3
+#: Width and height of a panel [inch].
+_PANEL = (4.3, 3.0)
 
 #: Maps of at most so many cells have their values written in.
 _WRITTEN = 150
@@ -63,47 +49,27 @@ def draw(
         LogError: The title cannot be written with the font, or the panels do not fit.
         OSError: The file cannot be written.
     """
-    if title is not None:
-        require_writable(title)
     count = picture.facets if picture.facets > 1 else len(picture.panels)
-    columns = 2 if count == 4 else min(_COLUMNS, count)
+    columns = columns_of(count)
     rows = -(-len(picture.panels) // columns)
     if picture.facets > 1:
         rows = len(picture.panels) // picture.facets * -(-picture.facets // columns)
-    natural = (max(_PANEL[0] * columns, 1.4 * _PANEL[0]), _PANEL[1] * rows + 2 * _AROUND)
-    width, height = size or natural
-    scale = max(LEAST_TYPE, min(1.0, width / natural[0], height / natural[1]))
-    with styled(scale), warnings.catch_warnings():
-        warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
-        try:
-            figure = _figure(picture, (rows, columns), (width, height), title)
-            settle(figure)
-        except UserWarning:
-            raise LogError(f"{len(picture.panels)} panels do not fit into {width:g} x {height:g} inches") from None
-        save(figure, path, dpi)
+    runs = picture.runs
+    usual = f"{runs.name}: {len(runs.indices):,} runs, seed {runs.seed}"
+    sheet = FigureSheet((rows, columns), _PANEL, usual if title is None else title, picture.notes, len(picture.panels))
+    sheet.draw(path, size, dpi, partial(_fill, picture))
 
 
-def _figure(picture: SweepPicture, grid: tuple[int, int], size: tuple[float, float], title: str | None) -> Figure:
-    scale = type_scale()
-    said = textwrap.wrap(" ".join(picture.notes), max(20, int((size[0] - 0.3) / _CHARACTER / scale)))
-    foot = (_LINE * len(said) * scale + 0.08) / size[1]
-    engine = ConstrainedLayoutEngine(rect=(0.008, foot, 0.984, 0.99 - foot), w_pad=0.08, h_pad=0.06)
-    figure = Figure(figsize=size, layout=engine)
-    places = figure.add_gridspec(*grid)
+def _fill(picture: SweepPicture, figure: Figure, places: GridSpec) -> Handles:
     row, column, metric = 0, 0, picture.panels[0].metric.name
     for panel in picture.panels:
-        if column == grid[1] or (picture.facets > 1 and panel.metric.name != metric):
+        if column == places.ncols or (picture.facets > 1 and panel.metric.name != metric):
             row, column = row + 1, 0
         metric = panel.metric.name
         axes = figure.add_subplot(places[row, column])
         column += 1
         _draw_panel(figure, axes, panel, _range(picture, metric))
-    runs = picture.runs
-    usual = f"{runs.name}: {len(runs.indices):,} runs, seed {runs.seed}"
-    figure.suptitle(usual if title is None else title, x=0.012, ha="left", fontsize=HEADING * scale, fontweight="bold")
-    if said:
-        figure.text(0.012, 0.06 / size[1], "\n".join(said), va="bottom", fontsize=SMALL * scale, color=FAINT)
-    return figure
+    return ()
 
 
 def _draw_panel(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[float, float]) -> None:

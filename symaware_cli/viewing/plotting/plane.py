@@ -54,16 +54,9 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
         The entries of the legend, and the sentences of the caption.
     """
     low, high = extent(content)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal", anchor="N")
-    axes.grid(False)
-    wide, tall = (high - low).tolist()
-    for axis, span in ((axes.xaxis, wide), (axes.yaxis, tall)):
-        # The same tick interval on both axes, unless one of them would have hardly any ticks.
-        axis.set_major_locator(MultipleLocator(min(round_interval(max(wide, tall)), round_interval(span, 4))))
-    _draw_regions(axes, content)
-    handles = _draw_obstacles(axes, content)
+    handles = draw_surroundings(axes, content, low, high)
     said = _draw_paths(axes, content)
-    handles += _draw_goals(axes, content)
+    handles += draw_goals(axes, content)
     handles += _draw_bodies(axes, content, float((high - low).max()))
     handles += _draw_contacts(axes, content)
     at = content.motion.times[content.at] / 1e9
@@ -75,10 +68,39 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
     return handles, said
 
 
-def extent(content: Trajectories) -> tuple[Array, Array]:
-    """Return the corners of the area shown, (2,) each [m]: the paths, the goals, and the obstacles near them."""
+def draw_surroundings(axes: Axes, content: Trajectories, low: Array, high: Array) -> list[Line2D | Patch]:
+    """Draw the regions and the obstacles of an area, and its axes.
+
+    Args:
+        axes: The axes to draw on.
+        content: The content of the panel.
+        low: The corner of the area with the least coordinates (2,) [m].
+        high: The opposite corner.
+
+    Returns:
+        The entries of the legend.
+    """
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal", anchor="N")
+    axes.grid(False)
+    wide, tall = (high - low).tolist()
+    for axis, span in ((axes.xaxis, wide), (axes.yaxis, tall)):
+        # The same tick interval on both axes, unless one of them would have hardly any ticks.
+        axis.set_major_locator(MultipleLocator(min(round_interval(max(wide, tall)), round_interval(span, 4))))
+    _draw_regions(axes, content)
+    return _draw_obstacles(axes, content)
+
+
+def extent(content: Trajectories, further: Array | None = None) -> tuple[Array, Array]:
+    """Return the corners of the area shown, (2,) each [m]: the paths, the goals, and the obstacles near them.
+
+    Args:
+        content: The content of the panel.
+        further: Further points (m, 2) [m]; NaN where unknown.
+    """
     radius = max((shape.radius for shape in content.motion.shapes if shape), default=0.0)
     positions = content.motion.positions[..., :2].reshape(-1, 2)
+    if further is not None:
+        positions = np.concatenate([positions, further])
     points = np.concatenate([positions[~np.isnan(positions[:, 0])], *content.goals.values()])
     low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
     room = max(_AROUND * float((high - low).max()), 1e-3)
@@ -215,13 +237,14 @@ def _known(positions: Array) -> Array:
     return points
 
 
-def _draw_goals(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
+def draw_goals(axes: Axes, content: Trajectories, above: bool = False) -> list[Line2D | Patch]:
+    """Draw the goals and waypoints below the paths, or above them, and return the entry of the legend."""
     if not content.goals:
         return []
     many = content.chosen.many
     for colour, points in _by_colour(content.chosen.lines, content.goals).items():
         mark = _mark("+", hexadecimal(GOAL) if many else colour, 3.0 if many else 12.0)
-        axes.plot(*points.T, zorder=2.5, **mark)
+        axes.plot(*points.T, zorder=4.2 if above else 2.5, **mark)
     label = "waypoint" if all(len(points) > 1 for points in content.goals.values()) else "goal"
     return [Line2D([], [], label=label, **_mark("+", hexadecimal(GOAL) if many else INK, 8.0))]
 
