@@ -15,6 +15,7 @@ from sweeping import rows, symaware, table_digest, tiny
 
 import symaware_cli
 from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.picture.journal_columns import finished_runs
 from symaware_cli.study.samples import Samples
 from symaware_cli.study.sweep_document import SweepDocument
 from symaware_cli.study.sweep_error import SweepError
@@ -185,3 +186,14 @@ def test_runs_that_two_add_at_once_are_all_added(tmp_path: Path) -> None:
     with ThreadPoolExecutor(2) as threads:
         list(threads.map(add, folders))
     assert read_sweep(tmp_path / "out" / "sweep.yaml").plan.document.runs == 5
+
+
+def test_a_picture_shows_runs_over_what_they_drew(tmp_path: Path) -> None:
+    file, out = sweep_file(tmp_path, runs=5), tmp_path / "out"
+    symaware("sweep", file, "-o", out, "-j", 0)
+    (speed, duration) = finished_runs(SweepFolder.opened(out)).drawn
+    assert speed.values.tolist() == [row[SPEED] for row in rows(out)]
+    assert duration.options is not None
+    assert [duration.options[int(place)] for place in duration.values] == [row[DURATION] for row in rows(out)]
+    facts = json.loads(symaware("plot", out, "-o", tmp_path / "a.png", "--show", "path_length", "--json"))
+    assert [panel["kind"] for panel in facts["panels"]] == ["scatter", "scatter"]

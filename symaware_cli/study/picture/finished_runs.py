@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symaware_cli.study.statistics.interval_choice import IntervalChoice
 
 Array = NDArray[np.float64]
+Scale = Literal["linear", "logarithmic", "options"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,28 @@ class ParameterAxis:
     def labels(self) -> list[str]:
         """The values as text."""
         return [_label(each) for each in self.values]
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnParameter:
+    """A parameter that each run draws.
+
+    Attributes:
+        name: The path in the scenario.
+        values: What each run drew: a number, or which of the options. Shape (n,).
+        options: What there is to choose from; None for numbers.
+        is_logarithmic: Whether their magnitudes are what varies.
+    """
+
+    name: str
+    values: Array
+    options: Sequence[Any] | None = None
+    is_logarithmic: bool = False
+
+    @property
+    def scale(self) -> Scale:
+        """How an axis of it is laid out."""
+        return "options" if self.options is not None else "logarithmic" if self.is_logarithmic else "linear"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +101,14 @@ class FinishedRuns:
     Attributes:
         name: The name of the scenario.
         seed: The seed of the sweep.
-        axes: What varies; every combination of their values has runs.
+        axes: What varies over lists; every combination of their values has runs.
         variants: The names of the variants; empty where there are none.
         planned: How many runs there are to be, at most.
         intervals: How intervals are chosen.
         failed: How many of those that have ended have no metrics, since they failed or were lost.
         indices: The index of each run, ascending; shape (n,).
         metrics: What was measured.
+        drawn: What each run drew.
     """
 
     name: str
@@ -96,6 +120,7 @@ class FinishedRuns:
     failed: int
     indices: NDArray[np.int64]
     metrics: Mapping[str, MetricColumn]
+    drawn: Sequence[DrawnParameter] = ()
 
     @property
     def shape(self) -> tuple[int, ...]:

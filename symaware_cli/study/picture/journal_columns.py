@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -10,12 +11,19 @@ import numpy as np
 
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.metrics import NUMERIC
-from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
+from symaware_cli.study.picture.finished_runs import (
+    Array,
+    DrawnParameter,
+    FinishedRuns,
+    MetricColumn,
+    ParameterAxis,
+)
 from symaware_cli.study.row import Row
 from symaware_cli.study.statistics.interval_choice import IntervalChoice
 from symaware_cli.study.sweep_document import SweepDocument
 from symaware_cli.study.sweep_files import JOURNAL
 from symaware_cli.study.sweep_journal import SweepJournal
+from symaware_cli.study.sweep_plan import SweepPlan
 
 
 def finished_runs(folder: SweepFolder) -> FinishedRuns:
@@ -43,6 +51,7 @@ def finished_runs(folder: SweepFolder) -> FinishedRuns:
         failed=sum(row.state != "done" for row in rows),
         indices=np.array([row.index for row in rows], np.int64),
         metrics={each.name: each for each in _metrics(rows, folder.specifications, document.bounds)},
+        drawn=tuple(_drawn(plan, rows)),
     )
 
 
@@ -64,6 +73,18 @@ def _axes(document: SweepDocument) -> Iterator[ParameterAxis]:
             yield from (ParameterAxis(path, values) for path, values in lists.items())
         elif lists:
             yield ParameterAxis(", ".join(lists), [list(each) for each in zip(*lists.values(), strict=True)])
+
+
+def _drawn(plan: SweepPlan, rows: Sequence[Row]) -> Iterator[DrawnParameter]:
+    samples = [plan.samples.of(plan.replicate(row.index)) for row in rows]
+    for path, drawn in plan.document.drawn.items():
+        values = [sample[path] for sample in samples]
+        if drawn.choice is None:
+            yield DrawnParameter(path, np.array(values, float), None, drawn.log_uniform is not None)
+        else:
+            places = {json.dumps(option): place for place, option in enumerate(drawn.choice)}
+            numbers = [places[json.dumps(value)] for value in values]
+            yield DrawnParameter(path, np.array(numbers, float), drawn.choice)
 
 
 def _metrics(

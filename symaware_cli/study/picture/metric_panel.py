@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.study.picture.cell_estimates import CellEstimates, estimated
-from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
+from symaware_cli.study.picture.drawn_parts import DrawnParts, parted
+from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis, Scale
 
 #: The most panels of a picture, and how many there are unless somebody asks for more.
 _MOST, _USUAL = 48, 6
+
+Kind = Literal["curve", "map", "scatter", "distribution"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +26,8 @@ class MetricPanel:
     """A metric in some of the combinations of parameters.
 
     Attributes:
-        kind: "curve" over one parameter, "map" over two, or "distribution" where none varies.
+        kind: "curve" over one listed parameter, "map" over two, "scatter" over one that is drawn, or "distribution"
+            where none varies.
         metric: The metric.
         axes: The parameters that the panel is about: none, one or two, the one across before the one up.
         series: The names of what is told apart by colour: the variants, or one name that is empty.
@@ -32,10 +37,12 @@ class MetricPanel:
         upper: The upper end.
         low: The tenth percentile of the runs; NaN for shares.
         high: The ninetieth.
-        samples: The runs' values of each series, for a distribution alone.
+        samples: The runs' values of each series, for a distribution or a scatter alone.
+        drawn: What these runs drew, for a scatter alone.
+        scale: How the axis of a scatter is laid out.
     """
 
-    kind: Literal["curve", "map", "distribution"]
+    kind: Kind
     metric: MetricColumn
     axes: tuple[ParameterAxis, ...]
     series: tuple[str, ...]
@@ -46,6 +53,8 @@ class MetricPanel:
     low: Array
     high: Array
     samples: tuple[Array, ...] = ()
+    drawn: tuple[Array, ...] = ()
+    scale: Scale = "linear"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +93,11 @@ def composed(runs: FinishedRuns, show: Sequence[str] = ()) -> SweepPicture:
     varied = [number for number, axis in enumerate(runs.axes) if len(axis.values) > 1]
     # The two with the most values, in the order of the sweep, are the axes of maps.
     shown = tuple(sorted(sorted(varied, key=lambda number: -len(runs.axes[number].values))[:2]))
+    if runs.drawn:
+        shown = ()  # what is drawn is the axis of each panel
     others = [number for number in varied if number not in shown]
     facets = int(np.prod([len(runs.axes[number].values) for number in others]))
-    facets *= max(1, len(runs.variants)) if len(shown) == 2 else 1
+    facets *= max(1, len(runs.variants)) if len(shown) == 2 else max(1, len(runs.drawn))
     metrics = _chosen(runs, show, max(1, _USUAL // facets))
     if facets * len(metrics) > _MOST:
         said = f"{len(metrics)} metrics in {facets:,} panels each are too many for one picture (at most {_MOST} panels)"
@@ -94,10 +105,12 @@ def composed(runs: FinishedRuns, show: Sequence[str] = ()) -> SweepPicture:
     panels: list[MetricPanel] = []
     methods: set[str] = set()
     for metric in metrics:
-        # Maps show none, and of many cells they would take seconds.
-        estimates = estimated(runs, metric, with_intervals=len(shown) < 2)
-        methods.update(estimates.method)
-        panels += _panels(runs, metric, estimates, shown, others)
+        for parts in [parted(runs, each) for each in runs.drawn] or (None,):
+            # Maps show none, and of many cells they would take seconds; while runs are made, parts of them move.
+            with_intervals = len(shown) < 2 and (parts is None or runs.intervals.is_final)
+            estimates = estimated(runs, metric, with_intervals, parts)
+            methods.update(estimates.method)
+            panels += _panels(runs, metric, estimates, shown, others, parts)
     return SweepPicture(runs, tuple(panels), tuple(_notes(runs, metrics, panels[0].kind, sorted(methods))))
 
 
@@ -117,13 +130,18 @@ def _chosen(runs: FinishedRuns, show: Sequence[str], usual: int) -> list[MetricC
 
 
 def _panels(
-    runs: FinishedRuns, metric: MetricColumn, estimates: CellEstimates, shown: tuple[int, ...], others: list[int]
+    runs: FinishedRuns,
+    metric: MetricColumn,
+    estimates: CellEstimates,
+    shown: tuple[int, ...],
+    others: list[int],
+    parts: DrawnParts | None,
 ) -> Iterator[MetricPanel]:
     variants = len(runs.axes)
     series = tuple(runs.variants) or ("",)
     is_map = len(shown) == 2
     facets = [*others, variants] if is_map and runs.variants else others
-    kind: Literal["curve", "map", "distribution"] = "map" if is_map else "curve" if shown else "distribution"
+    kind: Kind = "scatter" if parts else "map" if is_map else "curve" if shown else "distribution"
     for place in itertools.product(*(range(runs.shape[number]) for number in facets)):
         fixed = dict(zip(facets, place, strict=True))
         # Axes that are neither free nor fixed have one value.
@@ -132,7 +150,8 @@ def _panels(
 
         def part(values: Array, index: tuple[int | slice, ...] = index, fixed: dict[int, int] = fixed) -> Array:
             found = np.asarray(values[index])
-            return found[None] if variants in fixed else np.moveaxis(found, -1, 0)
+            # Series come first; parts are last already.
+            return found[None] if variants in fixed else found if parts else np.moveaxis(found, -1, 0)
 
         names = [
             series[at] if number == variants else f"{runs.axes[number].name} = {runs.axes[number].labels[at]}"
@@ -141,7 +160,7 @@ def _panels(
         yield MetricPanel(
             kind,
             metric,
-            tuple(runs.axes[number] for number in shown),
+            (parts.axis,) if parts else tuple(runs.axes[number] for number in shown),
             (series[fixed[variants]],) if variants in fixed else series,
             ", ".join(names),
             part(estimates.value),
@@ -149,16 +168,20 @@ def _panels(
             part(estimates.upper),
             part(estimates.low),
             part(estimates.high),
-            () if shown else tuple(_samples(runs, metric)),
+            () if shown else tuple(metric.values[own] for own in _own(runs, metric, fixed)),
+            tuple(parts.parameter.values[own] for own in _own(runs, metric, fixed)) if parts else (),
+            parts.parameter.scale if parts else "linear",
         )
 
 
-def _samples(runs: FinishedRuns, metric: MetricColumn) -> Iterator[Array]:
-    """The values of each variant, where nothing else varies."""
-    cells = runs.cells()
+def _own(runs: FinishedRuns, metric: MetricColumn, fixed: Mapping[int, int]) -> Iterator[NDArray[np.bool_]]:
+    """Which runs of each variant have a value where some axes are fixed."""
+    places = np.unravel_index(runs.cells(), runs.shape)
+    here = ~np.isnan(metric.values)
+    for number, at in fixed.items():
+        here &= places[number] == at
     for variant in range(runs.shape[-1]):
-        values = metric.values[cells == variant]
-        yield values[~np.isnan(values)]
+        yield here & (places[-1] == variant)
 
 
 def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, methods: Sequence[str]) -> Iterator[str]:
@@ -167,6 +190,8 @@ def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, metho
         yield f"Intervals hold with {100 * runs.intervals.confidence:g} % each: {', '.join(methods)}."
     if kind == "curve" and not runs.variants and not all(metric.is_share for metric in metrics):
         yield "Paler: the middle 80 % of the runs."
+    if kind == "scatter":
+        yield "Faint: the runs. Lines: means over as many runs each, or over the runs with the same value."
     if not runs.intervals.is_independent:
         yield "The runs depend on each other by their design: no intervals."
     if not runs.intervals.is_final:

@@ -1,4 +1,4 @@
-"""Draws the picture of a sweep: curves with bands, maps, distributions."""
+"""Draws the picture of a sweep: curves with bands, maps, runs over what they drew, distributions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
 from symaware_cli.study.picture.figure_sheet import FigureSheet, Handles, columns_of
 from symaware_cli.study.picture.finished_runs import Array, ParameterAxis
@@ -28,6 +28,9 @@ _WRITTEN = 150
 
 #: The most characters of the name of a parameter.
 _LABEL = 28
+
+#: With more runs than this, the points of a scatter are pixels in every format.
+_VECTORS = 2_000
 
 #: The least and the most bars of a distribution.
 _BARS = 8, 40
@@ -78,6 +81,8 @@ def _draw_panel(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[fl
         _draw_map(figure, axes, panel, limits)
     elif panel.kind == "curve":
         _draw_curves(axes, panel)
+    elif panel.kind == "scatter":
+        _draw_scatter(axes, panel)
     elif panel.metric.is_share:
         _draw_shares(axes, panel)
     else:
@@ -103,6 +108,30 @@ def _draw_curves(axes: Axes, panel: MetricPanel) -> None:
         axes.plot(positions, panel.value[number], **_line(number), marker="o", markersize=3.5, linewidth=1.4)
     if panel.metric.is_share:
         axes.set_ylim(-0.03, 1.03)
+
+
+def _draw_scatter(axes: Axes, panel: MetricPanel) -> None:
+    """The runs over what they drew, and what they come to in parts of it."""
+    (axis,) = panel.axes
+    is_choice = panel.scale == "options"
+    positions = _across(axes, axis) if is_choice else np.array(axis.values, float)
+    axes.set_xlabel(_named(axis))
+    for number, (drawn, values) in enumerate(zip(panel.drawn, panel.samples, strict=True)):
+        colour = _colour(number)
+        style: dict[str, Any] = (
+            {"marker": "|", "s": 30} if panel.metric.is_share else {"marker": "o", "s": 9, "linewidths": 0}
+        )
+        faint = max(0.05, min(0.4, 60 / max(1, len(drawn)) ** 0.75))
+        places = positions[drawn.astype(int)] if is_choice else drawn
+        axes.scatter(places, values, color=colour, alpha=faint, rasterized=len(drawn) > _VECTORS, **style)
+        axes.fill_between(positions, panel.lower[number], panel.upper[number], color=colour, alpha=0.28, linewidth=0)
+        axes.plot(positions, panel.value[number], **_line(number), marker="o", markersize=3.5, linewidth=1.4)
+    if panel.scale == "logarithmic":
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+    if panel.metric.is_share:
+        axes.set_ylim(-0.06, 1.06)
 
 
 def _draw_map(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[float, float]) -> None:

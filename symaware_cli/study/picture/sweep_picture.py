@@ -26,7 +26,8 @@ def plot_sweep(
     """Draw what a sweep came to into a file, which appears whole or not at all.
 
     A metric is a curve over the parameter that varies, a map over two, a map for each combination of the others where
-    more vary, and a distribution where none does. Variants are told apart by colour, or have maps of their own.
+    more vary, and a distribution where none does. Over each parameter that is drawn, runs are points with their means.
+    Variants are told apart by colour, or have maps of their own.
 
     Args:
         folder: The folder of the sweep, which need not be finished.

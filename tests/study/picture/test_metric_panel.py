@@ -94,3 +94,34 @@ def test_values_have_places_on_an_axis_where_they_are_ascending_numbers() -> Non
     for values in (["x", "y"], [2, 1], [True, False], [[1, 2], [3, 4]]):
         assert ParameterAxis("a", values).positions is None
     assert ParameterAxis("a", ["x", 0.5, [1, "y"], True]).labels == ["x", "0.5", '[1, "y"]', "true"]
+
+
+def test_over_what_is_drawn_runs_are_points_and_parts_of_them_are_estimated() -> None:
+    picture = composed(swept({"a": [1, 2]}, 60, ["slow", "fast"], is_drawn=True), ["number", "satisfied.even"])
+    assert picture.facets == 6
+    first, magnitude, option = picture.panels[0], picture.panels[2], picture.panels[4]
+    assert {panel.kind for panel in picture.panels} == {"scatter"}
+    assert [first.caption, picture.panels[1].caption] == ["a = 1", "a = 2"]
+    assert (first.axes[0].name, magnitude.scale, option.scale) == ("linear", "logarithmic", "options")
+    # Three parts of 20 runs; the first has the runs 1 to 20.
+    assert first.value.shape == (2, 3)
+    assert first.axes[0].values == [10.5, 30.5, 50.5]
+    assert option.axes[0].values == ["x", "y", "z"]
+    for variant in range(2):
+        assert first.drawn[variant].tolist() == [*range(1, 61)]
+        assert first.value[variant] == pytest.approx([variant] * 3, abs=0.1)
+        assert first.value[variant, 0] == pytest.approx(first.samples[variant][:20].mean())
+        assert (first.lower[variant] < first.value[variant]).all()
+
+
+def test_parts_of_what_is_drawn_have_no_intervals_while_runs_are_made() -> None:
+    (panel, *_) = composed(swept({}, 60, ended=50, is_drawn=True), ["satisfied.even"]).panels
+    assert panel.value.shape == (1, 2)
+    assert np.isnan(panel.lower).all()
+
+
+def test_runs_that_all_draw_the_same_are_one_part() -> None:
+    runs = swept({}, 60, is_drawn=True)
+    runs = replace(runs, drawn=[replace(runs.drawn[0], values=np.full(60, 2.5))])
+    (panel,) = composed(runs, ["number"]).panels
+    assert (panel.value.shape, panel.axes[0].values) == ((1, 1), [2.5])

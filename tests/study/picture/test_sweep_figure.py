@@ -21,8 +21,20 @@ from symaware_cli.study.picture.sweep_figure import draw
         swept({"a": range(20), "agents.robot.components.steer.with.gain": [True, False]}, 2),
         swept({"a": [1, 2], "b": [1, 2], "c": [1, 2]}, 3, ["slow", "fast"]),
         swept({"a": [1, 2]}, ended=1),
+        swept({"a": [1, 2]}, 60, ["slow", "fast"], is_drawn=True),
+        swept({}, 60, ended=1, is_drawn=True),
     ],
-    ids=["distribution", "variants", "logarithmic", "unfinished", "map", "multiples", "one run"],
+    ids=[
+        "distribution",
+        "variants",
+        "logarithmic",
+        "unfinished",
+        "map",
+        "multiples",
+        "one run",
+        "drawn",
+        "one that draws",
+    ],
 )
 def test_a_picture_has_the_same_bytes_whenever_it_is_drawn(runs: FinishedRuns, tmp_path: Path) -> None:
     for name in ("one.svg", "other.svg"):
