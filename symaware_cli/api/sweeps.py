@@ -44,7 +44,7 @@ def sweep(
     """Make many runs of a scenario, and return their table.
 
     Args:
-        scenario: A scenario, or the file of a sweep, or the folder of one that is to be resumed.
+        scenario: A scenario or a log of one, or the file of a sweep, or the folder of one that is to be resumed.
         output: The folder for its journal and table; if it has the same sweep, that is resumed. By default nothing is
             kept.
         over: Values of the scenario that vary, by their paths: lists, ranges such as ``"0..1 by 0.1"``, or

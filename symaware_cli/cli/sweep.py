@@ -53,7 +53,8 @@ def sweep(
     target: Annotated[
         Path,
         typer.Argument(
-            help="A scenario, a file of a sweep (`symaware-sweep: 1`), or a folder whose sweep is resumed.",
+            help="A scenario or a log of one, a file of a sweep (`symaware-sweep: 1`), or a folder whose sweep is "
+            "resumed.",
             metavar="SCENARIO",
         ),
     ],

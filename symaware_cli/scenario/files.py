@@ -43,23 +43,38 @@ def open_scenario(
     """
     if path.suffix != ".mcap":
         return build(path, overrides, seed, world=world, statements=statements)
+    with tempfile.TemporaryDirectory() as folder:
+        file, written = extracted(path, Path(folder))
+        built = build(file, overrides, seed, name=f"{path}:{RESOLVED}", world=world, statements=statements)
+    return replace(built, files=written)
+
+
+def extracted(log: Path, folder: Path) -> tuple[Path, dict[str, bytes]]:
+    """Extract the scenario of a log, with its assets, to a folder.
+
+    Args:
+        log: The log.
+        folder: The folder, which exists.
+
+    Returns:
+        The scenario file in the folder, and the files of the scenario as they were written.
+
+    Raises:
+        LogError: The log cannot be read, or contains no scenario.
+    """
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import open_log
 
-    attachments = open_log(path).attachments
+    attachments = open_log(log).attachments
     resolved = attachments.get(RESOLVED)
     if resolved is None:
-        raise LogError(f"{path} contains no scenario to run again")
-    with tempfile.TemporaryDirectory() as folder:
-        extracted = Path(folder) / RESOLVED
-        for name, content in attachments.items():
-            _extract(name, content, Path(folder))
-        extracted.write_bytes(resolved)
-        built = build(extracted, overrides, seed, name=f"{path}:{RESOLVED}", world=world, statements=statements)
-    written = {
-        name.removeprefix("scenario/"): content for name, content in attachments.items() if name.startswith("scenario/")
-    }
-    return replace(built, files=written)
+        raise LogError(f"{log} contains no scenario to run again")
+    for name, content in attachments.items():
+        _extract(name, content, folder)
+    (folder / RESOLVED).write_bytes(resolved)
+    prefix = "scenario/"
+    written = {name.removeprefix(prefix): content for name, content in attachments.items() if name.startswith(prefix)}
+    return folder / RESOLVED, written
 
 
 def check_output(built: Built, path: Path, scenario: Path) -> None:

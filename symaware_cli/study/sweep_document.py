@@ -34,7 +34,9 @@ class SweepDocument(Section):
     """A sweep for `symaware sweep`: many runs of one scenario."""
 
     symaware_sweep: Literal[1] = Field(alias="symaware-sweep", description="Version of the format of sweeps.")
-    scenario: str = Field(min_length=1, description="The scenario file, relative to the folder of this file.")
+    scenario: str = Field(
+        min_length=1, description="The scenario file, or a log of it, relative to the folder of this file."
+    )
     description: str = Field("", description="What is asked, and what is expected.")
     seed: int = Field(0, ge=0, lt=2**63, description="Seed of the sweep, from which the seed of each run is derived.")
     runs: int = Field(1, ge=1, le=MOST_RUNS, description="Runs of each combination of parameters and variant.")

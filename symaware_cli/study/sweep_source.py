@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
+import tempfile
+import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -11,6 +14,7 @@ from typing import Any
 from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.files import extracted
 from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.problem import MAX_PROBLEMS, Problem, ScenarioError, dotted, quoted
 from symaware_cli.scenario.resolved import dumped
@@ -25,19 +29,24 @@ from symaware_cli.study.sweep_plan import ParameterChange, SweepPlan, cell_count
 #: The key by which a file of a sweep is known.
 MARK = "symaware-sweep"
 
+#: The suffix of logs.
+_LOG = ".mcap"
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, weakref_slot=True)
 class SweepSource:
     """A plan that was read, with where it says what.
 
     Attributes:
         plan: The plan.
-        scenario: The scenario file.
+        scenario: The scenario file; of a log, a copy that lives as long as this does.
+        name: What it is called in messages.
         written: The file of the sweep as written; None where options alone say what to run.
     """
 
     plan: SweepPlan
     scenario: FilePath
+    name: str
     written: bytes | None
     _root: SourceNode
     _sources: dict[str, Source]
@@ -66,16 +75,16 @@ def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSo
     """Read what to run, and check it but for the scenario.
 
     Args:
-        target: A scenario, or the file of a sweep.
+        target: A scenario, the file of a sweep, or a log, whose scenario is swept.
         request: What is asked for beside.
 
     Raises:
         ScenarioError: With every problem found.
+        LogError: The log cannot be read, or contains no scenario.
     """
-    source = read(target, str(target))
-    root = source.root
-    is_sweep = root is not None and isinstance(root.value, dict) and MARK in root.value
-    if is_sweep and root is not None:
+    source = None if target.suffix == _LOG else read(target, str(target))
+    root = source.root if source else None
+    if source is not None and root is not None and isinstance(root.value, dict) and MARK in root.value:
         written: bytes | None = source.raw
     else:
         written, root, source = None, *_implied(target)
@@ -94,7 +103,18 @@ def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSo
     problems = list(_faults(document, composition))
     if problems:
         raise ScenarioError(problems)
-    return SweepSource(SweepPlan(document), target.parent / document.scenario, written, root, sources)
+    scenario = target.parent / document.scenario
+    if scenario.suffix != _LOG:
+        return SweepSource(SweepPlan(document), scenario, str(scenario), written, root, sources)
+    folder = tempfile.mkdtemp(prefix="symaware-")
+    try:
+        file, _ = extracted(scenario, FilePath(folder))
+        found = SweepSource(SweepPlan(document), file, f"{scenario}:{file.name}", written, root, sources)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    weakref.finalize(found, shutil.rmtree, folder, ignore_errors=True)
+    return found
 
 
 def _implied(scenario: FilePath) -> tuple[SourceNode, Source]:
@@ -165,7 +185,7 @@ def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
     problems: dict[Problem, None] = {}
 
     def built_with(changes: Sequence[ParameterChange], index: int) -> Built:
-        return build(source.scenario, source.overrides(changes), plan.seed(index), catalogue)
+        return build(source.scenario, source.overrides(changes), plan.seed(index), catalogue, source.name)
 
     for cell in plan.cells:
         try:

@@ -184,3 +184,30 @@ def test_inspect_filters_and_sorts_the_table_also_of_a_sweep_that_was_killed(tmp
     assert "did you mean `closest`?" in symaware("inspect", out, "--sort", "closet", status=2)
     assert "neither true nor false" in symaware("inspect", out, "--where", "closest", status=2)
     assert "goes with a log" in symaware("inspect", out, "--events", status=2)
+
+
+def test_a_log_is_swept_as_the_scenario_that_it_contains(tmp_path: Path) -> None:
+    scenario, log = tiny(tmp_path), tmp_path / "one.mcap"
+    symaware("run", scenario, "--set", "agents.robot.count=3", "-o", log, "-q", status=3)
+    options = ["--over", "run.duration=0.5,1.0", "--runs", 2, "--seed", 4, "-j", 0]
+    symaware("sweep", log, "-o", tmp_path / "log", *options)
+    changed = ["--set", "agents.robot.count=3"]
+    symaware("sweep", scenario, "-o", tmp_path / "file", *options, *changed)
+    assert table_digest(tmp_path / "log") == table_digest(tmp_path / "file")
+    # The folder needs the log no longer, and a file of a sweep may name one.
+    sweep = tmp_path / "sweep.yaml"
+    sweep.write_text("symaware-sweep: 1\nscenario: one.mcap\nruns: 2\nseed: 4\nover: {run.duration: [0.5, 1.0]}\n")
+    symaware("sweep", sweep, "-o", tmp_path / "log", "-j", 0)
+    log.unlink()
+    symaware("sweep", tmp_path / "log", "--add-runs", 1, "-j", 0)
+    assert len(rows(tmp_path / "log")) == 6
+
+
+def test_a_log_without_a_scenario_and_problems_with_that_of_a_log_are_told(tmp_path: Path) -> None:
+    scenario, log = tiny(tmp_path), tmp_path / "one.mcap"
+    (tmp_path / "no.mcap").write_bytes(b"no log")
+    assert "no.mcap" in symaware("sweep", tmp_path / "no.mcap", "-o", tmp_path / "out", status=2)
+    symaware("run", scenario, "-o", log, "-q", "--seed", 5, status=3)
+    said = symaware("sweep", log, "-o", tmp_path / "out", "--over", "agents.robt.count=1,2", status=2)
+    assert "did you mean `robot`" in said
+    assert not (tmp_path / "out").exists()
