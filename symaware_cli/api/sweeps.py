@@ -189,14 +189,20 @@ def read_rows(
         UnknownNameError: There is no such column.
     """
     require_pyarrow()
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.session import rows_so_far
+    from symaware_cli.study import table_file
     from symaware_cli.study.sweep_query import column, query
 
-    sweep = SweepFolder.opened(folder)
-    table = query(rows_so_far(sweep), where, sort, limit)
+    found = table_file.read(Path(folder))
+    if found is None:
+        from symaware_cli.study.folder import SweepFolder
+        from symaware_cli.study.session import rows_so_far
+
+        sweep = SweepFolder.opened(folder)
+        found = rows_so_far(sweep), sweep.plan.count
+    table, planned = found
+    table = query(table, where, sort, limit)
     names = [column(table, name) for name in columns]
-    return (table.select(names) if names else table), sweep.plan.count
+    return (table.select(names) if names else table), planned
 
 
 def scenario_of(folder: Path, index: int) -> Scenario:

@@ -25,7 +25,7 @@ from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.identity import SweepIdentity, differences
 from symaware_cli.study.runner import Runner
 from symaware_cli.study.sweep_error import SweepError
-from symaware_cli.study.sweep_files import IDENTITY, LOGS, SCENARIO, SWEEP, WRITTEN, is_sweep
+from symaware_cli.study.sweep_files import IDENTITY, LOGS, SCENARIO, SWEEP, TABLE, WRITTEN, is_sweep
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.sweep_source import SweepSource, build_cells, read_sweep, written_again
 
@@ -161,6 +161,7 @@ class SweepFolder:
             draft = self.path / f".{SWEEP}"
             draft.write_bytes(written_again(document, document.scenario, runs=document.runs + count))
             os.replace(draft, self.path / SWEEP)
+            (self.path / TABLE).unlink(missing_ok=True)  # it says how many runs were planned
         return SweepFolder.opened(self.path)
 
     @contextmanager

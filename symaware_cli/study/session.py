@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from symaware_cli.study import sweep_table
+from symaware_cli.study import sweep_table, table_file
 from symaware_cli.study.cell_stops import CellStops
 from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
 from symaware_cli.study.folder import SweepFolder
@@ -250,24 +250,23 @@ class _Session:
 def rows_so_far(folder: SweepFolder) -> pyarrow.Table:
     """Return the table of all rows that there are: as it was written, or from the journal of an unfinished sweep."""
     import pyarrow
-    from pyarrow import parquet
 
-    try:
-        return parquet.read_table(folder.path / TABLE)
-    except FileNotFoundError:
-        plan, names = folder.plan, folder.specifications
-        with SweepJournal(folder.path / JOURNAL) as journal:
-            found = list(sweep_table.batches(journal.rows(), plan, names))
-        return pyarrow.Table.from_batches(found, sweep_table.schema(plan, names))
+    written = table_file.read(folder.path)
+    if written is not None:
+        return written[0]
+    plan, names = folder.plan, folder.specifications
+    with SweepJournal(folder.path / JOURNAL) as journal:
+        found = list(sweep_table.batches(journal.records(), plan, names))
+    return pyarrow.Table.from_batches(found, sweep_table.schema(plan, names))
 
 
 def write_table(folder: SweepFolder, journal: SweepJournal) -> None:
     """Write the table of all rows that there are."""
     plan, names = folder.plan, folder.specifications
-    sweep_table.write(
-        folder.path / TABLE, sweep_table.batches(journal.rows(), plan, names), sweep_table.schema(plan, names)
+    table_file.write(
+        folder.path / TABLE, sweep_table.batches(journal.records(), plan, names), sweep_table.schema(plan, names)
     )
-    sweep_table.write_times(folder.path / TIMES, journal.rows())
+    sweep_table.write_times(folder.path / TIMES, journal.times())
 
 
 def _kept(policy: str, journal: SweepJournal) -> Iterator[int]:

@@ -55,6 +55,21 @@ class Counts(NamedTuple):
         return self.done + self.failed + self.lost
 
 
+class JournalRecord(NamedTuple):
+    """What the table has of a run, as the journal has it: parameters, verdicts, robustness and metrics are JSON."""
+
+    index: Any
+    variant: Any
+    parameters: Any
+    seed: Any
+    state: Any
+    verdicts: Any
+    robustness: Any
+    metrics: Any
+    digest: Any
+    error: Any
+
+
 class SweepJournal:
     """The journal of a sweep; used in a ``with`` statement."""
 
@@ -112,6 +127,15 @@ class SweepJournal:
         with closing(self._database.execute(f'SELECT {_FIELDS} FROM runs {where} ORDER BY "index"', values)) as cursor:
             for values in cursor:
                 yield _row(values)
+
+    def records(self) -> Iterator[JournalRecord]:
+        """Yield what the table has of all runs, in order of their index."""
+        names = ", ".join(f'"{name}"' for name in JournalRecord._fields)
+        yield from map(JournalRecord._make, self._database.execute(f'SELECT {names} FROM runs ORDER BY "index"'))
+
+    def times(self) -> Iterator[tuple[int, float]]:
+        """Yield the index and the wall time of all runs, in order of their index [s]."""
+        yield from self._database.execute('SELECT "index", wall_time FROM runs ORDER BY "index"')
 
     def row(self, index: int) -> Row | None:
         """Return the row of a run, if there is one."""

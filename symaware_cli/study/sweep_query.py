@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symaware_cli.recording.error import UnknownNameError
-from symaware_cli.specification.expression import Expression
 from symaware_cli.specification.node import Arithmetic, Comparison, Constant, Element, Junction, Name, Node, Not, Sign
+from symaware_cli.specification.parser import parse
 from symaware_cli.specification.token import ExpressionError
 from symaware_cli.study.sweep_error import SweepError
 
 if TYPE_CHECKING:
     import pyarrow
+
+#: The most characters of a condition.
+_LONGEST = 500
 
 _OPERATORS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -94,7 +97,8 @@ def _mask(table: pyarrow.Table, where: str) -> Any:
 
     names = {part for each in table.column_names for part in (each.partition(".")[0], each.rpartition(".")[2])}
     try:
-        tree = Expression(where, names, {}).tree
+        # Not an `Expression`, whose module takes half a second to import.
+        tree = parse(where, names, {}, longest=_LONGEST)
         found = np.broadcast_to(np.asarray(_value(tree, table)), table.num_rows)
     except ExpressionError as error:
         known = f"; there are {', '.join(error.names)}" if error.names else ""

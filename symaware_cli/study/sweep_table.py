@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.metrics import BUILT_IN
-from symaware_cli.study.row import Row
+from symaware_cli.study.sweep_journal import JournalRecord
 from symaware_cli.study.sweep_plan import SweepPlan
+from symaware_cli.study.table_file import PLANNED, write
 
 if TYPE_CHECKING:
     import pyarrow
@@ -57,41 +57,35 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
         field("digest", text, "a hash of the states and control inputs at every step"),
         field("error", text, "why the run is not done"),
     ]
-    return pyarrow.schema(fields, {"symaware.sweep": "1"})
+    return pyarrow.schema(fields, {"symaware.sweep": "1", PLANNED: str(plan.count)})
 
 
-def batches(rows: Iterator[Row], plan: SweepPlan, specifications: Sequence[str]) -> Iterator[pyarrow.RecordBatch]:
-    """Yield rows as columns, a bounded number at a time.
+def batches(
+    records: Iterator[JournalRecord], plan: SweepPlan, specifications: Sequence[str]
+) -> Iterator[pyarrow.RecordBatch]:
+    """Yield what a journal has as columns, a bounded number of rows at a time.
 
     Args:
-        rows: In order of their index.
+        records: In order of their index.
         plan: Whose rows they are.
         specifications: The names of the specifications.
     """
     import pyarrow
 
     columns = schema(plan, specifications)
-    while some := list(islice(rows, _AT_ONCE)):
-        values = [_values(row, plan) for row in some]
+    while some := list(islice(records, _AT_ONCE)):
+        values = _columns(some, plan)
+        # What no row has, such as the verdict of a specification of another cell, is missing.
         arrays = [
-            pyarrow.array([_as(each.get(field.name), field.type) for each in values], field.type) for field in columns
+            pyarrow.array(_told(values[field.name], field.type), field.type)
+            if field.name in values
+            else pyarrow.nulls(len(some), field.type)
+            for field in columns
         ]
         yield pyarrow.RecordBatch.from_arrays(arrays, schema=columns)
 
 
-def write(path: Path, content: Iterator[pyarrow.RecordBatch], columns: pyarrow.Schema) -> None:
-    """Write a Parquet file that appears as a whole."""
-    import pyarrow
-    from pyarrow import parquet
-
-    draft = path.with_name(f".{path.name}")
-    with parquet.ParquetWriter(draft, columns, compression="zstd") as writer:
-        for batch in content:
-            writer.write_table(pyarrow.Table.from_batches([batch]))
-    os.replace(draft, path)
-
-
-def write_times(path: Path, rows: Iterator[Row]) -> None:
+def write_times(path: Path, times: Iterator[tuple[int, float]]) -> None:
     """Write how long each run took, which is the only thing about it that differs from time to time."""
     import pyarrow
 
@@ -103,28 +97,36 @@ def write_times(path: Path, rows: Iterator[Row]) -> None:
     )
 
     def content() -> Iterator[pyarrow.RecordBatch]:
-        while some := list(islice(rows, _AT_ONCE)):
-            arrays = [[row.index for row in some], [row.wall_time for row in some]]
-            yield pyarrow.RecordBatch.from_arrays([pyarrow.array(each) for each in arrays], schema=columns)
+        while some := list(islice(times, _AT_ONCE)):
+            arrays = [pyarrow.array(each) for each in zip(*some, strict=True)]
+            yield pyarrow.RecordBatch.from_arrays(arrays, schema=columns)
 
     write(path, content(), columns)
 
 
-def _values(row: Row, plan: SweepPlan) -> Mapping[str, Any]:
-    cell = plan.cell(row.index)
-    return {
-        "index": row.index,
-        "replicate": plan.replicate(row.index),
-        "variant": cell.variant,
-        **plan.parameters(row.index),
-        "seed": plan.seed(row.index),
-        "state": row.state,
-        **{f"verdict.{name}": each for name, each in row.verdicts.items()},
-        **{f"robustness.{name}": each for name, each in row.robustness.items()},
-        **row.metrics,
-        "digest": row.digest,
-        "error": row.error,
+def _columns(records: Sequence[JournalRecord], plan: SweepPlan) -> Mapping[str, Sequence[Any]]:
+    """The values of all rows by the name of their column."""
+    fields = JournalRecord(*zip(*records, strict=True))
+    found: dict[str, Sequence[Any]] = {
+        "index": fields.index,
+        "replicate": [plan.replicate(index) for index in fields.index],
+        "variant": fields.variant,
+        "seed": fields.seed,
+        "state": fields.state,
+        "digest": fields.digest,
+        "error": fields.error,
     }
+    for prefix, texts in (
+        ("", fields.parameters),
+        ("verdict.", fields.verdicts),
+        ("robustness.", fields.robustness),
+        ("", fields.metrics),
+    ):
+        # All at once, which takes half the time of one by one.
+        contents = json.loads(f"[{','.join(texts)}]")
+        for name in dict.fromkeys(chain.from_iterable(contents)):
+            found[prefix + name] = [each.get(name) for each in contents]
+    return found
 
 
 def _kind(values: Sequence[Any]) -> str:
@@ -136,9 +138,10 @@ def _kind(values: Sequence[Any]) -> str:
     return "integer" if all(isinstance(each, int) for each in values) else "number"
 
 
-def _as(value: Any, kind: pyarrow.DataType) -> Any:
+def _told(values: Sequence[Any], kind: pyarrow.DataType) -> Sequence[Any]:
+    """The values of a column; what is not text in a column of texts is written as JSON."""
     import pyarrow
 
-    if value is not None and pyarrow.types.is_string(kind) and not isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    return value
+    if not pyarrow.types.is_string(kind) or all(each is None or isinstance(each, str) for each in values):
+        return values
+    return [each if each is None or isinstance(each, str) else json.dumps(each, ensure_ascii=False) for each in values]
