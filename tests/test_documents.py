@@ -107,7 +107,8 @@ def installed(document: Path, folder: Path) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    shutil.copytree(TOP / "scenarios", tmp_path / "scenarios")
+    for name in ("scenarios", "sweeps"):
+        shutil.copytree(TOP / name, tmp_path / name)
     tmp_path.joinpath("base.yaml").write_text(BASE, encoding="utf-8")
     return tmp_path
 

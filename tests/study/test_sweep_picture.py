@@ -52,3 +52,12 @@ def test_runs_are_read_up_to_the_first_that_is_missing(tmp_path: Path) -> None:
     assert np.isnan(satisfied).tolist() == [False, False, True, False]
     assert np.isnan(length).tolist() == [False, True, True, False]
     assert length[3] == whole.metrics["path_length"].values[5]
+
+
+def test_further_metrics_are_drawn_like_those_of_every_sweep(tmp_path: Path) -> None:
+    sweep = f"symaware-sweep: 1\nscenario: {tiny(tmp_path).name}\nruns: 3\nover: {{agents.robot.count: [1, 2]}}\n"
+    (tmp_path / "half.yaml").write_text(f"{sweep}metrics: {{half: final(time / 2)}}\n")
+    folder, file = tmp_path / "swept", tmp_path / "picture.png"
+    symaware("sweep", tmp_path / "half.yaml", "-o", folder, "-j", 0, "-q")
+    facts = json.loads(symaware("plot", folder, "-o", file, "--show", "half", "--json"))
+    assert [panel["panel"] for panel in facts["panels"]] == ["half"]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.metrics import NUMERIC
 from symaware_cli.study.picture.finished_runs import (
@@ -50,7 +52,7 @@ def finished_runs(folder: SweepFolder) -> FinishedRuns:
         ),
         failed=sum(row.state != "done" for row in rows),
         indices=np.array([row.index for row in rows], np.int64),
-        metrics={each.name: each for each in _metrics(rows, folder.specifications, document.bounds)},
+        metrics={each.name: each for each in _metrics(rows, folder.specifications, document)},
         drawn=tuple(_drawn(plan, rows)),
     )
 
@@ -87,16 +89,15 @@ def _drawn(plan: SweepPlan, rows: Sequence[Row]) -> Iterator[DrawnParameter]:
             yield DrawnParameter(path, np.array(numbers, float), drawn.choice)
 
 
-def _metrics(
-    rows: Sequence[Row], specifications: Sequence[str], bounds: Mapping[str, tuple[float, float]]
-) -> Iterator[MetricColumn]:
+def _metrics(rows: Sequence[Row], specifications: Sequence[str], document: SweepDocument) -> Iterator[MetricColumn]:
     for name in specifications:
         verdicts = [None if row.state == "lost" else row.verdicts.get(name) == "satisfied" for row in rows]
         yield MetricColumn(f"satisfied.{name}", "", True, _numbers(verdicts))
         yield MetricColumn(f"robustness.{name}", "", False, _numbers([row.robustness.get(name) for row in rows]))
-    for each in NUMERIC:
+    further = [each for each in CustomMetrics(document, Catalogue()).descriptions() if each.kind != "text"]
+    for each in [*NUMERIC, *further]:
         values = _numbers([row.metrics.get(each.name) for row in rows])
-        low, high = bounds.get(each.name, (math.inf, -math.inf))
+        low, high = document.bounds.get(each.name, (math.inf, -math.inf))
         is_within = bool(((values >= low) & (values <= high) | np.isnan(values)).all())
         declared = (low, high) if is_within and low < high else None
         yield MetricColumn(each.name, each.unit, each.kind == "truth", values, declared)
