@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
     from symaware_cli.study.folder import SweepFolder
     from symaware_cli.study.request import SweepRequest
     from symaware_cli.study.session import SweepOutcome, SweepProgress
+
+#: The width of a terminal in which progress is not shortened, and the most of a name in a narrower one [characters].
+_WIDE, _NARROW_NAME = 110, 16
 
 _PLAN, _MEANS = "What to run", "How to run it"
 
@@ -285,32 +290,37 @@ def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TextColumn
 
+    console = Console(stderr=True)
+    # Where there is little room, the bar is short, and what is cut off is what comes last.
+    is_narrow = console.width < _WIDE
+    name = folder.path.resolve().name
+    name = f"{name[: _NARROW_NAME - 1]}…" if is_narrow and len(name) > _NARROW_NAME else name
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn(
-            "{task.completed:,.0f} of {task.total:,.0f} runs, {task.fields[rate]:,.1f}/s{task.fields[notes]}, ends in"
-        ),
-        TimeRemainingColumn(compact=True),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=10 if is_narrow else 30),
+        TextColumn("{task.fields[told]}", markup=False),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(str(folder.path), total=folder.plan.count, rate=0.0, notes="")
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(name, total=folder.plan.count, told=f"0 of {folder.plan.count:,} runs")
 
         def tell(progress: SweepProgress) -> None:
-            notes = [
-                f"{count:,} {what}" for count, what in ((progress.failed, "failed"), (progress.lost, "lost")) if count
-            ]
-            notes += [
-                f"{name} {each.lower:.2g} to {each.upper:.2g}"
-                for name, each in progress.estimates().items()
-                if each.count
-            ]
-            notes = [f", {each}" for each in notes]
-            bar.update(task, total=progress.planned, completed=progress.made, rate=progress.rate, notes="".join(notes))
+            bar.update(task, total=progress.planned, completed=progress.made, told=_told(progress))
 
         yield tell
+
+
+def _told(progress: SweepProgress) -> str:
+    """Say how far a sweep is, the most important first."""
+    left = math.ceil(progress.time_left) if math.isfinite(progress.time_left) else 0
+    parts = [f"{progress.made:,} of {progress.planned:,} runs", f"{progress.rate:,.1f}/s"]
+    parts.append(f"{timedelta(seconds=left)} left")
+    parts += [f"{count:,} {what}" for count, what in ((progress.failed, "failed"), (progress.lost, "lost")) if count]
+    parts += [
+        f"{name} {each.lower:.2g} to {each.upper:.2g}" for name, each in progress.estimates().items() if each.count
+    ]
+    return ", ".join(parts)
 
 
 def _cores() -> int:
