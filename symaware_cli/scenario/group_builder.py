@@ -73,7 +73,7 @@ class GroupBuilder:
         states, knowledge = None, []
         if sound or not indexed:
             states = sampler.states(entry.get("state"), (*path, "state"))
-            knowledge = self._knowledge(sampler, entry, path, len(ids))
+            knowledge = sampler.known(mapping(entry.get("knowledge")), (*path, "knowledge"))
             self._report_all(sampler.problems)
         components = mapping(entry.get("components"))
         uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
@@ -122,13 +122,6 @@ class GroupBuilder:
         for fault in faults:
             self._report("broken-plugin", f"the model {quoted(use)} {fault}", path)
         return not faults
-
-    def _knowledge(self, sampler: Sampler, entry: Mapping[str, Any], path: Path, count: int) -> list[dict[str, Any]]:
-        knowledge: list[dict[str, Any]] = [{} for _ in range(count)]
-        for name, value in mapping(entry.get("knowledge")).items():
-            for own, known in zip(knowledge, sampler.knowledge(value, (*path, "knowledge", name)), strict=False):
-                own[name] = known
-        return knowledge
 
     def _has_knowledge(
         self, component: Component | GroupComponent, entry: Mapping[str, Any], path: Path, use: str

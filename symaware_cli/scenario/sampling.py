@@ -53,7 +53,9 @@ class CirclePlacement(Section):
 
 Placement = TypeVar("Placement", GridPlacement, CirclePlacement)
 
-DISTRIBUTIONS = ("uniform", "normal", "grid", "circle")
+#: Distributions that differ from run to run, and all that differ from agent to agent.
+RANDOM = ("uniform", "normal")
+DISTRIBUTIONS = (*RANDOM, "grid", "circle")
 FORMS = (*DISTRIBUTIONS, "each", "all")
 
 
@@ -121,6 +123,14 @@ class Sampler:
             return [np.array(each[0], float) if _is_array(each[0]) else each[0]] * len(each)
         return [np.array(one, float) if _is_array(one) else one for one in each] if each else []
 
+    def known(self, content: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:
+        """The whole knowledge of each agent, by name; without what has problems."""
+        found: list[dict[str, Any]] = [{} for _ in range(self._rows)]
+        for name, value in content.items():
+            for own, one in zip(found, self.knowledge(value, (*path, name)), strict=False):
+                own[name] = one
+        return found
+
     def _report_size(self, path: Path, row: int, inner: Path, number: float, most: float) -> None:
         """Report a number that is too large, at its position if it was written and not drawn."""
         own = row % len(self._ids)
@@ -144,7 +154,7 @@ class Sampler:
                 placed = self._placed(kind, placement, (*inner, kind), width)
                 return None if placed is None else np.tile(placed, (self._rows // count, 1))
             first = self._collect(lambda row: self._value(content, inner, row, width), only=1)
-            if first is None or not _may_differ(content):
+            if first is None or not contains(content, DISTRIBUTIONS):
                 return first and first * self._rows
             columns = self._columns(content, inner)
             return columns or self._collect(lambda row: self._value(content, inner, row, width))
@@ -460,9 +470,11 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _may_differ(value: Any) -> bool:
-    """Whether a value may contain a distribution, so that it may differ between agents."""
-    return isinstance(value, Mapping) or (isinstance(value, list) and any(map(_may_differ, value)))
+def contains(value: Any, forms: Sequence[str]) -> bool:
+    """Whether a value may contain a distribution of one of these forms."""
+    if isinstance(value, Mapping):
+        return any(name in forms or contains(each, forms) for name, each in value.items())
+    return isinstance(value, list) and any(contains(each, forms) for each in value)
 
 
 def _first_excessive(value: Any, inner: Path = ()) -> tuple[Path, float] | None:

@@ -23,7 +23,7 @@ from symaware_cli.runtime.timing import Timing
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.problem import ScenarioError
-from symaware_cli.scenario.sampling import Sampler
+from symaware_cli.scenario.sampling import RANDOM, Sampler, contains
 from symaware_cli.scenario.specifications import SpecificationBuilder
 from symaware_cli.scenario.timing_check import TimingCheck
 from symaware_cli.specification.outcome import Outcome, outcome_of
@@ -193,15 +193,12 @@ class Batch:
     ) -> tuple[Array, Sequence[Mapping[str, Any]]]:
         """The initial state and the knowledge of each row."""
         count = len(self._seeds)
-        if not _is_drawn(content.get("state")) and not _is_drawn(content.get("knowledge")):
+        if not contains([content.get("state"), content.get("knowledge")], RANDOM):
             return np.tile(template.initial_state, (count, 1)), [dict(each) for each in template.knowledge] * count
         sampler = Sampler(composition, self._seeds, template.ids, content.get("count") is not None, template.model)
         path = ("agents", template.name)
         states = sampler.states(content.get("state"), (*path, "state"))
-        knowledge: list[dict[str, Any]] = [{} for _ in states]
-        for name, value in (content.get("knowledge") or {}).items():
-            for own, one in zip(knowledge, sampler.knowledge(value, (*path, "knowledge", name)), strict=True):
-                own[name] = one
+        knowledge = sampler.known(content.get("knowledge") or {}, (*path, "knowledge"))
         if sampler.problems:
             raise ScenarioError(sampler.problems)
         return states, knowledge
@@ -237,13 +234,6 @@ class Batch:
                     )
                 )
         return [tuple(each) for each in found]
-
-
-def _is_drawn(value: Any) -> bool:
-    """Whether a value may contain a distribution."""
-    if isinstance(value, Mapping):
-        return any(name in ("uniform", "normal") or _is_drawn(each) for name, each in value.items())
-    return isinstance(value, list) and any(map(_is_drawn, value))
 
 
 def _impossible(*arguments: Any, **hints: Any) -> None:

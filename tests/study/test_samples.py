@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from sweeping import rows, symaware, table_digest, tiny
 
 import symaware_cli
+from symaware_cli.scenario.problem import Problem, ScenarioError
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.picture.journal_columns import finished_runs
 from symaware_cli.study.samples import Samples
@@ -90,6 +92,33 @@ def test_a_sample_depends_on_its_number_and_not_on_what_was_drawn_before(order: 
     mixed = Samples(said)
     for number in order:
         assert mixed.of(number) == Samples(said).of(number)
+
+
+words = st.sampled_from(["uniform", "normal", "log_uniform", "choice", "weights", "unifrom", "1..3", "3..1 by 1", ""])
+anything = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(-3, 3), st.floats(-2, 2), words),
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(words, inner, max_size=2)),
+    max_leaves=6,
+)
+
+
+@given(over=st.dictionaries(st.text("abc.", min_size=1, max_size=5), anything, max_size=2), design=words)
+def test_whatever_a_file_says_is_a_plan_or_a_located_problem(
+    over: dict[str, Any], design: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    file = tmp_path_factory.getbasetemp() / "anything.yaml"
+    said = {"symaware-sweep": 1, "scenario": "tiny.yaml", "over": over, "runs": 3}
+    file.write_text(json.dumps(said if design in ("", "uniform") else {**said, "design": design}))
+    problems: Sequence[Problem] = ()
+    try:
+        plan = read_sweep(file).plan
+    except ScenarioError as error:
+        problems = error.problems
+    assert all(problem.span is not None and problem.span.line == 1 for problem in problems)
+    if not problems:
+        for index in range(min(plan.count, 9)):
+            assert {*plan.parameters(index)} == {*over}
+        assert len(list(plan.landmark_changes())) >= len(plan.document.drawn)
 
 
 def test_all_combinations_and_variants_draw_the_same_sample_in_the_same_replicate() -> None:
