@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.picture.journal_columns import finished_runs
 from symaware_cli.study.samples import Samples
 from symaware_cli.study.sweep_document import SweepDocument
-from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.sweep_source import read_sweep, written_again
 
@@ -158,6 +156,17 @@ def test_drawn_values_are_columns_and_workers_change_nothing(tmp_path: Path) -> 
         assert alone.run(record=False).summary.specifications[0].robustness == row["robustness.near"]
 
 
+def test_a_run_that_drew_is_repeated_by_its_number(tmp_path: Path) -> None:
+    file, out = sweep_file(tmp_path, runs=3), tmp_path / "out"
+    symaware("sweep", file, "-o", out, "-j", 0, "--keep", "all")
+    row = rows(out)[2]
+    status = 3 * (row["verdict.near"] == "violated")
+    said = json.loads(symaware("run", out, "--index", 2, "-o", tmp_path / "2.mcap", "--json", status=status))
+    assert said["minimum_separation"]["value"] == row["closest"]
+    # Logs that are kept are of the same runs, or the sweep would have ended with an error.
+    assert len(list((out / "logs").iterdir())) == 3
+
+
 def test_runs_are_added_to_a_sobol_sequence_and_not_to_a_latin_hypercube(tmp_path: Path) -> None:
     file, out = sweep_file(tmp_path, runs=3, design="sobol"), tmp_path / "out"
     symaware("sweep", file, "-o", out, "-j", 0)
@@ -188,33 +197,6 @@ def test_the_command_and_python_draw_as_a_file_does(tmp_path: Path) -> None:
     options = ["--design", "sobol", "--runs", 3, "--seed", 5, "-j", 0]
     symaware("sweep", tmp_path / "tiny.yaml", "-o", tmp_path / "out", *over, *options)
     assert rows(tmp_path / "out") == table.to_pylist()
-
-
-def test_runs_are_not_added_while_another_process_is_at_work(tmp_path: Path) -> None:
-    symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
-    folder = SweepFolder.opened(tmp_path / "out")
-    before = (tmp_path / "out" / "sweep.yaml").read_bytes()
-    with folder.locked(), pytest.raises(SweepError, match="another process is at work"):
-        folder.add_runs(2)
-    assert (tmp_path / "out" / "sweep.yaml").read_bytes() == before
-
-
-def test_runs_that_two_add_at_once_are_all_added(tmp_path: Path) -> None:
-    symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
-    # Both have read the sweep before either adds to it.
-    folders = [SweepFolder.opened(tmp_path / "out") for _ in range(2)]
-
-    def add(folder: SweepFolder) -> None:
-        while True:
-            try:
-                folder.add_runs(2)
-                return
-            except SweepError:
-                continue
-
-    with ThreadPoolExecutor(2) as threads:
-        list(threads.map(add, folders))
-    assert read_sweep(tmp_path / "out" / "sweep.yaml").plan.document.runs == 5
 
 
 def test_a_picture_shows_runs_over_what_they_drew(tmp_path: Path) -> None:

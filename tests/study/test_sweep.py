@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,10 @@ from sweeping import rows, symaware, table_digest, tiny
 
 import symaware_cli
 from symaware_cli.scenario.problem import ScenarioError
+from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.session import conduct
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_source import read_sweep
 
 
 def test_a_sweep_has_a_row_for_each_run_of_each_combination(tmp_path: Path) -> None:
@@ -211,3 +216,38 @@ def test_a_log_without_a_scenario_and_problems_with_that_of_a_log_are_told(tmp_p
     said = symaware("sweep", log, "-o", tmp_path / "out", "--over", "agents.robt.count=1,2", status=2)
     assert "did you mean `robot`" in said
     assert not (tmp_path / "out").exists()
+
+
+def test_runs_are_not_added_while_another_process_is_at_work(tmp_path: Path) -> None:
+    symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
+    folder = SweepFolder.opened(tmp_path / "out")
+    before = (tmp_path / "out" / "sweep.yaml").read_bytes()
+    with folder.locked(), pytest.raises(SweepError, match="another process is at work"):
+        folder.add_runs(2)
+    assert (tmp_path / "out" / "sweep.yaml").read_bytes() == before
+
+
+def test_runs_that_two_add_at_once_are_all_added(tmp_path: Path) -> None:
+    symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
+    # Both have read the sweep before either adds to it.
+    folders = [SweepFolder.opened(tmp_path / "out") for _ in range(2)]
+
+    def add(folder: SweepFolder) -> None:
+        while True:
+            try:
+                folder.add_runs(2)
+                return
+            except SweepError:
+                continue
+
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(add, folders))
+    assert read_sweep(tmp_path / "out" / "sweep.yaml").plan.document.runs == 5
+
+
+def test_a_sweep_that_another_process_added_runs_to_makes_these_as_well(tmp_path: Path) -> None:
+    symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
+    before = SweepFolder.opened(tmp_path / "out")
+    SweepFolder.opened(tmp_path / "out").add_runs(2)
+    assert conduct(before, 0).counts.done == 3
+    assert len(rows(tmp_path / "out")) == 3
