@@ -45,6 +45,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         parts: The parts of awareness that it writes, in addition to those that every agent has.
         path: Its path, such as ``agents.robot.2.steer``; the source of its events.
         requires: Features that the world must provide (see `Environment.provides`), each with the worlds that do.
+        specifications: The parameter that lists specifications of its agents by name, if it has one; looked up before a
+            run.
         signals: The signals that it records in its turns; other components can read them.
         sees_world: Whether it reads the world itself, and not only the awareness of its agent. If it computes in a
             worker process, that process then has a copy of the world.
@@ -59,6 +61,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     requires: ClassVar[Mapping[str, str]] = {}
     sees_world: ClassVar[bool] = False
     signals: ClassVar[Sequence[Signal]] = ()
+    specifications: ClassVar[str | None] = None
 
     # Class defaults, so that a subclass with its own __init__ need not call this one.
     name: str = ""

@@ -6,16 +6,14 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from symaware_cli.core import Event, Level
-from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.scope import WorldColumns, WorldScope
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Trigger
 from symaware_cli.runtime.trigger import concerned
+from symaware_cli.specification.monitor_statuses import MonitorStatuses
 from symaware_cli.specification.outcome import Decision, Outcome
 from symaware_cli.specification.specification import Specification, SpecificationError, SpecificationMonitor
 
@@ -75,7 +73,7 @@ class Specifications:
             if name not in self.monitors:
                 continue
             router.connect(trigger.event, trigger.source, partial(self._begin, self.monitors[name], trigger))
-        statuses = {name: _Statuses(monitor) for name, monitor in self.monitors.items()}
+        statuses = {name: MonitorStatuses(monitor) for name, monitor in self.monitors.items()}
         for group in simulation.groups:
             group.specifications = statuses
 
@@ -130,27 +128,3 @@ class Specifications:
         text = f"`{decision.specification}` is {name}{about}: {decision.reason}"
         source = f"specifications.{decision.specification}"
         self._simulation.announce(name, source, text, level=level, **decision.to_json())
-
-
-class _Statuses:
-    """The statuses of one specification, read by agents."""
-
-    def __init__(self, monitor: SpecificationMonitor) -> None:
-        self._monitor = monitor
-        self._rows: dict[str, list[int]] = {}
-        scope = monitor.specification.scope
-        for row in range(scope.rows):
-            for id in scope.agents(row):
-                self._rows.setdefault(id, []).append(row)
-        self._is_world = not self._rows
-
-    def of(self, agent: str) -> SpecificationStatus | None:
-        """The status for an agent; the worst, where it has several pairs."""
-        rows = [0] if self._is_world else self._rows.get(agent)
-        return None if rows is None else self._monitor.status(rows)
-
-    @property
-    def worst(self) -> SpecificationStatus:
-        """The worst of all that were ever there."""
-        begun = np.flatnonzero(self._monitor.begun).tolist()
-        return self._monitor.status(begun or range(len(self._monitor.begun)))

@@ -74,8 +74,33 @@ class SpecificationBuilder:
     def build(self, document: ScenarioDocument) -> Sequence[Specification]:
         """Make the specifications that are sound; the others are reported."""
         self._regions = self._sound_regions(document.regions)
-        found = (self._specification(name, use) for name, use in document.specifications.items())
-        return [each for each in found if each is not None]
+        found = {name: self._specification(name, use) for name, use in document.specifications.items()}
+        for entry in self._entries:
+            self._check_named(entry, document, found)
+        return [each for each in found.values() if each is not None]
+
+    def _check_named(
+        self, entry: ComponentEntry, document: ScenarioDocument, found: Mapping[str, Specification | None]
+    ) -> None:
+        """Report specifications that a component names and cannot predict."""
+        component, group = entry.components[0], entry.group.name
+        if component.specifications is None:
+            return
+        path: Path = ("agents", group, "components", entry.name, "with", component.specifications)
+        for place, name in enumerate(getattr(component.parameters, component.specifications)):
+            use = document.specifications.get(name)
+            if use is None:
+                self._unknown(name, "specification", (*path, place), document.specifications)
+            elif use.of == "belief":
+                said = f"{quoted(name)} is about beliefs, and what an agent will believe is not predicted"
+                self._report("unsuitable", said, (*path, place), expected="a specification of the truth")
+            elif use.each not in (None, group) or (use.each is None and use.pairs is None):
+                about = "the world" if use.each is None else quoted(use.each)
+                said = f"{quoted(name)} is about {about}, not about the agents of {quoted(group)}"
+                self._report("unsuitable", said, (*path, place), expected=f"`each: {group}`, or pairs")
+            elif isinstance(getattr(found[name], "scope", None), ClosestPairScope):
+                said = f"{quoted(name)} is about too many pairs for a monitor of each"
+                self._report("unsuitable", said, (*path, place), expected=f"at most {MOST_PAIRS:,} pairs")
 
     def _sound_regions(self, regions: Mapping[str, Region]) -> Mapping[str, Region]:
         """The regions that are sound; the others are reported."""

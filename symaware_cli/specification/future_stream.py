@@ -40,7 +40,7 @@ class AheadStream(Stream):
         self._window: Extremum | None = None
         if last > first:
             self._window = Extremum(last - first + 1, clock.single, greatest, clock.value(not greatest))
-        self._starts = Starts(first, last, greatest, starts, clock.rows, clock.dtype)
+        self._starts = Starts(first, last, greatest, starts, clock.rows, clock.dtype, clock.single)
 
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""

@@ -39,7 +39,16 @@ class Monitor:
             known before. At most `KEPT` are.
     """
 
-    def __init__(self, formula: Formula, rows: int, *, interval: bool = True) -> None:
+    def __init__(self, formula: Formula, rows: int, *, interval: bool = True, arrays: bool = False) -> None:
+        """Create the monitor.
+
+        Args:
+            formula: The formula.
+            rows: The number of rows.
+            interval: Whether to keep bounds of the robustness.
+            arrays: Whether even a single row is stored in arrays, as `Continuation` requires.
+        """
+        single = rows == 1 and not arrays
         self.formula = formula
         self.rows = rows
         self.interval = interval
@@ -52,10 +61,10 @@ class Monitor:
         self.complete = True
         #: Without the interval, bounds are those of the truth value, and robustness has separate streams; for a single
         #: row, separate streams would cost more than they save.
-        self._truth = not interval and rows != 1
-        self._clock = Clock(rows, boolean=self._truth)
+        self._truth = not interval and not single
+        self._clock = Clock(rows, boolean=self._truth, single=single)
         self._stream = stream(formula, self._clock, 0)
-        self._robustness_clock = Clock(rows, boolean=False)
+        self._robustness_clock = Clock(rows, boolean=False, single=single)
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False
         #: Number of calls of `update` and `finish` after which each row was decided.
@@ -204,3 +213,43 @@ def _predicates(formula: Formula) -> int:
 
 #: The classes that a monitor consists of.
 _PARTS = (Monitor, Clock, Stream, Together, History, Recent, Starts, Extremum, UntilWindow)
+
+
+class Continuation:
+    """Continues a monitor in several ways at once, each with samples of its own, for the verdict alone."""
+
+    def __init__(self, monitor: Monitor, rows: NDArray[np.intp]) -> None:
+        """Begin with the present state of a monitor, which stays as it is.
+
+        Args:
+            monitor: A monitor whose values are `arrays`.
+            rows: The row that each continuation belongs to; rows may occur several times. Shape (m,).
+        """
+        self._clock, self._stream = selected([monitor._clock, monitor._stream], rows, instances=_PARTS)
+        self._clock.rows = len(rows)
+        self._exact: Any = None
+
+    def update(self, values: Sequence[Array]) -> None:
+        """Process the robustness of each predicate at the next instant; each of shape (m,)."""
+        if self._exact is None:
+            self._clock.now += 1
+            self._exact = self._stream.push([each > 0.0 for each in values] if self._clock.boolean else values)
+
+    def finish(self) -> None:
+        """End the declared run with the last instant processed."""
+        self._clock.ended = True
+
+    @property
+    def verdict(self) -> NDArray[np.int8]:
+        """Whether the formula holds at the first instant of the monitor: 1 true, -1 false, 0 undecided; shape (m,)."""
+        if self._exact is not None:
+            lower = upper = self._exact
+        else:
+            below, above = self._stream.known(0, 0, 1), self._stream.known(1, 0, 1)
+            lower, upper = (
+                (self._clock.full(1, greatest) if found is None else found)[0]
+                for greatest, found in enumerate((below, above))
+            )
+        holds, fails = (lower, ~upper) if self._clock.boolean else (lower > 0.0, upper < 0.0)
+        verdict: NDArray[np.int8] = np.subtract(holds, fails, dtype=np.int8)
+        return verdict

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -10,7 +11,8 @@ from symaware_cli.geometry.region import Array, Region, RegionShape, names_in, r
 from symaware_cli.specification.formula import encoded
 
 #: Returns the pose of an agent: position, shape (k,) [m], NaN while it is absent; heading [rad], None if it has none.
-Anchor = Callable[[str], tuple[Array, float | None]]
+#: In predictions there is one for each row: shapes (n, k) and (n,).
+Anchor = Callable[[str], tuple[Array, float | Array | None]]
 
 
 class RegionError(ValueError):
@@ -65,6 +67,12 @@ class PlacedRegion:
         self._anchor = anchor
         self.dimensions = self._dimensions(self.region)
 
+    def at(self, anchor: Anchor) -> PlacedRegion:
+        """Return the region with other poses of agents."""
+        other = copy.copy(self)
+        other._anchor = anchor
+        return other
+
     def robustness(self, points: Array) -> Array:
         """Return the depth of points within the region [m], negative outside, encoded as by `formula.encoded`.
 
@@ -83,9 +91,9 @@ class PlacedRegion:
             raise ValueError(f"the region `{self.name}` has {self.dimensions} coordinates, the point {found}")
         if self.region.around is not None:
             position, heading = self._anchor(self.region.around)
-            if np.isnan(position).any():
-                return np.full(len(points), -np.inf)
             points = relative(points, position, heading if self.region.turns else None)
+            depths = self._robustness(self.region, points)
+            return np.where(np.isnan(position).any(axis=-1), -np.inf, depths)
         return self._robustness(self.region, points)
 
     def _robustness(self, region: RegionShape, points: Array) -> Array:

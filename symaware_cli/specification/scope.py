@@ -131,7 +131,7 @@ class Scope(ABC):
     def _look_up(self, name: str) -> Any:
         """Return the values of a name in `units`."""
 
-    def anchor(self, id: str) -> tuple[Array, float | None]:
+    def anchor(self, id: str) -> tuple[Array, Any]:
         """Return the true pose of an agent; see `region.Anchor`."""
         return self._anchors(id)
 
@@ -193,12 +193,12 @@ class AgentScope(Scope):
         if name in self._elements:
             return self.states[:, self._elements[name]]
         if name in self._known:
-            return _Known(group)[name]
+            return KnownValues(group)[name]
         match name:
             case "control_input":
                 return self.inputs
             case "knowledge":
-                return _Known(group)
+                return KnownValues(group)
             case "nearest":
                 return self._nearest()
             case "position":
@@ -297,7 +297,7 @@ class PairScope(Scope):
         match name:
             case "closing_speed":
                 apart = self._apart()
-                first, second = (self._velocities()[each] for each in (self._first, self._second))
+                first, second = self._velocities()
                 total = np.zeros(self.rows)
                 for axis in range(apart.shape[1]):
                     total = total + apart[:, axis] * (second - first)[:, axis]
@@ -306,33 +306,39 @@ class PairScope(Scope):
             case "distance":
                 return lengths(self._apart())
             case "position":
-                return self._of_each(self._world.snapshot().positions)
+                return self._of_each(self._positions())
             case "speed":
-                return self._of_each(lengths(self._velocities()))
+                first, second = self._velocities()
+                return self._of_each((lengths(first), lengths(second)))
             case "velocity":
                 return self._of_each(self._velocities())
         raise KeyError(name)
 
     def _apart(self) -> Array:
         """Return the position of the second agent of each pair relative to the first [m]; shape (n, d)."""
-        positions = self._world.snapshot().positions
-        return np.asarray(positions[self._second] - positions[self._first])
+        first, second = self._positions()
+        return np.asarray(second - first)
 
-    def _velocities(self) -> Array:
-        """Return the velocities of all agents by index [m/s]; shape (N, d)."""
+    def _positions(self) -> tuple[Array, Array]:
+        """Return the positions of the first and of the second agents [m]; each of shape (n, d)."""
+        positions = self._world.snapshot().positions
+        return positions[self._first], positions[self._second]
+
+    def _velocities(self) -> tuple[Array, Array]:
+        """Return the velocities of the first and of the second agents [m/s]; each of shape (n, d)."""
         snapshot = self._world.snapshot()
         velocities = np.zeros(snapshot.positions.shape)
         for group, start in zip(self._world.groups, snapshot.roster.starts, strict=True):
             of_group = group.model.velocity(self._world.state(group), self._world.applied_input(group))
             velocities[start : start + len(group), : of_group.shape[1]] = of_group
-        return velocities
+        return velocities[self._first], velocities[self._second]
 
-    def _of_each(self, values: Array) -> Mapping[str, Array]:
-        """Return the values of the first and of the second agent of each pair."""
-        return {"first": values[self._first], "second": values[self._second]}
+    @staticmethod
+    def _of_each(values: tuple[Array, Array]) -> Mapping[str, Array]:
+        return dict(zip(("first", "second"), values, strict=True))
 
 
-class _Known(Mapping[str, Any]):
+class KnownValues(Mapping[str, Any]):
     """The knowledge of the agents of a group by name: numbers as columns, anything else as objects."""
 
     def __init__(self, group: AgentGroup) -> None:

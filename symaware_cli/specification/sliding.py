@@ -150,7 +150,9 @@ class Starts:
         are_over: Whether the last window that is asked for has ended.
     """
 
-    def __init__(self, first: int, last: int, greatest: bool, final: int | None, rows: int, dtype: type) -> None:
+    def __init__(
+        self, first: int, last: int, greatest: bool, final: int | None, rows: int, dtype: type, single: bool
+    ) -> None:
         """Create it without windows.
 
         Args:
@@ -160,12 +162,13 @@ class Starts:
             final: The last instant that is needed; -1 for none, None for all.
             rows: Number of rows.
             dtype: The type of values.
+            single: Whether values are numbers of a single row instead of arrays [rows].
         """
         self.end = 0
         self._first, self._last = first, last
         self._greatest = greatest
         self._final = final
-        self._single = rows == 1
+        self._single = single
         self._gone = 0
         self.are_over = final == -1
         self._extrema = History(rows, dtype=dtype)

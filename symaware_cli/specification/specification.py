@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.specification.automaton import Automaton, AutomatonMonitor
-from symaware_cli.specification.columns import KindError
+from symaware_cli.specification.cohort import Cohort, Worst
+from symaware_cli.specification.columns import KindError, Lookup
 from symaware_cli.specification.formula import Array, plain
 from symaware_cli.specification.formulation import Formulation, subformula
 from symaware_cli.specification.monitor import Monitor
@@ -57,11 +58,54 @@ class Specification:
     automaton: Automaton | None = None
     explains: bool = True
 
-    def monitor(self, rows: int) -> Monitor | AutomatonMonitor:
-        """Create a monitor for some rows, starting now."""
+    def monitor(self, rows: int, arrays: bool = False) -> Monitor | AutomatonMonitor:
+        """Create a monitor for some rows, starting now; `arrays` as for `Monitor`."""
         if self.automaton is not None:
             return AutomatonMonitor(self.automaton, rows)
-        return Monitor(self.formulation.formula, rows, interval=self.interval)
+        return Monitor(self.formulation.formula, rows, interval=self.interval, arrays=arrays)
+
+    def values(
+        self,
+        look_up: Lookup,
+        rows: int,
+        present: NDArray[np.bool_] | None = None,
+        agents: Callable[[int], Sequence[str]] | None = None,
+    ) -> list[Array]:
+        """Return the robustness of each predicate; each of shape (rows,).
+
+        Args:
+            look_up: Returns the values of a name.
+            rows: The number of rows.
+            present: Which rows must have a value; None for all.
+            agents: Returns the ids of the agents that a row is about, for errors; by default those of the scope.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
+        agents = self.scope.agents if agents is None else agents
+        memory: dict[str, Any] = {}
+
+        def remembered(name: str) -> Any:
+            if name not in memory:
+                memory[name] = look_up(name)
+            return memory[name]
+
+        values = []
+        with np.errstate(all="ignore"):
+            for atom in self.formulation.atoms:
+                try:
+                    value = atom.robustness(remembered)
+                    column = value if value.shape == (rows,) else np.broadcast_to(value, (rows,))
+                except (KindError, ValueError, TypeError, KeyError, IndexError, ArithmeticError) as error:
+                    raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
+                wrong = np.isnan(column)
+                if present is not None:
+                    wrong &= present
+                if wrong.any():
+                    who = " and ".join(agents(int(wrong.argmax())))
+                    raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
+                values.append(column)
+        return values
 
     @property
     def text(self) -> str:
@@ -84,51 +128,6 @@ class Exact:
     values: Array
 
 
-class _Cohort:
-    """Rows whose evaluation began at the same instant.
-
-    Attributes:
-        rows: Their indices, ascending; shape (k,).
-        monitor: Their monitor.
-        start: Their first instant, in nanoseconds.
-        told: Their verdicts as last reported; shape (k,).
-    """
-
-    def __init__(
-        self, rows: NDArray[np.intp], monitor: Monitor | AutomatonMonitor, start: int, told: NDArray[np.int8]
-    ) -> None:
-        self.rows = rows
-        self.monitor = monitor
-        self.start = start
-        self.told = told
-
-    def select(self, chosen: NDArray[np.bool_]) -> _Cohort:
-        """Return some of the rows, with their history."""
-        return _Cohort(self.rows[chosen], self.monitor.select(np.flatnonzero(chosen)), self.start, self.told[chosen])
-
-
-class _Worst:
-    """Verdicts and intervals of rows, each the worst over several instances."""
-
-    def __init__(self, count: int) -> None:
-        self.verdicts = np.ones(count, np.int8)
-        self.lower, self.upper = np.full(count, np.inf), np.full(count, np.inf)
-
-    def add(self, cohort: _Cohort, interval: bool) -> None:
-        """Include the instances of a cohort."""
-        rows, monitor = cohort.rows, cohort.monitor
-        self.verdicts[rows] = np.minimum(self.verdicts[rows], monitor.verdict)
-        if interval:
-            self.lower[rows] = np.minimum(self.lower[rows], plain(monitor.lower))
-            self.upper[rows] = np.minimum(self.upper[rows], plain(monitor.upper))
-
-    def copy(self) -> _Worst:
-        """Return a copy."""
-        other = _Worst(0)
-        other.verdicts, other.lower, other.upper = self.verdicts.copy(), self.lower.copy(), self.upper.copy()
-        return other
-
-
 class SpecificationMonitor:
     """Monitors a specification during a run.
 
@@ -144,7 +143,9 @@ class SpecificationMonitor:
         settled: The exact robustness that the verdict of each row is about; NaN while it is unknown.
         begun: Which rows have ever been present; shape (rows,).
         decisions: The decisions in the order in which they were made.
+        cohorts: The rows that are evaluated, by the instant at which their evaluation began.
         is_over: Whether further values are ignored.
+        is_continued: Whether forecasts are made; to be set before the first value.
     """
 
     uncaptured: ClassVar[Sequence[str]] = ("specification",)
@@ -165,12 +166,13 @@ class SpecificationMonitor:
         self.settled = np.full(count, np.nan)
         self.begun = np.zeros(count, bool)
         self.is_over = False
+        self.is_continued = False
         self._time_step = time_step
         self._begins = begins
         self._now = 0
         self._due: list[NDArray[np.intp]] = []
-        self._cohorts: list[_Cohort] = []
-        self._ended = _Worst(count)
+        self.cohorts: list[Cohort] = []
+        self._ended = Worst(count)
         self._exact: list[Exact] = []
         self._momentary_agents: dict[int, tuple[str, ...]] = {}
         self.decisions: list[Decision] = []
@@ -192,11 +194,11 @@ class SpecificationMonitor:
         if present is not None:
             self._leave(present, decisions)
         self._arrive(present, now)
-        if self._cohorts:
-            values = self._values(present)
+        if self.cohorts:
+            values = specification.values(specification.scope.look_up, specification.scope.rows, present)
             if agents := specification.scope.momentary_agents:
                 self._momentary_agents[now] = agents
-            for cohort in self._cohorts:
+            for cohort in self.cohorts:
                 whole = len(cohort.rows) == specification.scope.rows
                 cohort.monitor.update(values if whole else [each[cohort.rows] for each in values])
                 self._take(cohort, decisions)
@@ -207,12 +209,20 @@ class SpecificationMonitor:
         """Begin an instance with the next step, for those of the rows that are present then."""
         self._due.append(np.array(rows, np.intp))
 
+    @property
+    def awaited(self) -> NDArray[np.bool_]:
+        """Which rows begin with the next step, if they are present then; shape (rows,)."""
+        awaited = ~self.begun if self._begins else np.zeros(len(self.begun), bool)
+        for rows in self._due:
+            awaited[rows] = True
+        return awaited
+
     def finish(self) -> Sequence[Decision]:
         """End the evaluation, and return the decisions that follow."""
         decisions: list[Decision] = []
         if not self.is_over:
             self.is_over = True
-            for cohort in self._cohorts:
+            for cohort in self.cohorts:
                 cohort.monitor.finish()
                 self._take(cohort, decisions)
             self._combine()
@@ -235,7 +245,7 @@ class SpecificationMonitor:
         if self.specification.automaton is None:
             return None
         found: NDArray[np.int8] = np.where(self.verdicts == 0, np.int8(1), self.verdicts)
-        for cohort in self._cohorts:
+        for cohort in self.cohorts:
             if isinstance(cohort.monitor, AutomatonMonitor):
                 found[cohort.rows] = np.minimum(found[cohort.rows], cohort.monitor.presumption)
         return found
@@ -280,41 +290,14 @@ class SpecificationMonitor:
             rows = due if present is None else due[present[due]]
             if len(rows):
                 self.begun[rows] = True
-                monitor = specification.monitor(len(rows))
-                self._cohorts.append(_Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
+                monitor = specification.monitor(len(rows), self.is_continued)
+                self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
         self._due.clear()
-
-    def _values(self, present: NDArray[np.bool_] | None) -> list[Array]:
-        """Return the robustness of each predicate for all rows."""
-        scope = self.specification.scope
-        memory: dict[str, Any] = {}
-
-        def look_up(name: str) -> Any:
-            if name not in memory:
-                memory[name] = scope.look_up(name)
-            return memory[name]
-
-        values = []
-        with np.errstate(all="ignore"):
-            for atom in self.specification.formulation.atoms:
-                try:
-                    value = atom.robustness(look_up)
-                    column = value if value.shape == (scope.rows,) else np.broadcast_to(value, (scope.rows,))
-                except (KindError, ValueError, TypeError, KeyError, IndexError, ArithmeticError) as error:
-                    raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
-                wrong = np.isnan(column)
-                if present is not None:
-                    wrong &= present
-                if wrong.any():
-                    who = " and ".join(scope.agents(int(wrong.argmax())))
-                    raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
-                values.append(column)
-        return values
 
     def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
         """End the evaluation of rows that are no longer present."""
-        remaining: list[_Cohort] = []
-        for cohort in self._cohorts:
+        remaining: list[Cohort] = []
+        for cohort in self.cohorts:
             here = present[cohort.rows]
             if here.any():
                 remaining.append(cohort if here.all() else cohort.select(here))
@@ -323,9 +306,9 @@ class SpecificationMonitor:
                 gone.monitor.finish()
                 self._take(gone, decisions)
                 self._ended.add(gone, self.specification.interval)
-        self._cohorts = remaining
+        self.cohorts = remaining
 
-    def _take(self, cohort: _Cohort, decisions: list[Decision]) -> None:
+    def _take(self, cohort: Cohort, decisions: list[Decision]) -> None:
         """Read the new results of a monitor."""
         rows, monitor = cohort.rows, cohort.monitor
         first, exact = monitor.exact()
@@ -348,19 +331,19 @@ class SpecificationMonitor:
         """Combine the results of all instances; decided instances are dropped."""
         interval = self.specification.interval
         if not self._begins:
-            for cohort in self._cohorts:
+            for cohort in self.cohorts:
                 if cohort.told.all():
                     self._ended.add(cohort, interval)
-            self._cohorts = [cohort for cohort in self._cohorts if not cohort.told.all()]
+            self.cohorts = [cohort for cohort in self.cohorts if not cohort.told.all()]
         outcome = self._ended.copy()
-        for cohort in self._cohorts:
+        for cohort in self.cohorts:
             outcome.add(cohort, interval)
         self.verdicts = np.where(self.begun, outcome.verdicts, 0).astype(np.int8)
         if interval:
             self.lower = np.where(self.begun, outcome.lower, -np.inf)
             self.upper = outcome.upper
 
-    def _decision(self, cohort: _Cohort, place: int) -> Decision:
+    def _decision(self, cohort: Cohort, place: int) -> Decision:
         specification = self.specification
         reason, tree = cohort.monitor.reason(place), specification.formulation.tree
         satisfied = bool(cohort.monitor.verdict[place] > 0)

@@ -35,10 +35,10 @@ class Clock:
         ended: Whether the declared run ends with `now`.
     """
 
-    def __init__(self, rows: int, boolean: bool) -> None:
+    def __init__(self, rows: int, boolean: bool, single: bool) -> None:
         self.rows = rows
         self.boolean = boolean
-        self.single = rows == 1
+        self.single = single
         self.now = -1
         self.ended = False
 

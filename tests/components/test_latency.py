@@ -20,8 +20,13 @@ from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import STEADY, Duration, Timing
 from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.specification.formulation import formulate
+from symaware_cli.specification.parser import parse
+from symaware_cli.specification.scope import AgentScope
+from symaware_cli.specification.specification import Specification
 from symaware_cli.world.chance import AgentChance, GroupChance
 from symaware_cli.world.reading import Scan
 
@@ -52,6 +57,7 @@ class Case:
     before: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     others: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     model: Model = field(default_factory=Unicycle)
+    specification: str | None = None
     world: Any = kinematic
 
 
@@ -72,6 +78,12 @@ CASES = {
     ),
     "risk.time-to-collision": Case(["risk"]),
     "risk.collision": Case(["risk"]),
+    "risk.specification": Case(
+        ["risk", "signals"],
+        {"specifications": ["safe"], "samples": 20, "horizon": 0.5},
+        model=SingleIntegrator(SingleIntegrator.Parameters(process_noise=0.2)),
+        specification="always (nearest > 1 and y < 0.8)",
+    ),
     "control.go-to-goal": Case(ACTS, knowledge={"goal": [3, 3]}),
     "control.velocity-obstacle": Case(ACTS, knowledge={"goal": [3, 3]}),
     "control.waypoints": Case(ACTS, knowledge={"waypoints": LINE}),
@@ -246,7 +258,12 @@ def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, An
         entity=DISC,
     )
     ready = simulation({"robot": robots, "other": other}, environment=case.world())
-    summary = execute(ready, STEPS)
+    options = RunOptions()
+    if case.specification is not None:
+        scope = AgentScope(ready.groups[1], ready.environment, ready.groups, {})
+        formulation = formulate(parse(case.specification, scope.names, {}), STEP)
+        options = RunOptions(specifications=[Specification("safe", "truth", "robot", scope, formulation)])
+    summary = execute(ready, STEPS, options=options)
     assert summary.status == "finished", summary.failure
     return notes
 

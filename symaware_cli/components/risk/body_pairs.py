@@ -237,7 +237,7 @@ class OwnUncertainty:
     """
 
     def __init__(self, group: AgentGroup, counts: bool = True) -> None:
-        self.state = _state_covariance(group) if counts else None
+        self.state = state_covariance(group) if counts else None
         self.joint: Array | None = None
         if self.state is not None:
             model, state = group.model, group.awareness.state
@@ -268,7 +268,7 @@ class OwnUncertainty:
         return covariance
 
 
-def _state_covariance(group: AgentGroup) -> Array | None:
+def state_covariance(group: AgentGroup) -> Array | None:
     """Return the covariance of each agent's own state now, shape (n, nx, nx); None if not estimated.
 
     Raises:

@@ -1,0 +1,270 @@
+"""Risk as the probability that specifications fail, estimated by sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.components.risk.body_pairs import state_covariance
+from symaware_cli.components.risk.sampled_motion import MotionPlan, OtherMotion, SampledMotion, interpolated, root
+from symaware_cli.components.risk.sampled_noise import SampledNoise
+from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity, Signal, Tracks
+from symaware_cli.specification.columns import Lookup
+from symaware_cli.specification.forecast import Forecast
+from symaware_cli.specification.monitor_statuses import MonitorStatuses
+from symaware_cli.specification.node import Name, walk
+from symaware_cli.specification.predicted_scope import PredictedAgentScope, PredictedPairScope
+from symaware_cli.specification.scope import Scope
+from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.world.chance import combined
+from symaware_cli.world.time import SECOND, nanoseconds
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: The most rows of predicted states that are computed at a time; they fit into the processor's cache.
+_ROWS = 30_000
+
+
+class RiskEstimate(NamedTuple):
+    """The result of a turn.
+
+    Attributes:
+        risk: The probability that a specification fails; shape (n,).
+        error: Its standard error; shape (n,).
+    """
+
+    risk: Array
+    error: Array
+
+
+class _Prediction(NamedTuple):
+    """What is predicted about a specification.
+
+    Attributes:
+        forecast: The forecast.
+        look_up: Returns the predicted values of names.
+        ids: The ids of the agents that each row is about.
+        agents: The row of the group that each row belongs to, ascending; shape (m,).
+    """
+
+    forecast: Forecast
+    look_up: Lookup
+    ids: Sequence[tuple[str, ...]]
+    agents: Indices
+
+
+class FailureProbability(GroupComponent):
+    """Risk as the probability that a specification of an agent fails within a horizon, estimated by sampling.
+
+    Each agent predicts its own motion many times, and that of the others that it is aware of, from its beliefs: it
+    begins with a sample of its state (the uncertainty, if an estimator provides it), follows its intent or, without
+    one, keeps its control input, and is disturbed by the process noise of its model. Others follow the intent that
+    they told of, or keep their velocities; their positions and velocities are samples of the tracks. The monitors of
+    the specifications continue on each prediction. The risk is the share of predictions on which one of them fails.
+
+    The standard error is that of the share after two failures and two successes more (A. Agresti and B. A. Coull,
+    "Approximate is better than 'exact' for interval estimation of binomial proportions", The American Statistician 52,
+    1998), so that it does not vanish where no sample fails.
+    """
+
+    sees_world = True
+    specifications = "specifications"
+    signals = (Signal("standard_error", columns=[Quantity("standard_error", "1")], description="of the risk"),)
+
+    class Parameters(Parameters):
+        """What may fail, and how it is predicted."""
+
+        specifications: list[str] = Field(
+            min_length=1, description="The specifications of the group's agents, or of pairs of agents, that may fail."
+        )
+        horizon: float = Field(2.0, gt=0, description="How far ahead to look [s].")
+        samples: int = Field(100, ge=1, le=100_000, description="How many predictions each agent makes.")
+        reach: float = Field(10.0, gt=0, description="Others farther away are not predicted [m].")
+        follow_intents: bool = Field(
+            True,
+            description="Whether agents are expected to follow their intents, instead of keeping their velocities.",
+        )
+        correction: float = Field(
+            0.0, ge=0, description="How strongly an agent corrects deviations from its intent, as a velocity [1/s]."
+        )
+
+    def check(self, group: AgentGroup) -> None:
+        """Check that the model can follow an intent."""
+        if self.parameters.follow_intents:
+            group.model.follow_velocity(group.initial_state, np.zeros((len(group), len(group.model.position))))
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """Declare the risk as one number without a unit."""
+        return {"risk": [Quantity("risk", "1")]}
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Prepare the monitors for forecasts."""
+        super().initialise_component(group)
+        self._scope = PredictedAgentScope(group, self.environment, self.environment.groups, group.regions)
+        self._monitors = [self._monitor(name) for name in self.parameters.specifications]
+        self._rows = {
+            monitor.specification.name: _rows(monitor.specification.scope)
+            for monitor in self._monitors
+            if monitor.specification.each is None
+        }
+        names = {
+            node.name
+            for monitor in self._monitors
+            for node in walk(monitor.specification.formulation.tree)
+            if isinstance(node, Name)
+        }
+        regions = [group.regions[name] for name in names if name in group.regions]
+        self._needs_others = (
+            "nearest" in names
+            or any(region.around for region in regions)
+            or any(monitor.specification.each is None for monitor in self._monitors)
+        )
+
+    def _monitor(self, name: str) -> SpecificationMonitor:
+        statuses = self._group.specifications.get(name)
+        if not isinstance(statuses, MonitorStatuses):
+            raise ValueError(f"`{name}` is not monitored in this process")
+        statuses.monitor.is_continued = True
+        return statuses.monitor
+
+    def _compute(self) -> RiskEstimate:
+        parameters, group, environment = self.parameters, self._group, self.environment
+        samples, step, now = parameters.samples, environment.time_step, self.now
+        first = -(-now // step) * step
+        count = max(1, round(nanoseconds(parameters.horizon) / step)) + 1
+        instants = [first + number * step for number in range(count)]
+        intended, has_intent = self._intended([now, *instants])
+        durations = np.diff([now, *instants]) / SECOND
+        plan = MotionPlan(durations, self._spreads(durations), intended, has_intent, parameters.correction)
+        covariance = state_covariance(group)
+        spread = None if covariance is None else root(covariance)
+        roster = environment.roster
+        start = roster.start(group.name)
+        numbers = roster.numbers[start : start + len(group)]
+        seed, turn, path = self._surroundings.seed, self.turn, f"component {self.name}"
+        width = len(group.model.state)
+        noise = SampledNoise(seed, path, turn, numbers, count + 1, width, samples)
+        others = self._others(instants, numbers) if self._needs_others else None
+        chunk = max(1, _ROWS // samples)
+        fails = np.zeros(len(group))
+        for begin in range(0, len(group), chunk):
+            agents = slice(begin, min(begin + chunk, len(group)))
+            motion = SampledMotion(group, agents, samples, plan, spread, noise, others)
+            fails[agents] = self._fails(motion, agents, instants, others)
+        present = group.present
+        if present is not None:
+            fails[~present] = 0.0
+        shrunk = (fails + 2.0) / (samples + 4.0)
+        return RiskEstimate(fails / samples, np.sqrt(shrunk * (1.0 - shrunk) / (samples + 4.0)))
+
+    def _update(self, value: RiskEstimate) -> None:
+        self._group.awareness.risk.set(self.computed_at, value.risk)
+        self.record(self.signals[0], value.error[:, None])
+
+    def _fails(
+        self, motion: SampledMotion, agents: slice, instants: Sequence[int], others: OtherMotion | None
+    ) -> Array:
+        """Return on how many predictions of each agent a specification fails; shape (agents,)."""
+        group, samples = self._group, self.parameters.samples
+        own = self._scope.of(motion)
+        predictions = []
+        for monitor in self._monitors:
+            if monitor.specification.each is not None:
+                rows, ids = np.arange(agents.start, agents.stop), [(id,) for id in group.ids[agents]]
+                predictions.append(_Prediction(Forecast(monitor, rows, samples), own.look_up, ids, rows))
+            elif others is not None:
+                predictions.append(self._of_pairs(monitor, motion, agents, others.tracks))
+        for instant in instants:
+            motion.advance(instant / SECOND)
+            for each in predictions:
+                each.forecast.look(instant, each.look_up, each.ids)
+        failing = np.zeros((agents.stop - agents.start, samples), bool)
+        for each in predictions:
+            violated, places = each.forecast.verdicts < 0, each.agents - agents.start
+            starts = np.flatnonzero(np.diff(places, prepend=-1))
+            if len(starts):
+                failing[places[starts]] |= np.logical_or.reduceat(violated, starts, axis=0)
+        counts: Array = failing.sum(axis=1).astype(float)
+        return counts
+
+    def _of_pairs(
+        self, monitor: SpecificationMonitor, motion: SampledMotion, agents: slice, tracks: Tracks
+    ) -> _Prediction:
+        """Return the prediction of a specification of pairs."""
+        roster, group = self.environment.roster, self._group
+        of_pair = self._rows[monitor.specification.name]
+        first, last = tracks.pointers[agents.start], tracks.pointers[agents.stop]
+        observers, other = tracks.observers[first:last], tracks.others[first:last]
+        ids = [(group.ids[one], roster.ids[two]) for one, two in zip(observers.tolist(), other.tolist(), strict=True)]
+        found = [of_pair.get(pair, (-1, False)) for pair in ids]
+        chosen = np.array([place for place, (row, _) in enumerate(found) if row >= 0], np.intp)
+        rows = np.array([found[place][0] for place in chosen], np.intp)
+        swapped = np.array([found[place][1] for place in chosen], bool)
+        scope = PredictedPairScope(self.environment, group.regions, motion, chosen, swapped)
+        forecast = Forecast(monitor, rows, self.parameters.samples)
+        return _Prediction(forecast, scope.look_up, [ids[place] for place in chosen], observers[chosen])
+
+    def _intended(self, instants: Sequence[int]) -> tuple[Array | None, NDArray[np.bool_]]:
+        """Return the intended positions of the agents, (n, len(instants), d), and who has an intent."""
+        group = self._group
+        nobody = np.zeros(len(group), bool)
+        if not self.parameters.follow_intents:
+            return None, nobody
+        dimensions = len(group.model.position)
+        column = group.awareness.intent
+        shared = column.shared
+        if shared is not None:
+            times, values = shared
+            if not len(times) or values.shape[2] < dimensions:
+                return None, nobody
+            return interpolated(times, values[:, :, :dimensions], instants), ~nobody
+        intended = np.zeros((len(group), len(instants), dimensions))
+        for row in range(len(group)):
+            series = column.row(row)
+            if len(series) and series.values.shape[1] >= dimensions:
+                intended[row] = interpolated(series.times, series.values[None, :, :dimensions], instants)[0]
+                nobody[row] = True
+        return (intended if nobody.any() else None), nobody
+
+    def _spreads(self, durations: Array) -> list[Array | None]:
+        """Return the roots of the covariances of the process noise over durations."""
+        of_duration: dict[float, Array | None] = {}
+        for duration in set(durations.tolist()):
+            covariance = self._group.model.noise_covariance(duration) if duration else None
+            of_duration[duration] = None if covariance is None else root(covariance[None])
+        return [of_duration[duration] for duration in durations.tolist()]
+
+    def _others(self, instants: Sequence[int], numbers: NDArray[np.uint64]) -> OtherMotion:
+        """Return what the agents expect of others."""
+        group, parameters, roster = self._group, self.parameters, self.environment.roster
+        tracks = group.others(parameters.reach)
+        passed = np.array([(instant - self.now) / SECOND for instant in instants])
+        places = tracks.positions + passed[:, None, None] * tracks.velocities
+        if parameters.follow_intents:
+            for row, agent in enumerate(group.agents):
+                told = agent.awareness_database.held_part("intent")
+                for place in range(*tracks.pointers[row : row + 2].tolist()) if told else ():
+                    series = told.get(roster.ids[tracks.others[place]])
+                    size = places.shape[2]
+                    if series is not None and len(series) and series.values.shape[1] >= size:
+                        expected = interpolated(series.times, series.values[None, :, :size], [self.now, *instants])[0]
+                        places[:, place] = tracks.positions[place] + expected[1:] - expected[0]
+        spread, noise = None, None
+        if tracks.covariances is not None and len(tracks):
+            spread = root(tracks.covariances)
+            keys = combined(numbers[tracks.observers], roster.numbers[tracks.others], 0)
+            seed, turn, path = self._surroundings.seed, self.turn, f"component {self.name} others"
+            noise = SampledNoise(seed, path, turn, keys, 1, spread.shape[1], parameters.samples)
+        return OtherMotion(tracks, places, spread, noise)
+
+
+def _rows(scope: Scope) -> Mapping[tuple[str, ...], tuple[int, bool]]:
+    """Return the row of each pair of agents, and whether it is named the other way round."""
+    pairs = [scope.agents(row) for row in range(scope.rows)]
+    turned = {pair[::-1]: (row, True) for row, pair in enumerate(pairs)}
+    return turned | {pair: (row, False) for row, pair in enumerate(pairs)}
