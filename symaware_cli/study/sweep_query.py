@@ -107,7 +107,9 @@ def _mask(table: pyarrow.Table, where: str) -> Any:
         raise SweepError(f"--where: `{where}` compares a number with a text") from error
     if found.dtype != bool:
         raise SweepError(f"--where: `{where}` is neither true nor false")
-    return pyarrow.array(found)
+    # `pyarrow.array` would import pandas, if that is installed, and a part of NumPy that is needed nowhere else.
+    bits = pyarrow.py_buffer(np.packbits(found, bitorder="little"))
+    return pyarrow.BooleanArray.from_buffers(pyarrow.bool_(), len(found), [None, bits])
 
 
 def _value(node: Node, table: pyarrow.Table) -> Any:
@@ -142,9 +144,17 @@ def _parts(node: Node) -> Sequence[str]:
 
 
 def _column(table: pyarrow.Table, name: str) -> Any:
+    """Return the values of a column: numbers, truths, or texts as objects; what is missing is NaN or None."""
     import pyarrow
 
-    values = table[_single(table, column(table, name))]
+    # Not by `to_numpy`, which imports pandas, if that is installed.
+    values = table[_single(table, column(table, name))].combine_chunks()
     if pyarrow.types.is_string(values.type):
-        return values.to_numpy()
-    return values.cast(pyarrow.float64()).to_numpy() if values.null_count else values.to_numpy()
+        coded = values.dictionary_encode()
+        texts = np.array([*coded.dictionary.to_pylist(), None], object)
+        return texts[np.from_dlpack(coded.indices.fill_null(len(texts) - 1))]
+    if values.null_count:
+        return np.from_dlpack(values.cast(pyarrow.float64()).fill_null(np.nan))
+    if pyarrow.types.is_boolean(values.type):
+        return np.from_dlpack(values.cast(pyarrow.int8())).astype(bool)
+    return np.from_dlpack(values)
