@@ -93,6 +93,11 @@ VARIABLES = (
 """The variables that choose among kernels, as far as they are known here."""
 
 
+def variables() -> dict[str, str]:
+    """Those of the variables that choose among kernels with which a process computes as this one does."""
+    return {name: value for name, value in environment().items() if name in VARIABLES}
+
+
 def emulated(wanted: str) -> dict[str, str]:
     """The variables that let a process compute as on a processor of a lower level, as far as this one can do that.
 

@@ -38,6 +38,7 @@ def sweep(
     keep: str | None = None,
     timeout: float | None = None,
     jobs: int = 0,
+    ray: str | None = None,
     batch: int | None = None,
     fail_fast: bool = False,
 ) -> pyarrow.Table:
@@ -59,6 +60,8 @@ def sweep(
         keep: Which logs are kept: ``none``, ``failed``, ``worst:N`` or ``all``.
         timeout: Wall time after which a run is given up [s].
         jobs: How many worker processes; 0 to make all runs in this process.
+        ray: The address of a Ray cluster that makes the runs instead, such as ``"10.0.0.1:6379"`` or ``"auto"``; `jobs`
+            is then how many tasks there are at a time, 0 for as many as it has processors.
         batch: How many runs are made together at most, where that is possible; 1 for none. The rows are the same.
         fail_fast: Whether to end with the first run that fails.
 
@@ -67,7 +70,7 @@ def sweep(
 
     Raises:
         ScenarioError: The sweep or the scenario has problems; nothing was run.
-        SweepError: The folder has something else.
+        SweepError: The folder has something else, or there is no such cluster, or it has other code.
         KeyboardInterrupt: Ctrl-C ended it; the rows are in the folder.
     """
     from pyarrow import parquet
@@ -93,7 +96,7 @@ def sweep(
     )
     with tempfile.TemporaryDirectory() as temporary:
         folder = opened(Path(scenario), Path(temporary, "sweep") if output is None else Path(output), request)
-        outcome = conduct(folder, jobs, batch=batch, fail_fast=fail_fast)
+        outcome = conduct(folder, jobs, ray=ray, batch=batch, fail_fast=fail_fast)
         if outcome.is_interrupted:
             raise KeyboardInterrupt
         return parquet.read_table(folder.path / TABLE)

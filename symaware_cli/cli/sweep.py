@@ -147,6 +147,16 @@ def sweep(
             rich_help_panel=_MEANS,
         ),
     ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            "--ray",
+            help="Run on a Ray cluster that is there already: HOST:PORT of its head, or `auto`. --jobs is then the "
+            "number of tasks at a time, by default one per processor of the cluster.",
+            metavar="ADDRESS",
+            rich_help_panel=_MEANS,
+        ),
+    ] = None,
     batch: Annotated[
         str,
         typer.Option(
@@ -176,6 +186,8 @@ def sweep(
         fail(f"--retry takes `lost`, not `{retry}`", WRONG_INPUT, as_json)
     if batch not in ("auto", "off") and not (batch.isdecimal() and int(batch) > 0):
         fail(f"--batch takes auto, off or a number, not `{batch}`", WRONG_INPUT, as_json)
+    if ray is not None and jobs == 0:
+        fail("--jobs 0 makes all runs in this process, --ray on a cluster: leave one out", WRONG_INPUT, as_json)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
     options["design"] = None if design is None else json.dumps(design, ensure_ascii=False)
     options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
@@ -201,7 +213,8 @@ def sweep(
             with _shown(folder, not quiet and not as_json) as tell:
                 outcome = conduct(
                     folder,
-                    _cores() if jobs is None else jobs,
+                    jobs if jobs is not None else 0 if ray else _cores(),
+                    ray=ray,
                     batch={"auto": None, "off": 1}.get(batch) if batch in ("auto", "off") else int(batch),
                     retry_lost=retry is not None,
                     fail_fast=fail_fast,

@@ -16,6 +16,9 @@ from symaware_cli import processor
 #: The name of the folder (or file) with the metadata of an installed distribution.
 _INFORMATION = re.compile(r"(?P<name>.+?)-(?P<version>[^-]+)(-py[\d.]+)?\.(dist|egg)-info")
 
+#: Where Ray, once it is imported, finds some distributions that are its own affair.
+_OF_RAY = os.path.join("ray", "thirdparty_files")
+
 
 def versions() -> dict[str, str]:
     """The versions of Python, of the platform, of the numerical kernels, and of every installed distribution, by name.
@@ -35,6 +38,8 @@ def versions() -> dict[str, str]:
 def _distributions(path: tuple[str, ...]) -> dict[str, str]:
     found: dict[str, str] = {}
     for folder in path:
+        if folder.endswith(_OF_RAY):
+            continue
         for name, version in _in_folder(folder or "."):
             # Of two, the first on the path is the one that is imported.
             found.setdefault(re.sub(r"[-_.]+", "-", name).lower(), version)

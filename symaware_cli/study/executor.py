@@ -32,19 +32,22 @@ class Block:
 class Blocks:
     """The runs that are still to be made, in blocks worth about a second; what a run takes is learnt meanwhile."""
 
-    def __init__(self, indices: Iterable[int], count: int, *, is_recorded: bool = False) -> None:
+    def __init__(
+        self, indices: Iterable[int], count: int, *, is_recorded: bool = False, run_time: float | None = None
+    ) -> None:
         """Prepare.
 
         Args:
             indices: The numbers of the runs.
             count: How many they are.
             is_recorded: Whether their logs are to be written.
+            run_time: How long a run takes [s], as far as that is known already.
         """
         self._indices = iter(indices)
         self._left = count
         self._returned: deque[int] = deque()
         self._is_recorded = is_recorded
-        self._mean: float | None = None
+        self._mean = run_time
 
     def take(self, share: int = 1) -> Block | None:
         """Return the next block; None if there is none.

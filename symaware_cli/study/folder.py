@@ -24,7 +24,7 @@ from symaware_cli.study.cell_stops import check_rule
 from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.identity import SweepIdentity, differences
 from symaware_cli.study.runner import Runner
-from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_error import SweepError, listed
 from symaware_cli.study.sweep_files import IDENTITY, LOGS, SCENARIO, SWEEP, TABLE, WRITTEN, is_sweep
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.sweep_source import SweepSource, build_cells, read_sweep, written_again
@@ -120,7 +120,7 @@ class SweepFolder:
         found, _ = identity_of(self.source, {})
         different = differences(self.identity, found)
         if different:
-            raise SweepError(_listed(f"{self.path} cannot be resumed: rows would not be comparable", different))
+            raise SweepError(listed(f"{self.path} cannot be resumed: rows would not be comparable", different))
 
     def compare(self, source: SweepSource) -> None:
         """Make sure that what is asked for is what the folder is about.
@@ -143,7 +143,7 @@ class SweepFolder:
                 different.append(f"the file {name} is another one")
         if different:
             message = f"{self.path} has another sweep; `symaware sweep {self.path}` resumes that"
-            raise SweepError(_listed(message, different))
+            raise SweepError(listed(message, different))
 
     def add_runs(self, count: int) -> SweepFolder:
         """Plan further runs of each cell; those that are there keep their numbers and what they drew.
@@ -229,11 +229,6 @@ def _write_all(
         (folder / WRITTEN).write_bytes(source.written)
     (folder / IDENTITY).write_text(json.dumps(identity.to_json(), indent=1) + "\n")
     os.chmod(folder, 0o755)
-
-
-def _listed(message: str, lines: Sequence[str]) -> str:
-    more = [f"and {len(lines) - 20} more"] if len(lines) > 20 else []
-    return "\n  ".join([message, *lines[:20], *more])
 
 
 def _short(value: Any) -> str:

@@ -39,20 +39,20 @@ class SweepIdentity:
     def of_run(self, plan: SweepPlan, index: int) -> str:
         """Return what tells a run from any other: a hash of its scenario, parameters, index, seed and versions."""
         cell = plan.cell(index)
-        parameters = plan.parameters(index)
-        content = [self.cells[cell.number], parameters, cell.variant, index, plan.seed(index), _counting(self)]
+        versions, parameters = counting(self.versions), plan.parameters(index)
+        content = [self.cells[cell.number], parameters, cell.variant, index, plan.seed(index), versions]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _counting(identity: SweepIdentity) -> dict[str, str]:
+def counting(versions: Mapping[str, str]) -> dict[str, str]:
     """The versions that count."""
-    is_pinned = identity.versions.get("Pinned") == "yes"
-    return {name: each for name, each in identity.versions.items() if not (is_pinned and name in _HARMLESS)}
+    is_pinned = versions.get("Pinned") == "yes"
+    return {name: each for name, each in versions.items() if not (is_pinned and name in _HARMLESS)}
 
 
 def differences(then: SweepIdentity, now: SweepIdentity) -> list[str]:
     """Say in lines what differs between two identities; nothing if rows of both can be compared."""
-    before, after = _counting(then), _counting(now)
+    before, after = counting(then.versions), counting(now.versions)
     lines = [
         f"{name}: {before.get(name, 'not installed')} then, {after.get(name, 'not installed')} now"
         for name in sorted(before.keys() | after.keys())

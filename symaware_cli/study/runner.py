@@ -8,6 +8,7 @@ import re
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -108,6 +109,11 @@ class Runner:
         """Say in one line why the runs of a run's cell are made one by one; None if they are batched."""
         template = self._template(index)
         return template if isinstance(template, str) else None
+
+    def prepare(self) -> None:
+        """Import all that it takes to build the first run."""
+        with suppress(ScenarioError):  # values that were drawn for its seed
+            self._built(0)
 
     def _template(self, index: int) -> Built | str:
         """The cell of a run, built for any seed, or why its runs cannot be batched."""

@@ -100,6 +100,7 @@ def conduct(
     folder: SweepFolder,
     jobs: int,
     *,
+    ray: str | None = None,
     batch: int | None = None,
     retry_lost: bool = False,
     fail_fast: bool = False,
@@ -110,13 +111,15 @@ def conduct(
     Args:
         folder: The folder of the sweep.
         jobs: How many worker processes; 0 to make all runs in this process.
+        ray: The address of a Ray cluster that makes the runs instead; `jobs` is then how many tasks there are at a
+            time, 0 for as many as it has processors.
         batch: How many runs are made together at most, where that is possible; 1 for none, None for as many as fit.
         retry_lost: Whether to make runs again that were lost.
         fail_fast: Whether to end with the first run that fails.
         on_progress: Called after each run.
 
     Raises:
-        SweepError: The folder is in use, or its rows would not be comparable.
+        SweepError: The folder is in use, or its rows would not be comparable, or there is no such cluster.
         WorkerPoolError: No worker process can be started.
     """
     began = time.monotonic()
@@ -126,7 +129,7 @@ def conduct(
         (folder.path / TABLE).unlink(missing_ok=True)  # it is no longer the whole truth
         if retry_lost:
             journal.forget("lost")
-        session = _Session(folder, journal, jobs, batch, on_progress)
+        session = _Session(folder, journal, jobs, ray, batch, on_progress)
         interrupted = False
         try:
             with _signals_raised():
@@ -162,6 +165,7 @@ class _Session:
         folder: SweepFolder,
         journal: SweepJournal,
         jobs: int,
+        ray: str | None,
         batch: int | None,
         on_progress: Callable[[SweepProgress], object] | None,
     ) -> None:
@@ -171,6 +175,7 @@ class _Session:
         self._folder = folder
         self._journal = journal
         self._jobs = jobs
+        self._ray = ray
         self._on_progress = on_progress
         self._counts = journal.counts()
         self.stops = CellStops(folder.plan, folder.specifications)
@@ -237,7 +242,11 @@ class _Session:
     def _executor(self, count: int) -> Iterator[Executor]:
         folder = self._folder
         executor: Executor
-        if self._jobs == 0:
+        if self._ray is not None:
+            from symaware_cli.study.ray_cluster import RayCluster
+
+            executor = RayCluster(folder, self._ray, self._jobs, self._batch)
+        elif self._jobs == 0:
             executor = LocalExecutor(folder.runner(self._batch), folder.logs)
         else:
             executor = WorkerPool(folder.path, min(self._jobs, count), folder.plan.document.timeout, self._batch)

@@ -1,7 +1,8 @@
 """A worker process of a sweep: makes the runs that it is told to, one after the other, and tells the row of each.
 
 What goes through its two pipes is JSON, one value a line. The first line it reads says where the sweep is; each further
-one is a block of runs. It writes ``null`` when it is ready, and then a line for each run.
+one is a block of runs. It writes a list of what differs from the code of the machine that asks, which is empty if it is
+ready, and then a line for each run.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ import queue
 import signal
 import sys
 import threading
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from symaware_cli.runtime.worker import end_with
+
+if TYPE_CHECKING:
+    from symaware_cli.study.runner import Runner
 
 
 def main() -> None:
@@ -25,7 +29,8 @@ def main() -> None:
     setup = json.loads(requests.readline() or "null")
     if setup is None or not end_with(setup["parent"]):
         return
-    sys.path[:] = setup["path"]
+    if setup["code"] is None:
+        sys.path[:] = setup["path"]
     blocks: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(requests, blocks), daemon=True).start()
     # Imported with the path in place, and while whoever started it does something else.
@@ -33,11 +38,19 @@ def main() -> None:
 
     folder = SweepFolder.opened(setup["folder"])
     runner = folder.runner(setup["batch"])
-    _tell(answers, None)
+    _tell(answers, [] if setup["code"] is None else _differences(setup["code"], runner))
     while True:
         block = blocks.get()
         for row in runner.rows(block["indices"], folder.logs if block["is_recorded"] else None):
             _tell(answers, row.to_json())
+
+
+def _differences(code: dict[str, Any], runner: Runner) -> list[str]:
+    """Say how the code here differs from that of another machine, once everything for a run is imported."""
+    from symaware_cli.study.code_identity import CodeIdentity
+
+    runner.prepare()
+    return CodeIdentity(**code).differences(CodeIdentity.of_this_process())
 
 
 def _taken_over() -> tuple[BinaryIO, BinaryIO]:

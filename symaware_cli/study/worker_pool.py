@@ -10,13 +10,15 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from symaware_cli import processor
+from symaware_cli.study.code_identity import CodeIdentity
 from symaware_cli.study.executor import Block, Blocks
 from symaware_cli.study.row import Row
+from symaware_cli.study.sweep_error import SweepError, listed
 
 #: Wall time beyond its time-out after which a run that does not heed it is ended with its worker [s].
 _GRACE = 2.0
@@ -29,10 +31,21 @@ class WorkerPoolError(Exception):
     """No worker process can be started."""
 
 
+class CodeDifferenceError(SweepError):
+    """A worker process on another machine has other code than the process that sent for it."""
+
+
 class WorkerPool:
     """An `Executor` of worker processes."""
 
-    def __init__(self, folder: Path, count: int, timeout: float | None, batch: int | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        count: int,
+        timeout: float | None,
+        batch: int | None = None,
+        code: CodeIdentity | None = None,
+    ) -> None:
         """Prepare; workers are started when there is something to do.
 
         Args:
@@ -40,8 +53,11 @@ class WorkerPool:
             count: How many workers, at most.
             timeout: Wall time after which a run is given up [s]; None for never.
             batch: See `Runner`.
+            code: The code that workers have to have, where rows are made for another machine; None to let them have
+                that of this process.
         """
         self._batch = batch
+        self._code = code
         self._folder = folder
         self._count = count
         self._timeout = timeout
@@ -54,6 +70,7 @@ class WorkerPool:
 
         Raises:
             WorkerPoolError: No worker can be started.
+            CodeDifferenceError: One has other code.
         """
         while True:
             self._employ(blocks)
@@ -91,7 +108,7 @@ class WorkerPool:
             block = blocks.take(self._count)
             if block is None:
                 return
-            worker = _Worker(self._folder, self._timeout, self._batch)
+            worker = _Worker(self._folder, self._timeout, self._batch, self._code)
             self._workers.append(worker)
             self._selector.register(worker.answers, selectors.EVENT_READ, worker)
             worker.give(block)
@@ -128,7 +145,7 @@ class _Worker:
         deadline: When the run it is at is given up, on the monotonic clock [s]; None for never.
     """
 
-    def __init__(self, folder: Path, timeout: float | None, batch: int | None) -> None:
+    def __init__(self, folder: Path, timeout: float | None, batch: int | None, code: CodeIdentity | None) -> None:
         self.tasks: deque[int] = deque()
         self.is_ready = False
         self.deadline: float | None = None
@@ -140,12 +157,13 @@ class _Worker:
             stdout=subprocess.PIPE,
             # Ctrl-C is for the driver alone, which ends its workers.
             start_new_session=True,
-            env=processor.environment(),
+            env=processor.environment() if code is None else _chosen(code.variables),
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._requests, self.answers = self._process.stdin, self._process.stdout
-        self._send({"parent": os.getpid(), "path": sys.path, "folder": str(folder), "batch": batch})
+        setup = {"parent": os.getpid(), "path": sys.path, "folder": str(folder), "batch": batch}
+        self._send({**setup, "code": None if code is None else code.to_json()})
 
     def give(self, block: Block) -> None:
         """Tell it what to do next."""
@@ -154,13 +172,21 @@ class _Worker:
         self._start_clock()
 
     def read(self) -> tuple[list[Row], bool]:
-        """Return the rows that it has told, and whether there may be more."""
+        """Return the rows that it has told, and whether there may be more.
+
+        Raises:
+            CodeDifferenceError: It has other code.
+        """
         data = os.read(self.answers.fileno(), 1 << 20)
         *lines, self._rest = (self._rest + data).split(b"\n")
         rows = []
         for line in lines:
             content = json.loads(line)
-            if content is None:
+            if isinstance(content, list):
+                if content:
+                    raise CodeDifferenceError(
+                        listed("other code than where the sweep was started: rows would not be comparable", content)
+                    )
                 self.is_ready = True
             else:
                 rows.append(Row(**content))
@@ -196,3 +222,8 @@ class _Worker:
         with suppress(BrokenPipeError):
             self._requests.write(json.dumps(content).encode() + b"\n")
             self._requests.flush()
+
+
+def _chosen(variables: Mapping[str, str]) -> dict[str, str]:
+    """The environment of this process, with other variables that choose among kernels."""
+    return {name: each for name, each in os.environ.items() if name not in processor.VARIABLES} | {**variables}
