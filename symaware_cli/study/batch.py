@@ -6,7 +6,6 @@ to the bit. Everything that takes part has declared that it can be batched; `ref
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -15,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, seconds
+from symaware_cli.core import AgentGroup, GroupComponent, seconds
 from symaware_cli.runtime.run import Run
-from symaware_cli.runtime.run_summary import Extreme, Observer, RunSummary
+from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Timing
 from symaware_cli.scenario.build import Built
@@ -29,6 +28,9 @@ from symaware_cli.scenario.timing_check import TimingCheck
 from symaware_cli.specification.outcome import Outcome, outcome_of
 from symaware_cli.specification.scope import AgentScope, PairScope
 from symaware_cli.specification.specification import Specification
+from symaware_cli.study.batch_ends import BATCH_NAMES, BatchEnds
+from symaware_cli.study.batch_observer import BatchObserver
+from symaware_cli.study.measurement import Measurement
 from symaware_cli.world.plugin import Plugin
 
 Array = NDArray[np.float64]
@@ -55,7 +57,11 @@ def _refusals(built: Built) -> Iterator[str]:
     if options.mode != "synchronous":
         yield "components of the asynchronous mode take their turns at instants of their own"
     if options.until is not None:
-        yield "`run.until` may end runs at different steps"
+        unknown = {*options.until.names} - {*BATCH_NAMES, *document.regions}
+        if unknown:
+            yield f"`run.until` refers to `{min(unknown)}`"
+        elif options.specifications:
+            yield "specifications are final when `run.until` ends their run"
     if options.pace is not None:
         yield "a paced run keeps to the clock on the wall"
     if options.faults:
@@ -116,13 +122,30 @@ class Batch:
         self._seeds = tuple(seeds)
         self.simulation = self._simulation(composition)
         self.observer = BatchObserver(self.simulation)
+        self.measurement = Measurement(self.simulation)
         self._specifications = self._stated(composition)
-        options = replace(built.options, specifications=self._specifications, may_exit=False)
+        self._ends: dict[int, dict[str, Any]] = {}
+        until = built.options.until
+        if until is not None:
+            until = BatchEnds(until, self.simulation, self.observer, self._leave)
+        options = replace(built.options, specifications=self._specifications, until=until, may_exit=False)
         self.run = Run(self.simulation, built.steps, None, None, options, observer=self.observer)
 
     def advance(self) -> None:
         """Make all runs to their end."""
         self.run.advance()
+
+    def _leave(self, runs: Sequence[int]) -> None:
+        """Some runs are over: note when they ended, and observe them no more."""
+        now = self.simulation.clock.now
+        figures = {
+            "steps": now // self.simulation.environment.time_step,
+            "simulated_time": seconds(now),
+            "turns": sum(each.turns for each in self.run.schedulers),
+        }
+        self._ends.update(dict.fromkeys(runs, figures))
+        self.observer.going[runs] = False
+        self.measurement.leave(runs)
 
     def summaries(self) -> list[RunSummary]:
         """Return the summary of each run; wall times are shares of the whole, and outcomes have no reasons."""
@@ -140,6 +163,7 @@ class Batch:
                 goals_reached=self.observer.goals_of(run),
                 warnings=dict(sorted(self.observer.warnings_of(run).items())),
                 specifications=outcomes[run],
+                **self._ends.get(run, {}),
             )
             for run, seed in enumerate(self._seeds)
         ]
@@ -238,101 +262,3 @@ class Batch:
 
 def _impossible(*arguments: Any, **hints: Any) -> None:
     raise AssertionError(f"the scenario was found to be sound: {arguments}")
-
-
-class BatchObserver(Observer):
-    """Observes each run of a batch.
-
-    Attributes:
-        contacts_of: How many contacts began in each run; shape (runs,).
-    """
-
-    def __init__(self, simulation: Simulation) -> None:
-        super().__init__(simulation)
-        runs = simulation.environment.roster.runs
-        assert runs is not None
-        self._runs = runs
-        self._run_of = np.empty(runs.size, np.intp)
-        self._run_of[runs] = np.arange(len(runs))[:, None]
-        self.contacts_of = np.zeros(len(runs), np.intp)
-        self._separations = np.full(len(runs), np.inf)
-        self._pairs = np.zeros((len(runs), 2), np.intp)
-        self._times = np.zeros(len(runs), np.int64)
-        self._risks = np.full(len(runs), -np.inf)
-        self._risk_times = np.zeros(len(runs), np.int64)
-        self._risk_agents = np.zeros(len(runs), np.intp)
-        self._goals_of: list[set[str]] = [set() for _ in runs]
-        self._warnings_of: list[Counter[str]] = [Counter() for _ in runs]
-
-    def _on_event(self, event: Event) -> None:
-        if event.level is Level.WARNING and event.source.startswith("agents."):
-            self._warnings_of[_run(event.source.removeprefix("agents."))][event.name] += 1
-
-    def _on_goal(self, event: Event) -> None:
-        run, id = _agent(event)
-        self._goals_of[run].add(id)
-
-    def _on_goal_changed(self, event: Event) -> None:
-        run, id = _agent(event)
-        self._goals_of[run].discard(id)
-
-    def sample(self, now: int) -> None:
-        """Sample contacts, distances and risks."""
-        begun = self._run_of.take(self._environment.contacts_begun())
-        self.contacts_of += np.bincount(begun, minlength=len(self.contacts_of))
-        if self._runs.shape[1] > 1:
-            self._sample_distances(now)
-        peaks = np.full(self._runs.size, -np.inf)
-        for group, start in zip(self._simulation.groups, self._environment.roster.starts, strict=True):
-            peaks[start : start + len(group)] = group.awareness.risk.peaks()
-        risks = peaks[self._runs]
-        agents = risks.argmax(axis=1)
-        best = risks[np.arange(len(risks)), agents]
-        higher = best > self._risks
-        self._risks[higher], self._risk_times[higher] = best[higher], now
-        self._risk_agents[higher] = self._runs[np.arange(len(risks)), agents][higher]
-
-    def _sample_distances(self, now: int) -> None:
-        snapshot = self._environment.snapshot()
-        headings = snapshot.headings if self._bodies.any_cornered else self._no_headings
-        found = self._bodies.nearest_of_runs(
-            snapshot.positions, headings, self._environment.proximity, self._run_of, self._separations
-        )
-        runs, gaps, pairs = found
-        self._separations[runs], self._pairs[runs], self._times[runs] = gaps, pairs, now
-
-    def separation_of(self, run: int) -> Extreme | None:
-        """The least distance between the outlines of two agents of a run [m]."""
-        if not np.isfinite(self._separations[run]):
-            return None
-        pair = (self._id(self._pairs[run, 0]), self._id(self._pairs[run, 1]))
-        return Extreme(float(self._separations[run]), seconds(int(self._times[run])), pair)
-
-    def risk_of(self, run: int) -> Extreme | None:
-        """The greatest risk that an agent of a run saw."""
-        if self._risks[run] == -np.inf:
-            return None
-        agent = self._id(self._risk_agents[run])
-        return Extreme(float(self._risks[run]), seconds(int(self._risk_times[run])), (agent,))
-
-    def goals_of(self, run: int) -> tuple[str, ...]:
-        """The agents of a run that reached the goal that they have."""
-        return tuple(sorted(self._goals_of[run]))
-
-    def warnings_of(self, run: int) -> Mapping[str, int]:
-        """How many warnings of each name came from the agents of a run."""
-        return self._warnings_of[run]
-
-    def _id(self, index: int) -> str:
-        return self._environment.roster.ids[index].partition(":")[2]
-
-
-def _agent(event: Event) -> tuple[int, str]:
-    """The run and the id of the agent whose component fired an event."""
-    run, _, path = event.source.removeprefix("agents.").partition(":")
-    return int(run), path.rpartition(".")[0]
-
-
-def _run(id: str) -> int:
-    """The run of an agent."""
-    return int(id.partition(":")[0])

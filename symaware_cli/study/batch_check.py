@@ -37,11 +37,10 @@ def differing_runs(path: Path, changes: Sequence[str] = ()) -> str | None:
         # The positions of runs differ from size to size.
         seeds = [*range(size // 2, size), *range(size // 2)]
         batch = Batch(compose(path, changes), built, seeds)
-        measurement = Measurement(batch.simulation)
         batch.advance()
         if batch.run.failure is not None:
             return f"a batch of {size} runs failed: {batch.run.failure}"
-        for seed, summary, measured in zip(seeds, batch.summaries(), measurement.finish(), strict=True):
+        for seed, summary, measured in zip(seeds, batch.summaries(), batch.measurement.finish(), strict=True):
             if seed in alone:
                 expected, run = alone[seed]
                 found = _comparable(summary, measured, run)

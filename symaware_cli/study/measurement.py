@@ -6,7 +6,9 @@ the bit, as the run alone.
 
 from __future__ import annotations
 
+import copy
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +20,7 @@ from symaware_cli.geometry.vectors import lengths
 from symaware_cli.runtime.simulation import Simulation
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 Numbers = NDArray[np.uint64]
 
 #: The most goals that are kept of a run, the first ones; most runs have one an agent.
@@ -72,17 +75,26 @@ class Measurement:
         self._step = seconds(simulation.environment.time_step)
         self._groups = [_GroupMeasurement(group) for group in simulation.groups]
         self._goals: list[list[GoalReached]] = [[] for _ in range(self._runs)]
+        self._ended: dict[int, RunMeasurement] = {}
         self._goal_times: list[float | None] = [None] * self._runs
         simulation.events.subscribe("stepping", self._on_step)
         simulation.events.subscribe("goal-reached", self._on_goal)
 
     def finish(self) -> list[RunMeasurement]:
         """Take the last state into account, and return what was measured of each run."""
-        environment = self._simulation.environment
+        self.leave([run for run in range(self._runs) if run not in self._ended])
+        return [self._ended[run] for run in range(self._runs)]
+
+    def leave(self, runs: Sequence[int]) -> None:
+        """Take the last state of some runs into account, which are over; what they do later does not count."""
+        chosen, parts = np.array(runs, np.intp), []
         for each in self._groups:
-            each.add(environment.state(each.group), None)
-            each.work_through()
-        return [self._of_run(run) for run in range(self._runs)]
+            share = len(each.group) // self._runs
+            rows = (chosen[:, None] * share + np.arange(share)).ravel()
+            parts.append((share, each.part(rows, self._simulation.environment.state(each.group))))
+        for place, run in enumerate(runs):
+            own = [(part, slice(place * share, (place + 1) * share)) for share, part in parts]
+            self._ended[run] = self._measured(run, own)
 
     def _on_step(self, event: Event) -> None:
         environment = self._simulation.environment
@@ -95,16 +107,17 @@ class Measurement:
         if self._is_batch:
             number, _, agent = agent.partition(":")
             run = int(number)
+        if run in self._ended:
+            return
         reached = GoalReached(agent, seconds(event.time))
         self._goal_times[run] = reached.time
         if len(self._goals[run]) < MOST_GOALS:
             self._goals[run].append(reached)
 
-    def _of_run(self, run: int) -> RunMeasurement:
+    def _measured(self, run: int, parts: Sequence[tuple[_GroupMeasurement, slice]]) -> RunMeasurement:
+        """Put together what was measured of the agents of a run."""
         digest, path_length, effort = hashlib.blake2b(digest_size=16), 0.0, 0.0
-        for each in self._groups:
-            share = len(each.group) // self._runs
-            own = slice(run * share, (run + 1) * share)
+        for each, own in parts:
             digest.update(each.hashes[own].tobytes())
             path_length += float(np.sum(each.path_lengths[own]))
             effort += float(np.sum(each.efforts[own]))
@@ -131,13 +144,23 @@ class _GroupMeasurement:
         self._inputs: list[Array] = []
         self._position: Array | None = None
 
-    def add(self, states: Array, control_inputs: Array | None) -> None:
+    def add(self, states: Array, control_inputs: Array) -> None:
         """Add a step."""
         self._states.append(states)
-        if control_inputs is not None:
-            self._inputs.append(control_inputs.copy())
+        self._inputs.append(control_inputs.copy())
         if len(self._states) == _STEPS:
             self.work_through()
+
+    def part(self, rows: Indices, states: Array) -> _GroupMeasurement:
+        """Return what was measured of some agents, with the last states of all taken into account."""
+        part = copy.copy(self)
+        part.hashes = self.hashes[rows]
+        part.path_lengths, part.efforts = self.path_lengths[rows], self.efforts[rows]
+        part._states = [each[rows] for each in (*self._states, states)]
+        part._inputs = [each[rows] for each in self._inputs]
+        part._position = None if self._position is None else self._position[rows]
+        part.work_through()
+        return part
 
     def work_through(self) -> None:
         """Take into account what was added."""

@@ -137,6 +137,8 @@ class Runner:
             built = self._built(index)
         except (ScenarioError, OSError):
             return "the scenario has problems"
+        if self._follow is not None and built.options.until is not None:
+            return "what is followed is to end with its run"
         return refusal(built) or built
 
     def _batched(self, indices: Sequence[int], template: Built) -> Iterator[Row]:
@@ -148,7 +150,6 @@ class Runner:
         except ScenarioError:
             yield from map(self.run, indices)
             return
-        measurement = Measurement(batch.simulation)
         if self._follow is not None:
             self._follow(indices, batch.simulation)
         with batch.simulation.environment:
@@ -158,7 +159,7 @@ class Runner:
         if batch.run.status != "finished":
             yield from map(self.run, indices)
             return
-        found = zip(indices, batch.summaries(), measurement.finish(), strict=True)
+        found = zip(indices, batch.summaries(), batch.measurement.finish(), strict=True)
         rows = [_row(index, summary, measured, batch.simulation) for index, summary, measured in found]
         share = (time.monotonic() - began) / len(rows)
         yield from (replace(row, wall_time=share) for row in rows)

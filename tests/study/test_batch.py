@@ -159,7 +159,7 @@ def test_what_is_drawn_for_the_start_is_drawn_for_each_run(tmp_path: Path) -> No
         ("flooding.yaml", "network"),
         ("formation.yaml", "names single agents"),
         ("mpc.yaml", "one agent at a time"),
-        ("traffic.yaml", "`run.until`"),
+        ("traffic.yaml", "enter and leave"),
         ("convoy.yaml", "faults"),
     ],
 )
@@ -245,3 +245,55 @@ def test_starts_of_any_form_are_those_of_each_run(tmp_path: Path, state: Any) ->
     }
     (tmp_path / "starts.yaml").write_text(yaml.safe_dump(document))
     assert_batchable(tmp_path / "starts.yaml")
+
+
+@pytest.mark.parametrize(
+    "until",
+    [
+        "all(goals_reached)",
+        "min_separation < 0.8 or contacts > 1",
+        "highest_risk > 0.3 and time > 0.5",
+        'inside(position["robot.1"], middle) and agents == 3',
+        'min(state["robot"][0]) < -2 or norm(position["robot"]) < 4',
+    ],
+)
+def test_a_run_that_ends_early_leaves_its_batch(tmp_path: Path, until: str) -> None:
+    document = {
+        "symaware": 1,
+        "name": "ends",
+        "run": {"duration": 6.0, "until": until},
+        "environment": {"use": "kinematic"},
+        "regions": {"middle": {"circle": {"centre": [0, 0], "radius": 1.0}}},
+        "agents": {
+            "robot": {
+                "count": 3,
+                "entity": {"shape": {"circle": {"radius": 0.4}}},
+                "model": {"use": "unicycle", "with": {"max_speed": 2.0, "process_noise": 0.01}},
+                "state": [{"uniform": [-3, 3]}, {"uniform": [-3, 3]}, 0],
+                "knowledge": {"goal": [{"uniform": [-2, 2]}, 0.5]},
+                "components": {
+                    "see": {"use": "perception.omniscient"},
+                    "risk": {"use": "risk.time-to-collision", "with": {"horizon": 3.0}},
+                    "steer": {"use": "control.go-to-goal"},
+                },
+            }
+        },
+    }
+    (tmp_path / "ends.yaml").write_text(yaml.safe_dump(document))
+    assert_batchable(tmp_path / "ends.yaml")
+    found = together(tmp_path / "ends.yaml", (), range(12))
+    assert len({summary.steps for _, summary in found}) > 1
+    for seed in (0, 5, 11):
+        _, expected = alone(tmp_path / "ends.yaml", (), seed)
+        assert without_wall_time(found[seed][1]) == without_wall_time(expected)
+
+
+@pytest.mark.parametrize(
+    ("until", "why"),
+    [
+        ('violated["safe"]', "`run.until` refers to `violated`"),
+        ("time > 1", "specifications are final when `run.until` ends their run"),
+    ],
+)
+def test_ends_that_specifications_take_part_in_are_of_single_runs(until: str, why: str) -> None:
+    assert refusal(build(SCENARIOS / "shortcut.yaml", [f"run.until={until}"])) == why
