@@ -132,8 +132,11 @@ class Host(Participant):
             self._collect()
         self._tell_rejections()
         # With the control inputs of the members' agents.
-        with self._inputs.applied():
+        present = self._inputs.exchange()
+        try:
             self._run.motion.step()
+        finally:
+            self._inputs.restore(present)
         return None
 
     def _collect(self) -> None:

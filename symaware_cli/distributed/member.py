@@ -110,7 +110,11 @@ class Member(Participant):
     def _give_account(self, inputs: bool) -> None:
         if self._peer is None:
             return
-        requested = {group.name: (rows, group.control_input[rows]) for group, rows in self._rows} if inputs else {}
+        requested = {}
+        if inputs:
+            for group, rows in self._rows:
+                values = group.control_input
+                requested[group.name] = rows, values if len(rows) == len(values) else values[rows]
         posts, self._posts = tuple(self._posts), []
         self._send(self._peer, Report(self._run.kernel.done, requested, posts, self._run.observer.peak()))
 

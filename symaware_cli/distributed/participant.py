@@ -89,6 +89,8 @@ class Participant(ABC):
             for row, id in enumerate(scheduler.entry.group.ids):
                 if id not in here:
                     scheduler.leave(row)
+        # Components all of whose agents run in other processes take no turns.
+        run.kernel.steady = [each for each in run.kernel.steady if not run.schedulers[each[0]].is_remote]
         self._meet()
 
     @abstractmethod

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from symaware_cli.awareness.column import Array
+from symaware_cli.awareness.column import Array, Column
 from symaware_cli.core import AgentGroup
 from symaware_cli.core.message import Indices
 from symaware_cli.distributed.participant import rows_of
@@ -35,8 +34,12 @@ class _Latest:
     checked: tuple[RemoteMember | None, bytes] = None, b""
 
     def replace(self, rows: Indices, values: Array) -> None:
-        latest = self.values.copy()
-        latest[np.searchsorted(self.rows, rows)] = values
+        if rows.tobytes() == self.rows.tobytes():
+            latest = values.copy()
+        else:
+            latest = self.values.copy()
+            latest[np.searchsorted(self.rows, rows)] = values
+        latest.flags.writeable = False
         self.values = latest
 
 
@@ -90,17 +93,19 @@ class RemoteInputs:
             own = latest.values[place : place + 1]
             latest.replace(np.array([row]), safe_input(group.model, own, state[row : row + 1]))
 
-    @contextmanager
-    def applied(self) -> Iterator[None]:
-        """Put the control inputs in force; afterwards restore those that components of this process wrote."""
+    def exchange(self) -> list[tuple[Column, Array]]:
+        """Put the control inputs in force; returns what `restore` takes."""
         present = []
         for latest in self._latest.values():
-            column = latest.group.control_column
-            values = column.values.copy()
-            values[latest.rows] = latest.values
+            column, values = latest.group.control_column, latest.values
+            if len(latest.rows) < len(latest.group):
+                values = column.values.copy()
+                values[latest.rows] = latest.values
             present.append((column, column.exchange(values)))
-        try:
-            yield
-        finally:
-            for column, before in present:
-                column.exchange(before)
+        return present
+
+    @staticmethod
+    def restore(present: Iterable[tuple[Column, Array]]) -> None:
+        """Restore the control inputs that components of this process wrote."""
+        for column, values in present:
+            column.exchange(values)

@@ -183,15 +183,15 @@ class MessageExchange:
         return fates._replace(due=due, copies_due=copies_due)
 
     @contextmanager
-    def muted(self, agents: Sequence[str]) -> Iterator[None]:
+    def muted(self, senders: NDArray[np.bool_]) -> Iterator[None]:
         """Suppress messages of some agents in batches of their groups, within the context.
 
         A component of a whole group sends for all its agents, including those that do not take part any more.
+
+        Args:
+            senders: Which agents, by index; shape (n,).
         """
-        before = self._muted
-        if agents:
-            self._muted = np.zeros(len(self._ids), bool)
-            self._muted[[self._known(id) for id in agents]] = True
+        before, self._muted = self._muted, senders
         try:
             yield
         finally:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,47 +15,60 @@ from symaware_cli.core import AgentGroup, Tracks
 from symaware_cli.world.time import SECOND
 
 
-@contextmanager
-def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
-    """Restore, on exit, all parts of awareness and the control inputs of some agents.
+class ProtectedRows:
+    """A context that restores, on exit, all parts of awareness and the control inputs of some agents.
 
     A group component works on arrays with a row for each agent, whether or not the agent still takes part. Arrays are
-    never written in place, so the earlier values need no copy.
-
-    Args:
-        group: The group.
-        rows: The rows to restore, ascending.
+    never written in place, so the earlier values need no copy. Nothing is restored after an exception. The context can
+    be used many times, but not within itself.
     """
-    if not rows:
-        yield
-        return
-    awareness, chosen = group.awareness, list(rows)
-    written = [group.control_column, *awareness.columns.values()]
-    columns = [(column, column.values) for column in written if isinstance(column, Column)]
-    series = [
-        (column, None if column.is_unwritten else {row: column.row(row) for row in chosen})
-        for column in written
-        if isinstance(column, SeriesColumn)
-    ]
-    tables = [(column, column.tables) for column in written if isinstance(column, TableColumn)]
-    seen, received = awareness.seen, awareness.received
-    yield
-    for column, before in columns:
-        if column.values is not before and column.values[chosen].tobytes() != before[chosen].tobytes():
-            column.restore(chosen, before)
-    for series_column, own in series:
-        if not series_column.is_unwritten:
-            series_column.put_back(dict.fromkeys(chosen, TimeSeries()) if own is None else own)
-    for table_column, tables_before in tables:
-        for row in chosen:
-            if table_column.row(row) is not tables_before[row]:
-                table_column.set_row(row, tables_before[row])
-    held = np.zeros(len(group), bool)
-    held[chosen] = True
-    if awareness.seen is not None and awareness.seen is not seen:
-        awareness.seen = _merged(awareness.seen, seen, held)
-    if awareness.received is not None and awareness.received is not received:
-        awareness.received = _merged(awareness.received, received, held)
+
+    def __init__(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Prepare.
+
+        Args:
+            group: The group.
+            rows: The rows to restore, ascending.
+        """
+        self._awareness, self._chosen = group.awareness, list(rows)
+        self._held = np.zeros(len(group), bool)
+        self._held[self._chosen] = True
+        written = [group.control_column, *group.awareness.columns.values()]
+        self._columns = [column for column in written if isinstance(column, Column)]
+        self._series = [column for column in written if isinstance(column, SeriesColumn)]
+        self._tables = [column for column in written if isinstance(column, TableColumn)]
+        self._before: tuple[Any, ...] = ()
+
+    def __enter__(self) -> None:
+        chosen, awareness = self._chosen, self._awareness
+        self._before = (
+            [column.values for column in self._columns],
+            [None if column.is_unwritten else {row: column.row(row) for row in chosen} for column in self._series],
+            [column.tables for column in self._tables],
+            awareness.seen,
+            awareness.received,
+        )
+
+    def __exit__(self, kind: object, *error: object) -> None:
+        (columns, series, tables, seen, received), self._before = self._before, ()
+        if kind is not None:
+            return
+        chosen, awareness = self._chosen, self._awareness
+        for column, values in zip(self._columns, columns, strict=True):
+            after = column.values
+            if after is not values and after[self._held].tobytes() != values[self._held].tobytes():
+                column.restore(chosen, values)
+        for series_column, own in zip(self._series, series, strict=True):
+            if not series_column.is_unwritten:
+                series_column.put_back(dict.fromkeys(chosen, TimeSeries()) if own is None else own)
+        for table_column, entries in zip(self._tables, tables, strict=True):
+            for row in chosen:
+                if table_column.row(row) is not entries[row]:
+                    table_column.set_row(row, entries[row])
+        if awareness.seen is not None and awareness.seen is not seen:
+            awareness.seen = _merged(awareness.seen, seen, self._held)
+        if awareness.received is not None and awareness.received is not received:
+            awareness.received = _merged(awareness.received, received, self._held)
 
 
 def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> Tracks:

@@ -124,7 +124,7 @@ class Run:
         self._waiting_time = 0.0  # wall time spent waiting for other processes before the run [s]
         self._elapsed = 0.0  # wall time spent within this run [s]
         self._generator = self._run_all()
-        self._observer = observer or Observer(simulation)
+        self._observer = observer or Observer(simulation, is_member=participant is not None and not participant.decides)
         self._pacer = Pacer(options.pace) if options.pace else None
         self._workers = Workers(
             simulation, [entry for entry in simulation.entries if entry.timing.in_process], options.workers

@@ -116,8 +116,15 @@ class Observer:
         reported: The greatest risk that each other process reported last, with the id of the agent that estimates it.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, *, is_member: bool = False) -> None:
+        """Subscribe to the events that are counted.
+
+        Args:
+            simulation: The simulation.
+            is_member: Whether another process steps the world; then that one measures distances.
+        """
         self._simulation = simulation
+        self._measures = simulation.agent_count > 1 and not is_member
         self._environment: Environment = simulation.environment
         self.contacts = 0
         self.goals: set[str] = set()
@@ -154,7 +161,7 @@ class Observer:
 
     def sample(self, now: int) -> None:
         """Sample the distances and risks of the present instant."""
-        if self._simulation.agent_count > 1:
+        if self._measures:
             self._sample_distances(now)
         peak = self.peak()
         if peak is not None and (self._risk is None or peak[0] > self._risk.value):

@@ -127,6 +127,11 @@ class TurnScheduler:
         """Whether there is a turn at each step of the world, which the kernel calls directly."""
         return self._timing.is_steady(self._simulation.environment.time_step)
 
+    @property
+    def is_remote(self) -> bool:
+        """Whether all agents run in other processes."""
+        return len(self.supervision.remote) == len(self._group)
+
     def begin(self) -> None:
         """Queue the first turns, and subscribe to the trigger's event."""
         timing, queue = self._timing, self._queue

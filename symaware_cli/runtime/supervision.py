@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, GroupComponent
-from symaware_cli.runtime.protected_rows import protected
+from symaware_cli.runtime.protected_rows import ProtectedRows
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Duration
 from symaware_cli.world.chance import Turn, fraction
@@ -17,6 +20,22 @@ _NONE = nullcontext()
 
 #: Changes written values, given the group and the rows whose believed states were written in the turn.
 Disturb = Callable[[AgentGroup, Sequence[int]], None]
+
+
+class _HeldRows(NamedTuple):
+    """Suspended agents of a group component, which sends messages and writes values for all its agents.
+
+    Attributes:
+        rows: Their rows, ascending.
+        senders: The same, by index in the roster; shape (agents of all groups,).
+        sources: The sources of the component's events for them.
+        protection: Restores what the component writes for them.
+    """
+
+    rows: tuple[int, ...]
+    senders: NDArray[np.bool_]
+    sources: frozenset[str]
+    protection: ProtectedRows
 
 
 class Supervision:
@@ -47,8 +66,8 @@ class Supervision:
         #: The latencies that faults impose on each row, with their counts.
         self._slowness: dict[int, Counter[Duration]] = {}
         self._changed = changed
-        #: What `_mutes` returned last.
-        self._muted: tuple[tuple[int, ...], Sequence[str], frozenset[str]] = (), (), frozenset()
+        #: What `_held` returned last.
+        self._muted: _HeldRows | None = None
 
     @property
     def interferes(self) -> bool:
@@ -69,15 +88,18 @@ class Supervision:
         # Other agents of the group run in another process; the component must keep the same state and draws here.
         return all(reasons > (agent in self.remote) for agent, reasons in self.suspended.items())
 
-    def _mutes(self) -> tuple[tuple[int, ...], Sequence[str], frozenset[str]]:
-        """The rows and ids of the suspended agents of a group component, and the sources of its events for them.
-
-        A group component sends messages and writes values for all its agents.
-        """
+    def _held(self) -> _HeldRows | None:
+        """The rows of a group component that must not change, as their agents are suspended; None if there are none."""
         rows = tuple(sorted(self.suspended)) if self._is_group else ()
-        if rows != self._muted[0]:
-            ids = [self._entry.group.ids[row] for row in rows]
-            self._muted = rows, ids, frozenset(f"agents.{id}.{self._entry.name}" for id in ids)
+        if not rows:
+            return None
+        if self._muted is None or self._muted.rows != rows:
+            group, roster = self._entry.group, self._simulation.environment.roster
+            ids = [group.ids[row] for row in rows]
+            senders = np.zeros(len(roster), bool)
+            senders[[roster.index(id) for id in ids]] = True
+            sources = frozenset(f"agents.{id}.{self._entry.name}" for id in ids)
+            self._muted = _HeldRows(rows, senders, sources, ProtectedRows(group, rows))
         return self._muted
 
     def hold(self, agent: int) -> None:
@@ -134,16 +156,20 @@ class Supervision:
 
     @contextmanager
     def _supervise(self) -> Iterator[None]:
-        group = self._entry.group
+        group, simulation, held = self._entry.group, self._simulation, self._held()
         column = group.awareness.state_column
         earlier = column.take_changes() if self.disturbances else ()
-        simulation, (held, muted, sources) = self._simulation, self._mutes()
-        with protected(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):
+        if held is None:
             yield
+        else:
+            with held.protection, simulation.exchange.muted(held.senders), simulation.events.muted(held.sources):
+                yield
         if not self.disturbances:
             return
         written = column.take_changes()
-        rows = [row for row in (range(len(group)) if written is None else written) if row not in held]
+        rows = [
+            row for row in (range(len(group)) if written is None else written) if held is None or row not in held.rows
+        ]
         for changed in (earlier, written):
             column.mark(changed)
         for disturbance in self.disturbances:

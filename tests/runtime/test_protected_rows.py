@@ -10,7 +10,7 @@ from simulating import Team, present, simulation
 
 from symaware_cli import Log, open_log
 from symaware_cli.core import AgentGroup, Tracks
-from symaware_cli.runtime.protected_rows import protected
+from symaware_cli.runtime.protected_rows import ProtectedRows
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
@@ -131,7 +131,7 @@ def tracks(time: int, *observers: int, covariances: bool = True) -> Tracks:
 
 def test_held_rows_keep_their_tracks(group: AgentGroup) -> None:
     group.awareness.seen = tracks(1, 0, 1, 2)
-    with protected(group, [1]):
+    with ProtectedRows(group, [1]):
         group.awareness.seen = tracks(2, 0, 1, 2)
     merged = group.awareness.tracks
     assert merged is not None
@@ -141,21 +141,21 @@ def test_held_rows_keep_their_tracks(group: AgentGroup) -> None:
 
 def test_of_whom_nothing_was_said_nothing_is_said(group: AgentGroup) -> None:
     group.awareness.seen = tracks(1, 1, covariances=False)
-    with protected(group, [1]):
+    with ProtectedRows(group, [1]):
         group.awareness.seen = tracks(2, 0, 2)
     assert present(present(group.awareness.tracks).covariances)[:, 0, 0].tolist() == [2.0, 0.0, 2.0]
 
 
 def test_held_rows_without_tracks_add_no_covariances(group: AgentGroup) -> None:
     group.awareness.seen = tracks(1, 0, 2)
-    with protected(group, [1]):
+    with ProtectedRows(group, [1]):
         group.awareness.seen = tracks(2, 0, 1, 2, covariances=False)
     assert present(group.awareness.tracks).observers.tolist() == [0, 2]
     assert present(group.awareness.tracks).covariances is None
 
 
 def test_held_rows_see_nobody_if_they_have_not_seen_anybody_yet(group: AgentGroup) -> None:
-    with protected(group, [1]):
+    with ProtectedRows(group, [1]):
         group.awareness.seen = tracks(2, 0, 1, 2)
     assert present(group.awareness.tracks).observers.tolist() == [0, 2]
 
@@ -163,7 +163,7 @@ def test_held_rows_see_nobody_if_they_have_not_seen_anybody_yet(group: AgentGrou
 def test_what_held_rows_believe_grows_old(group: AgentGroup) -> None:
     for source in ("seen", "received"):
         setattr(group.awareness, source, tracks(0, 0, 1, 2))
-        with protected(group, [1]):
+        with ProtectedRows(group, [1]):
             setattr(group.awareness, source, tracks(2_000_000_000, 0, 1, 2))
         assert getattr(group.awareness, source).ages.tolist() == [0.0, 2.0, 0.0]
 
@@ -173,7 +173,7 @@ def test_a_component_knows_again_what_it_wrote_though_rows_of_it_were_put_back()
     run = simulation({"robot": team})
     (group,) = run.groups
     written = np.ones((3, 2))
-    with protected(group, [1]):
+    with ProtectedRows(group, [1]):
         group.control_input = written
         mine = group.control_column.writes
     np.testing.assert_array_equal(group.control_input, [[1.0, 1.0], [0.0, 0.0], [1.0, 1.0]])
