@@ -15,6 +15,7 @@ from symaware_cli.cli.terminal import print_array, printable
 if TYPE_CHECKING:
     import pyarrow
 
+    from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
     from symaware_cli.study.sweep_plan import Cell
 
 #: Columns that are shown only when they are asked for, or as JSON or CSV.
@@ -85,13 +86,7 @@ def show_shares(folder: Path, as_json: bool) -> None:
         }
         for each in found
     ]
-    interval = found[0].interval
-    if interval.method:
-        said = f"intervals: {interval.method}, confidence {interval.confidence:g}"
-    else:
-        lines = [{name: value for name, value in line.items() if name not in ("from", "to")} for line in lines]
-        said = "no intervals: the runs depend on each other by their design"
-    typer.echo("\n".join([*_aligned(lines), said]))
+    typer.echo("\n".join(_with_method(lines, found[0].interval)))
 
 
 def show_differences(folder: Path, name: str, as_json: bool) -> None:
@@ -120,9 +115,18 @@ def show_differences(folder: Path, name: str, as_json: bool) -> None:
         }
         for each in found
     ]
-    typer.echo("\n".join([f"{name}, less that of {found[0].against}, run by run", *_aligned(lines)]))
-    mean = found[0].comparison.mean
-    typer.echo(f"intervals: {mean.method}, confidence {mean.confidence:g}, {mean.count:,} pairs")
+    first = found[0].comparison.mean
+    typer.echo(f"{name}, less that of {found[0].against}, run by run")
+    typer.echo("\n".join(_with_method(lines, first, f", {first.count:,} pairs")))
+
+
+def _with_method(lines: Sequence[Mapping[str, Any]], estimate: IntervalEstimate, more: str = "") -> list[str]:
+    """Return lines, and below how their intervals were made; without the columns that assume independent runs."""
+    if estimate.method:
+        return [*_aligned(lines), f"intervals: {estimate.method}, confidence {estimate.confidence:g}{more}"]
+    assuming = ("from", "to", "sign test", "variance ratio")
+    kept = [{name: value for name, value in line.items() if name not in assuming} for line in lines]
+    return [*_aligned(kept), f"no intervals: the runs depend on each other by their design{more}"]
 
 
 def _flat(table: pyarrow.Table) -> pyarrow.Table:

@@ -112,6 +112,8 @@ def differences(table: pyarrow.Table, plan: SweepPlan, name: str) -> Iterator[Va
         first = plan.cells[cell.point * width]
         if cell.number != first.number:
             comparison = compare(by_cell[first.number], by_cell[cell.number], plan.document.confidence)
+            if not plan.document.is_independent:
+                comparison = comparison.without_intervals()
             yield VariantDifference(cell, first.variant or "", comparison)
 
 

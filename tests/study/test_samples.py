@@ -189,6 +189,20 @@ def test_runs_that_depend_on_each_other_have_shares_without_intervals(tmp_path: 
     assert "the runs depend on each other" in symaware("inspect", out, "--shares")
 
 
+def test_variants_of_runs_that_depend_on_each_other_are_compared_without_tests(tmp_path: Path) -> None:
+    variants = {"slow": {"agents.robot.count": 1}, "fast": {"agents.robot.count": 2}}
+    for design in ("random", "sobol"):
+        file = sweep_file(tmp_path, runs=4, design=design, variants=variants, paired=True)
+        symaware("sweep", file, "-o", tmp_path / design, "-j", 0)
+    (random,) = json.loads(symaware("inspect", tmp_path / "random", "--compare", "path_length", "--json"))
+    assert random["mean"]["lower"] < random["mean"]["value"] < random["mean"]["upper"]
+    (sobol,) = json.loads(symaware("inspect", tmp_path / "sobol", "--compare", "path_length", "--json"))
+    assert (sobol["mean"]["lower"], sobol["sign_test"], sobol["greater"]) == ("nan", "nan", 4)
+    said = symaware("inspect", tmp_path / "sobol", "--compare", "path_length")
+    assert "sign test" not in said
+    assert "the runs depend on each other" in said
+
+
 def test_the_command_and_python_draw_as_a_file_does(tmp_path: Path) -> None:
     file = sweep_file(tmp_path, runs=3, seed=5, design="sobol")
     table = symaware_cli.sweep(file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,6 +37,11 @@ class PairedComparison:
     sign_test: float
     variance_ratio: float
     correlation: float
+
+    def without_intervals(self) -> PairedComparison:
+        """Return the same without what assumes that runs are independent: intervals, test and variance ratio."""
+        mean, median = (replace(each, lower=math.nan, upper=math.nan, method="") for each in (self.mean, self.median))
+        return replace(self, mean=mean, median=median, sign_test=math.nan, variance_ratio=math.nan)
 
 
 def compare(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedComparison:
