@@ -16,6 +16,7 @@ from symaware_cli.study.sweep_schema import sweep_schema
 
 TOP = Path(__file__).parents[2]
 BAD = Path(__file__).parent / "bad"
+SHIPPED = sorted([*TOP.glob("sweeps/*.yaml"), *TOP.glob("plugins/*/sweeps/*.yaml")])
 
 #: What a schema cannot know: the order of numbers, sums over several keys, and what the scenario says.
 BEYOND = {
@@ -61,6 +62,11 @@ def test_what_the_documents_show_fits_the_schema(tmp_path: Path) -> None:
     for block in found:
         (tmp_path / "shown.yaml").write_text(block)
         validator().validate(document(tmp_path / "shown.yaml"))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_sweep_that_is_shipped_fits_the_schema(path: Path) -> None:
+    validator().validate(document(path))
 
 
 @pytest.mark.parametrize("path", sorted(BAD.glob("*.yaml")), ids=lambda path: path.stem)
