@@ -39,16 +39,17 @@ class RayCluster:
 
         Args:
             folder: The folder of the sweep.
-            address: The address of the cluster, as Ray takes it: ``HOST:PORT``, or ``auto``.
+            address: The address of the cluster, as Ray takes it: ``HOST:PORT``, or ``auto``. If this process is
+                connected to a cluster already, that one is used.
             most: The most tasks at a time; 0 for as many as the cluster has processors.
             batch: See `Runner`.
 
         Raises:
             SweepError: Ray is not installed, or there is no cluster.
         """
+        _check(address)
         # What this process has imported without Ray is what makes rows.
         code = CodeIdentity.of_this_process().to_json()
-        _check(address)
         setup = SweepSetup(uuid.uuid4().hex, files_of(folder.path), folder.plan.document.timeout, batch, code)
         self._ray = _imported()
         self._is_mine = not self._ray.is_initialized()
@@ -88,7 +89,8 @@ class RayCluster:
         with suppress(self._ray.exceptions.RayError):
             for task in tasks:
                 self._ray.cancel(task)
-            self._ray.wait(tasks, num_returns=len(tasks), timeout=_FAREWELL) if tasks else None
+            if tasks:
+                self._ray.wait(tasks, num_returns=len(tasks), timeout=_FAREWELL)
         if self._is_mine:
             self._ray.shutdown()
 
