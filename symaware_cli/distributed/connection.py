@@ -1,4 +1,4 @@
-"""Connections: protocols that a port holds, and what waits to be said in them."""
+"""The base of connections: the protocol with one peer, the queues of frames, and how a connection ends."""
 
 from __future__ import annotations
 
@@ -11,77 +11,76 @@ from typing import ClassVar, Protocol
 from symaware_cli.distributed.protocol import FAREWELL, FRAME, PING, PONG, ConnectionEnded, PeerProtocol
 from symaware_cli.distributed.transport import PortEvent, Rejection, TransportParameters
 
-#: So many bytes are handed on at once, if there are as many.
+#: About how many bytes are transmitted at once.
 _BATCH = 2**18
 
-#: So many questions and answers about the clock may wait.
+#: Most pings and pongs that may wait.
 _CLOCKS = 16
 
-#: What anybody can make happen where a connection is shared; if a record is lost by it, the next one tells.
+#: Rejections that third parties can cause on shared connections; if a record was lost, the next one reveals it.
 _NOT_FROM_THERE = ("oversized", "unauthenticated", "replayed")
 
-#: For so many of the longest frames there is room in each queue, however many frames that are.
+#: The capacity of each queue, as a number of frames of the greatest length.
 FRAMES = 4
 
-#: How long the other end has to take what was sent before its connection is let go of [s].
+#: How long the other end may take to receive what was sent before its connection is closed [s].
 PARTING = 1.0
 
 
 class ConnectionOwner(Protocol):
-    """What a connection asks of the port that holds it.
+    """What a connection needs of its port.
 
     Attributes:
         parameters: Those of the transport.
-        is_host: Whether others come here.
+        is_host: Whether the port is the host's.
     """
 
     parameters: TransportParameters
     is_host: bool
 
     def number(self) -> int:
-        """A number that nobody had before."""
+        """Return a new number for a peer."""
 
     def protocol(self) -> PeerProtocol:
-        """Begin a protocol."""
+        """Create the protocol of a new connection."""
 
     def call_later(self, delay: float, call: Callable[[], None]) -> None:
-        """Call something in the port's thread, after a delay [s]."""
+        """Schedule a call within the port's loop after a delay [s]."""
 
     def enter(self, connection: Connection) -> None:
-        """Take in a connection that has not said anything yet."""
+        """Add a connection whose handshake has not begun."""
 
     def admit(self, connection: Connection) -> None:
-        """Let somebody in who is known now, if there is room."""
+        """Admit a connection after its handshake, if there is room."""
 
     def leave(self, connection: Connection) -> None:
-        """Take note that a connection is over."""
+        """Remove a connection that has ended."""
 
     def deliver(self, event: PortEvent, connection: Connection) -> None:
-        """Let the run's thread know."""
+        """Queue an event for the run's thread."""
 
     def reject(self, rejection: Rejection) -> None:
-        """Count what was not taken."""
+        """Count a rejected frame or connection."""
 
 
 class Connection(ABC):
-    """One connection of a port. Everything but `take` happens in the port's thread.
+    """One connection of a port. All methods but `take` are called within the port's loop.
 
-    A subclass moves bytes: it calls `begin`, `hear`, `pump` and `lost`, and implements what is abstract.
+    A subclass transfers bytes: it calls `begin`, `hear`, `pump` and `lost`, and implements the abstract methods.
 
     Attributes:
         peer: Its number.
-        protocol: What is said.
-        origin: The address that it is from, as far as that is known.
-        came: Whether the run was told of it.
-        accepted: Whether the run takes the other end for one of those that it awaits.
-        parting: Whether this end lets go of it: nothing is heard any more, but what waits is sent.
-        gone: Whether it is over.
+        protocol: Its protocol.
+        origin: The address of the other end, if known.
+        came: Whether the run received the event ``came``.
+        accepted: Whether the other end is a member.
+        parting: Whether this end is closing it: nothing more is received, but what waits is sent.
+        gone: Whether it has ended.
         full: Whether too many frames wait for the run's thread.
-        held: Whether nothing more can be handed on now.
-        given: How many frames were heard.
-        stalled: Whether no more frames should be, as the other end has not taken those before.
-        shared: Whether others than the other end can make something arrive here, so that it is no reason to end it
-            if something is not signed.
+        held: Whether nothing can be transmitted at present.
+        given: The number of frames received.
+        stalled: Whether no frames should be sent, as the other end has not acknowledged earlier ones.
+        shared: Whether third parties can send records on this connection; then an unsigned record does not end it.
     """
 
     shared: ClassVar[bool] = False
@@ -100,45 +99,45 @@ class Connection(ABC):
         self.given = self._given_bytes = 0
         self._taken = self._taken_bytes = 0
 
-    # What a subclass does.
+    # Implemented by subclasses.
 
     @abstractmethod
     def transmit(self, records: Sequence[bytes]) -> None:
-        """Hand records on; sets `held` if no more should follow for now, and calls `pump` when they may."""
+        """Send records; sets `held` if no more can be sent for now, and calls `pump` when they can."""
 
     @abstractmethod
     def rest(self) -> None:
-        """Read nothing more until `resume`."""
+        """Stop reading until `resume`."""
 
     @abstractmethod
     def resume(self) -> None:
-        """Read on."""
+        """Continue to read."""
 
     @abstractmethod
     def hang_up(self) -> None:
-        """Let go when the other end has taken what was handed on, within `PARTING`."""
+        """Close the connection once the other end has received everything, within `PARTING`."""
 
     @abstractmethod
     def drop(self) -> None:
-        """Let go at once."""
+        """Close the connection at once."""
 
     @property
     def descriptor(self) -> int | None:
-        """The file descriptor that tells when there is something to `read`; None if only the port's loop can tell."""
+        """The file descriptor to wait for before `read`; None if only the port's loop can read."""
         return None
 
     def read(self) -> bool:
-        """Hear what arrived, outside the port's loop; returns whether all of it was frames."""
+        """Receive what arrived, outside the port's loop; returns whether it consisted of frames only."""
         return False
 
-    # What a subclass tells.
+    # Called by subclasses.
 
     def begin(self) -> None:
-        """Introduce this end."""
+        """Send the preamble."""
         self.transmit([self.protocol.preamble])
 
     def hear(self, record: bytes) -> None:
-        """Take a record that arrived whole."""
+        """Handle a complete record."""
         if self.gone or self.parting:
             return
         protocol, was_open = self.protocol, self.protocol.open
@@ -161,11 +160,11 @@ class Connection(ABC):
             self.pump()
 
     def tick(self, now: float) -> None:
-        """Look at the clock."""
+        """Check the time limits."""
         if self.gone or self.parting:
             return
         if self.full:
-            # What is not read cannot be heard: the other end may well be alive.
+            # Nothing is read at present, so silence does not mean that the other end is dead.
             self.protocol.notice(now)
             self.look_again()
         try:
@@ -176,41 +175,41 @@ class Connection(ABC):
         self.pump()
 
     def lost(self, reason: str = "") -> None:
-        """Take note that nothing carries this connection any more."""
+        """Handle the loss of the underlying connection."""
         reason = reason or f"the connection to {self.protocol.other} was lost"
-        # To a member it happens that the host goes before it has let it in; a host is told nothing by who only begins.
+        # A host counts a peer that left during its handshake; a member may lose a host that way without any fault.
         unfinished = self._port.is_host and self.protocol.heard and not self.protocol.open
         self.refuse(ConnectionEnded(reason, "garbage" if unfinished else None))
 
     def refuse(self, over: ConnectionEnded) -> None:
-        """End it, for what was heard or was not."""
+        """End the connection for a reason, and count a rejection."""
         if self.gone:
             return
         if over.rejection is not None:
             self._port.reject(over.rejection)
         if self.shared and self.came and self.protocol.signed and over.rejection in _NOT_FROM_THERE:
             return
-        # A member that was turned away must learn of it; a host need not know of strangers that left.
+        # A member must learn that it was refused; a host need not know of unknown peers that left.
         self._leave(str(over), told=self.came or (not self._port.is_host and over.rejection is not None))
         self.drop()
 
-    # What the port asks for.
+    # Called by the port.
 
     def add(self, frame: bytes) -> None:
-        """Let a frame wait for `dispatch`."""
+        """Queue a frame for `dispatch`."""
         if self.came and not self.gone and not self.parting:
             self._waiting.append(frame)
             self._waiting_bytes += len(frame)
 
     def dispatch(self) -> None:
-        """Send what waits, as much as can be; if too much is left, it is over."""
+        """Send queued frames as far as possible; if too many are left, end the connection."""
         self.pump()
         count, size = self._limits
         if len(self._waiting) > count or self._waiting_bytes > size:
             self.refuse(ConnectionEnded("too many frames waited for it"))
 
     def part(self, reason: str) -> None:
-        """Send what waits, say farewell and let go; for the run it is over now."""
+        """Send queued frames and a farewell, then close; for the run the connection has ended now."""
         if self.gone or self.parting:
             return
         if not self.protocol.introduced:
@@ -227,12 +226,12 @@ class Connection(ABC):
         self.pump()
 
     def pump(self) -> None:
-        """Hand on as much as can be."""
+        """Transmit as much as possible."""
         if self.gone:
             return
         outgoing = self.protocol.outgoing
         if self.held:
-            # Who does not read what it asked for need not be told more and more.
+            # A peer that does not read need not get every pong that it asked for.
             if len(outgoing) > _CLOCKS:
                 outgoing[:] = [each for each in outgoing if each[0] not in (PING, PONG)]
             return
@@ -253,23 +252,23 @@ class Connection(ABC):
             self.hang_up()
 
     def look_again(self) -> None:
-        """Read on if few enough frames wait by now."""
+        """Continue to read if few enough frames wait by now."""
         if self.full and not self.gone and not self._behind(2):
             self.full = False
             # Not at once: this may be called while something is read.
             self._port.call_later(0, self.resume)
 
     def untaken(self) -> tuple[int, int]:
-        """How many frames wait for the run's thread, and how many bytes."""
+        """The number of frames that wait for the run's thread, and of their bytes."""
         return self.given - self._taken, self._given_bytes - self._taken_bytes
 
     @property
     def spoke(self) -> bool:
-        """Whether it sent any frame."""
+        """Whether the other end sent any frame."""
         return self.given > 0
 
     def _behind(self, part: int) -> bool:
-        """Whether as many frames wait for the run's thread as may, or one part of so many of them."""
+        """Whether the queue for the run's thread is filled to a fraction of its capacity: one half for `part=2`."""
         (count, size), (waiting, waiting_bytes) = self._limits, self.untaken()
         return waiting * part >= max(count, part) or waiting_bytes * part >= size
 
@@ -289,7 +288,7 @@ class Connection(ABC):
     # The run's thread.
 
     def take(self, frame: bytes) -> bool:
-        """Take note that the run has a frame; returns whether the port should `look_again`."""
+        """Note that the run received a frame; returns whether the port should call `look_again`."""
         self._taken += 1
         self._taken_bytes += len(frame)
         return self.full and not self._behind(2)

@@ -1,4 +1,4 @@
-"""Ports whose connections live in an event loop, which the run's thread goes through while it waits for frames."""
+"""The base of ports: a set of connections in an event loop, which the run's thread runs while it waits for frames."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ from symaware_cli.distributed.transport import Port, PortEvent, Rejection, Trans
 #: The time before a member tries to connect again, at first [s].
 _FIRST_PAUSE = 0.05
 
-#: How long it may take to close a port; what is still not over then goes on without anybody to wait for it [s].
+#: Longest wait for a port to close; what is unfinished then continues in the background [s].
 _CLOSING = 1.25 * PARTING
 
-#: How often a port looks at the clock within the timeout.
+#: The number of checks of the time limits within one timeout.
 _TICKS = 16
 
-#: For how long the loop runs by itself after something other than a frame happened [s].
+#: How long the whole loop runs after an event other than a frame [s].
 _SETTLING = 0.05
 
-#: For how long the run's thread may leave the loop alone before the port's own thread takes it over [s].
+#: How long the run's thread may be away before the port's own thread runs the loop [s].
 _LEAVE = 0.02
 
 
 class LoopPort(Port):
     """A port that keeps its connections in an event loop.
 
-    Two threads share the loop, one at a time. Who waits in `receive` runs it, and what is sent is written to the socket
-    right away: a frame costs no change of threads. When the run's thread has been away for a while, because it computes
-    or sleeps, the port's own thread runs the loop until it comes back.
+    Two threads share the loop, one at a time. The thread that waits in `receive` runs it, and frames are written to the
+    socket at once, so that a frame needs no switch of threads. When the run's thread has been away for a while, because
+    it computes or sleeps, the port's own thread runs the loop until it is back.
 
-    A subclass opens and closes what the connections are made of, within the loop.
+    A subclass opens and closes the sockets or sessions of the connections, within the loop.
 
     Attributes:
         parameters: Those of the transport.
-        is_host: Whether others come here.
+        is_host: Whether this is the host's port, to which members connect.
     """
 
     def __init__(self, host: bool, key: bytes | None, parameters: TransportParameters) -> None:
@@ -63,9 +63,9 @@ class LoopPort(Port):
         self._numbers = itertools.count(1)
         self._inbox: SimpleQueue[tuple[PortEvent | BaseException, Connection | None]] = SimpleQueue()
         self._closed = False
-        # Held by the thread that runs the loop, or does something to what lives in it.
+        # Held by the thread that runs the loop or uses its connections.
         self._turn = threading.Lock()
-        # How often the run's thread has had it, whether it waits in the loop now, and whether it waits for its turn.
+        # How often the run's thread took the lock, whether it waits within the loop, and whether it waits for the lock.
         self._visits = 0
         self._waits = self._claimed = False
         self._wanted = threading.Event()
@@ -77,27 +77,27 @@ class LoopPort(Port):
         self._selector = selectors.DefaultSelector()
         self._loop = asyncio.SelectorEventLoop(self._selector)
         self._interval = parameters.timeout / _TICKS
-        # By file descriptor, the connections that can be read without the loop; when it must run, and until when it
-        # had better run because something is under way in it.
+        # By file descriptor, the connections that can be read without the loop; when the loop must run next, and until
+        # when it should run because something other than frames is in progress.
         self._direct: dict[int, Connection] = {}
         self._due = self._settled = 0.0
         self._loop.set_exception_handler(self._fail)
         self._end = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="symaware-transport", daemon=True)
 
-    # What a subclass does, in the loop's thread.
+    # Implemented by subclasses; called within the loop.
 
     @abstractmethod
     async def open(self) -> None:
         """Begin to listen or to connect.
 
         Raises:
-            TransportError: That cannot be.
+            TransportError: The address cannot be used.
         """
 
     @abstractmethod
     async def shut(self) -> None:
-        """Let nobody in any more, and wait for the connections to part."""
+        """Accept no further connections, and wait until the present ones are closed."""
 
     # The run's thread.
 
@@ -105,10 +105,10 @@ class LoopPort(Port):
         """Open the port.
 
         Raises:
-            TransportError: That cannot be.
+            TransportError: The address cannot be used.
         """
         self._thread.start()
-        # Threads that wake up while the interpreter ends would bring it down.
+        # A thread that wakes up while the interpreter ends would abort the process.
         atexit.register(self.close)
         try:
             asyncio.run_coroutine_threadsafe(self.open(), self._loop).result()
@@ -117,7 +117,7 @@ class LoopPort(Port):
             raise
 
     def send(self, peer: int, frame: bytes) -> None:
-        """Send a frame, as far as the other end takes it."""
+        """Send a frame, or queue it if the other end does not read fast enough."""
         maximum = self.parameters.maximum_frame
         if len(frame) > maximum:
             raise ValueError(f"a frame of {len(frame)} bytes is longer than `maximum_frame`: {maximum}")
@@ -133,7 +133,7 @@ class LoopPort(Port):
             self._leave_loop()
 
     def receive(self, timeout: float | None = None) -> PortEvent | None:
-        """Return what happened next; None if the port is closed."""
+        """Return the next event; None after the timeout, or if the port is closed."""
         if self._closed:
             return None
         if self._inbox.empty():
@@ -155,10 +155,10 @@ class LoopPort(Port):
         return event
 
     def _take_loop(self) -> None:
-        """Have the loop to oneself; the port's own thread lets go of it, until the run's has been away for a while."""
+        """Take the loop over from the port's own thread."""
         self._visits += 1
         if not self._turn.acquire(blocking=False):
-            # The port's own thread must not have it again before this one wakes up: it is asked to stop but once.
+            # The port's own thread must not take it again before this one wakes up, as it is asked to stop only once.
             self._claimed = True
             self.later(self._loop.stop)
             self._turn.acquire()
@@ -170,7 +170,7 @@ class LoopPort(Port):
         self._turn.release()
 
     def _wait(self, end: float) -> None:
-        """Let things happen until the run's thread has to be told of one, or until a moment of the monotonic clock."""
+        """Run the loop until there is an event for the run's thread, or until a time of the monotonic clock."""
         polled = False
         while self._inbox.empty():
             now = time.monotonic()
@@ -188,8 +188,8 @@ class LoopPort(Port):
                         self._settled = now + _SETTLING
 
     def _go_round(self, duration: float = 0.0) -> None:
-        """Run the loop: once, or for some time [s] at most, until the run's thread has to be told of something."""
-        # A notebook has a loop of its own, in which the whole run takes place.
+        """Run the loop once, or for at most a duration [s] until there is an event for the run's thread."""
+        # In a notebook, the run takes place within another event loop.
         before = asyncio._get_running_loop()
         asyncio._set_running_loop(None)
         alarm = None
@@ -207,12 +207,12 @@ class LoopPort(Port):
             asyncio._set_running_loop(before)
 
     def offset(self, peer: int) -> float:
-        """How far the clock of a peer is ahead [s]."""
+        """The estimated offset of a peer's clock [s]."""
         connection = self._peers.get(peer)
         return 0.0 if connection is None else connection.protocol.offset
 
     def cut(self, peer: int, reason: str) -> None:
-        """Let go of a peer, in order."""
+        """End the connection to a peer with a farewell."""
         self._take_loop()
         if connection := self._peers.get(peer):
             connection.part(reason)
@@ -238,7 +238,7 @@ class LoopPort(Port):
         atexit.unregister(self.close)
 
     def later(self, call: Callable[..., None], *arguments: Any) -> bool:
-        """Call something within the loop, from any thread; returns False if that has ended."""
+        """Schedule a call within the loop, from any thread; returns False if the loop has ended."""
         try:
             self._loop.call_soon_threadsafe(call, *arguments)
         except RuntimeError:
@@ -247,14 +247,14 @@ class LoopPort(Port):
             raise
         return True
 
-    # The loop's thread.
+    # Called within the loop.
 
     def number(self) -> int:
-        """A number that nobody had before."""
+        """Return a new number for a peer."""
         return next(self._numbers)
 
     def protocol(self) -> PeerProtocol:
-        """Begin a protocol."""
+        """Create the protocol of a new connection."""
         parameters = self.parameters
         limits = parameters.maximum_frame, parameters.timeout, parameters.hang_timeout
         return PeerProtocol(self.is_host, self._key, *limits, time.monotonic())
@@ -265,13 +265,13 @@ class LoopPort(Port):
         return self._end.is_set()
 
     def call_later(self, delay: float, call: Callable[[], None]) -> None:
-        """Call something in the loop's thread."""
+        """Schedule a call within the loop after a delay [s]."""
         self._loop.call_later(delay, call)
 
     def enter(self, connection: Connection) -> None:
-        """Take in a connection that has not said anything yet; where there are too many, one of them goes."""
+        """Add a connection whose handshake has not begun; if there are too many of these, one is closed."""
         if self.ending:
-            # Over, so that nothing more is heard of it.
+            # Closed at once, so that it causes no further events.
             connection.refuse(ConnectionEnded(self._reason))
             return
         self._strangers[connection.peer] = connection
@@ -282,7 +282,7 @@ class LoopPort(Port):
             connection.begin()
 
     def admit(self, connection: Connection) -> None:
-        """Let somebody in who is known now, if there is room, or if one can go who is no member."""
+        """Admit a connection after its handshake, if there is room, or if one that is no member can be closed."""
         del self._strangers[connection.peer]
         present = [each for each in self._peers.values() if not each.parting]
         if len(present) >= self.parameters.members:
@@ -299,14 +299,14 @@ class LoopPort(Port):
         self.deliver(PortEvent("came", connection.peer), connection)
 
     def leave(self, connection: Connection) -> None:
-        """Take note that a connection is over."""
+        """Remove a connection that has ended."""
         self._strangers.pop(connection.peer, None)
         self._peers.pop(connection.peer, None)
         if (number := connection.descriptor) is not None:
             self._direct.pop(number, None)
 
     def deliver(self, event: PortEvent, connection: Connection) -> None:
-        """Let the run's thread know."""
+        """Queue an event for the run's thread."""
         self._tell(event, connection)
 
     def _tell(self, event: PortEvent | BaseException, connection: Connection | None = None) -> None:
@@ -315,14 +315,14 @@ class LoopPort(Port):
             self._loop.stop()
 
     def reject(self, rejection: Rejection) -> None:
-        """Count what was not taken."""
+        """Count a rejected frame or connection."""
         self._counts[rejection] += 1
 
     async def keep_connected(self, connect: Callable[[], Awaitable[Connection | None]]) -> None:
-        """Connect, and again when the connection is over, until this end has let go of it.
+        """Connect, and reconnect after each loss, until this end has ended the connection.
 
         Args:
-            connect: Makes a connection, and returns it when it is over; None if there was none.
+            connect: Connects and returns the connection when it has ended; None if there was none.
         """
         pause, dice = _FIRST_PAUSE, random.Random()
         while True:
@@ -331,12 +331,12 @@ class LoopPort(Port):
                 return
             if connection is not None and connection.came:
                 pause = _FIRST_PAUSE
-            # Those who lost the same host at the same instant must not all come back at the same instant.
+            # Random, so that members that lost the same host do not all reconnect at the same time.
             await asyncio.sleep(pause * dice.uniform(0.5, 1.0))
             pause = min(2 * pause, self.parameters.timeout)
 
     def keep(self, work: Coroutine[Any, Any, None]) -> None:
-        """Let something go on until the port is closed."""
+        """Run a task until the port is closed."""
         task = self._loop.create_task(work)
         task.add_done_callback(self._look_at)
         self._tasks.append(task)
@@ -346,7 +346,7 @@ class LoopPort(Port):
             self._tell(error)
 
     def _fail(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Let the run's thread know of a mistake in this package; asyncio itself copes with what a socket cannot do."""
+        """Report a defect of this package to the run's thread; asyncio handles the errors of sockets."""
         error = context.get("exception")
         if error is None or isinstance(error, OSError):
             loop.default_exception_handler(context)
@@ -388,6 +388,6 @@ class LoopPort(Port):
 
 
 def _first_to_go(connections: Collection[Connection]) -> Connection:
-    """Who makes room: of the address from which most have come the one that came first, if it has said nothing yet."""
+    """The connection to close first: one that sent no frame, from the address with the most connections, the oldest."""
     crowds = Counter(each.origin for each in connections)
     return min(connections, key=lambda each: (each.spoke, -crowds[each.origin], each.peer))

@@ -16,19 +16,19 @@ from symaware_cli.distributed.port import LoopPort
 from symaware_cli.distributed.protocol import PREAMBLE, ConnectionEnded, may_begin
 from symaware_cli.distributed.transport import Port, Transport, TransportError
 
-#: How long the number is that says how long a record is [bytes].
+#: The size of the length before each record [bytes].
 _LENGTH = 4
 
-#: So much may be handed to the operating system before it has sent what came before [bytes].
+#: Most bytes that may wait in asyncio's write buffer.
 _AHEAD = 2**20
 
-#: So much is read at once outside asyncio [bytes].
+#: Most bytes that are read at once outside asyncio.
 _READ = 2**16
 
-#: The errors by which an operating system tells that the other one does not answer.
+#: The errors that mean that the other machine does not respond.
 _SILENT = (errno.ETIMEDOUT, errno.EHOSTUNREACH, errno.ENETUNREACH)
 
-#: So many times as many sockets may be open as there may be members: of those who have not come yet, or are leaving.
+#: The most open sockets, as a multiple of the most members: including those in the handshake and those closing.
 _OPEN = 4
 
 
@@ -40,7 +40,7 @@ class Tcp(Transport):
         return _opened(_HostPort(numeric(host), port, key, self))
 
     def join(self, host: str, port: int, key: bytes | None = None) -> Port:
-        """Connect a socket, again and again."""
+        """Connect a socket, and reconnect after each loss."""
         if not 0 < port < 2**16:
             raise TransportError(f"nobody can listen at port {port}")
         return _opened(_MemberPort(numeric(host), port, key, self))
@@ -84,8 +84,8 @@ class _HostPort(_TcpPort):
         self.address = address_of(*self._server.sockets[0].getsockname()[:2])
 
     async def shut(self) -> None:
-        # Whoever was let in just now is not a connection yet: that is a task of asyncio, the only one left beside this.
-        # If it began after the server is closed, it would leave its socket open.
+        # A socket that was just accepted is not a connection yet but a task of asyncio, the only other one left. If the
+        # task ran after the server was closed, its socket would stay open.
         end = time.monotonic() + PARTING
         while (others := asyncio.all_tasks() - {asyncio.current_task()}) and (left := end - time.monotonic()) > 0.0:
             await asyncio.wait(others, timeout=left)
@@ -107,27 +107,27 @@ class _MemberPort(_TcpPort):
                 _, connection = await asyncio.get_running_loop().create_connection(
                     lambda: _TcpConnection(self), *self._place
                 )
-        except OSError:  # nobody is there yet
+        except OSError:  # no host listens there yet
             return None
         await asyncio.shield(connection.closed)
         return connection
 
 
 class _TcpConnection(asyncio.Protocol, Connection):
-    """A connection that is a socket. Each record has its length before it; the preamble, which has one, has not."""
+    """A connection over a socket. Each record is preceded by its length, the preamble is not."""
 
     def __init__(self, port: _TcpPort) -> None:
         Connection.__init__(self, port)
         self._sockets = port.sockets
         self._transport = cast("asyncio.Transport", None)
         self._buffer = bytearray()
-        # The same socket, for what asyncio does not do: two objects, one connection.
+        # A duplicate of the socket, to read outside asyncio.
         self._socket: socket.socket | None = None
         self._descriptor: int | None = None
         self._error: OSError | None = None
         self.closed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
-    # What asyncio calls.
+    # Called by asyncio.
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast("asyncio.Transport", transport)
@@ -139,7 +139,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self.origin = str((transport.get_extra_info("peername") or ("",))[0])
         self._sockets.add(self)
         if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
-            # Where nobody listens, a socket may be given the very port that it connects to.
+            # If no process listens, a socket may be assigned the port to which it connects.
             self.drop()
             return
         self._port.enter(self)
@@ -171,7 +171,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
             self.closed.set_result(None)
 
     def _read_rest(self) -> None:
-        """Hear what came before the other end closed: asyncio reads no more once it could not write."""
+        """Read what arrived before the other end closed; asyncio stops reading when it cannot write."""
         with suppress(OSError):
             while self._socket is not None and (data := self._socket.recv(_AHEAD)):
                 self.data_received(data)
@@ -184,12 +184,12 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self.pump()
 
     def _split(self) -> None:
-        """Take the records out of what arrived."""
+        """Split what arrived into records."""
         buffer, position = self._buffer, 0
         while not (self.gone or self.full or self.parting):
             if not self.protocol.introduced:
                 start, length = position, PREAMBLE
-                # What is not for us shall not wait for as many bytes as we would send.
+                # Other protocols are refused at once, not after as many bytes as a preamble has.
                 if not may_begin(bytes(buffer[:PREAMBLE])):
                     length = min(len(buffer), PREAMBLE)
             elif len(buffer) - position < _LENGTH:
@@ -206,7 +206,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
             self.hear(bytes(memoryview(buffer)[start:position]))
         del buffer[:position]
 
-    # What the port and the connection ask for.
+    # Called by the port and by the base class.
 
     @property
     def descriptor(self) -> int | None:
@@ -247,8 +247,8 @@ class _TcpConnection(asyncio.Protocol, Connection):
             self._transport.resume_reading()
 
     def hang_up(self) -> None:
-        """Say that nothing more comes; the other end closes then."""
-        # If this end closed with something unread, the other would be told of an error before it had read all.
+        """Close this direction; the other end closes the connection then."""
+        # If this end closed with unread data, the other would get an error before it had read everything.
         try:
             if not self._transport.is_closing():
                 self._transport.write_eof()
@@ -260,14 +260,14 @@ class _TcpConnection(asyncio.Protocol, Connection):
 
 
 def _watch(connected: socket.socket, timeout: float) -> None:
-    """Let the operating system break a connection whose other end does not answer any more.
+    """Make the operating system break a connection whose other machine no longer responds.
 
-    What answers is the other operating system, whatever the process there does. It is asked for the clock all the time,
-    so that something is always on its way; where only silence can be watched, that is.
+    The other operating system responds, whatever its process does. Pings ensure that there is always something to
+    acknowledge; systems without `TCP_USER_TIMEOUT` only probe idle connections.
 
     Args:
         connected: The socket.
-        timeout: After which time [s]; the system's clocks are no finer than a second.
+        timeout: After which time [s], rounded to seconds, at least one.
     """
     seconds = max(1, round(timeout))
     idle = max(1, seconds // 2)

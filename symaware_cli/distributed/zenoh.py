@@ -1,9 +1,8 @@
 """The transport ``zenoh``: frames as samples of Eclipse Zenoh, over its own TCP links.
 
-The host listens and every member is a client of it; nobody looks for anybody else. Each connection of a member is a
-number of its own under which it is spoken to and of, and a liveliness token that tells when its process dies. Whoever
-is connected to the host by Zenoh may send to any of these numbers: with a key, what is not signed is dropped, and the
-connection goes on.
+The host listens, and every member is its client; there is no discovery. Each connection of a member has a number, which
+is part of its key expressions, and a liveliness token, which disappears when its process dies. Every client of the host
+may send to any of these numbers: with a key, records that are not signed are dropped, and the connection continues.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ from symaware_cli.distributed.connection import Connection
 from symaware_cli.distributed.transport import Port, Transport, TransportError, TransportParameters
 from symaware_cli.distributed.zenoh_port import ZenohConnection, ZenohPort
 
-#: Under which all key expressions stand: with the version of how they are used.
+#: The prefix of all key expressions, with the version of their use.
 _ROOT = "symaware/1"
 
-#: So many numbers whose connections are over are remembered, as something may still arrive from them.
+#: The number of ended connections whose numbers are stored, as samples from them may still arrive.
 _REMEMBERED = 1024
 
 
@@ -36,7 +35,7 @@ class Zenoh(Transport):
         return opened
 
     def join(self, host: str, port: int, key: bytes | None = None) -> Port:
-        """Open a Zenoh session that connects, again and again."""
+        """Open a Zenoh session that connects, and reconnects after each loss."""
         if not 0 < port < 2**16:
             raise TransportError(f"nobody can listen at port {port}")
         joined = _MemberPort(numeric(host), port, key, self.parameters)
@@ -74,7 +73,7 @@ class _HostPort(ZenohPort):
         ]
 
     def stranger(self, name: str) -> ZenohConnection | None:
-        """Somebody new, unless the number was in use before."""
+        """A new connection, unless the number was in use before."""
         if name in self._late:
             return None
         connection = ZenohConnection(self, name, f"{_ROOT}/member/{name}")
@@ -82,7 +81,7 @@ class _HostPort(ZenohPort):
         return connection
 
     def leave(self, connection: Connection) -> None:
-        """Remember the number."""
+        """Remove the connection, and store its number."""
         super().leave(connection)
         if connection.came and isinstance(connection, ZenohConnection):
             self._late.append(connection.name)
@@ -102,7 +101,7 @@ class _MemberPort(ZenohPort):
         try:
             self._session = session = await self.open_session(configuration)
             self._ended = False
-        except self.zenoh.ZError:  # nobody is there yet
+        except self.zenoh.ZError:  # no host listens there yet
             return None
         name = secrets.token_hex(8)
         try:
@@ -119,7 +118,7 @@ class _MemberPort(ZenohPort):
                 session.liveliness().declare_token(f"{_ROOT}/alive/member/{name}"),
                 self.watch(session, f"{_ROOT}/alive/host", note, history=True),
             ]
-            # The host's declarations come with its token: what is sent sooner might reach nobody.
+            # The host's subscriptions are declared before its token: earlier samples might be lost.
             async with asyncio.timeout(self.parameters.timeout):
                 await found.wait()
             connection = ZenohConnection(self, name, f"{_ROOT}/host/{name}")
@@ -133,12 +132,12 @@ class _MemberPort(ZenohPort):
         return connection
 
     def stranger(self, name: str) -> ZenohConnection | None:
-        """Nobody: a member has one peer."""
+        """None: a member has one peer."""
         return None
 
 
 def _free_port(host: str) -> int:
-    """A port nobody listens at; Zenoh does not tell which one it took."""
+    """Return a free port; Zenoh does not report which one it chose."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family) as probe:
         probe.bind((host, 0))

@@ -22,20 +22,20 @@ from symaware_cli.distributed.port import LoopPort
 from symaware_cli.distributed.protocol import ConnectionEnded
 from symaware_cli.distributed.transport import TransportError, TransportParameters
 
-#: What is sent to a number whose connection is over.
+#: The sample that closes a connection.
 _CLOSED = b""
 
-#: So many samples may wait within Zenoh, and for the port's thread, before the links are read no more.
+#: Most samples that wait within Zenoh, and for the port's loop; then its links are no longer read.
 _ARRIVALS = 256
 
-#: So many records, and so many bytes, may be sent before the other end says that it has taken them.
+#: Most records, and most bytes, that may be unacknowledged.
 _RECORDS, _BYTES = 256, 2**22
 
-#: For how long an ending process waits for threads that are within Zenoh [s]; that itself waits for five seconds if
-#: something on its way cannot be sent.
+#: How long an ending process waits for threads within Zenoh [s], which itself waits five seconds for samples that
+#: cannot be sent.
 _PATIENCE = 6.0
 
-#: So many batches of records may be on their way to Zenoh.
+#: Most batches of records that may wait to be passed to Zenoh.
 _MOST_IN_TRANSIT = 4
 
 
@@ -50,17 +50,17 @@ class ZenohPort(LoopPort):
         #: Every connection whose number is in use.
         self.connections: dict[str, ZenohConnection] = {}
         self._session: Any = None
-        # What is not held any more is not declared any more.
+        # A declaration ends when its object is deleted.
         self._declared: list[Any] = []
         self._arrivals: deque[tuple[str, bytes | None]] = deque()
         self._arrived, self._most = 0, FRAMES * parameters.maximum_frame
         self._draining = self._ended = False
-        # What only this port can say to itself: that nothing more comes to a number.
+        # A secret sample by which this port marks the end of a connection.
         self._mark = secrets.token_bytes(16)
         self._room = threading.Condition()
 
     def configuration(self, **changes: Any) -> Any:
-        """What a session shall be like."""
+        """The configuration of a session."""
         parameters = self.parameters
         milliseconds = max(1, int(1000 * parameters.timeout))
         values = {
@@ -73,7 +73,7 @@ class ZenohPort(LoopPort):
             "transport/unicast/open_timeout": milliseconds,
             "transport/unicast/accept_timeout": milliseconds,
             "transport/unicast/max_sessions": 2 * parameters.members,
-            # Zenoh's own threads keep it up, whatever the interpreter does; so it tells who is dead.
+            # Zenoh renews the lease in its own threads, so it expires only when a process dies.
             "transport/link/tx/lease": max(1000, milliseconds),
             "transport/link/rx/max_message_size": parameters.maximum_frame + 2**16,
             "transport/shared_memory/enabled": False,
@@ -86,13 +86,13 @@ class ZenohPort(LoopPort):
 
     @abstractmethod
     def stranger(self, name: str) -> ZenohConnection | None:
-        """Who it is that speaks under a number that nobody has."""
+        """The connection of an unknown number; None to ignore it."""
 
-    # Threads of Zenoh.
+    # Called in threads of Zenoh.
 
     def subscribe(self, session: Any, key: str) -> Any:
-        """Take the samples of a key expression; returns what must be kept for it."""
-        # A callback would stand behind a queue of hundreds of samples, however long they are.
+        """Subscribe to a key expression; returns the declaration, which must be kept."""
+        # A callback would follow a queue of hundreds of samples of any length.
         subscriber = session.declare_subscriber(key, self.zenoh.handlers.FifoChannel(_ARRIVALS))
         self.aside(self._read, subscriber.handler)
         return subscriber
@@ -103,14 +103,14 @@ class ZenohPort(LoopPort):
             self._put_in(str(sample.key_expr).rpartition("/")[2], None if record == self._mark else record)
 
     def aside(self, call: Callable[..., None], *arguments: Any) -> None:
-        """Call what blocks, in a thread that keeps the interpreter from ending for a few seconds at most."""
+        """Make a blocking call in a thread, for which the interpreter waits a few seconds at its end."""
         thread = threading.Thread(target=call, args=arguments, name="symaware-zenoh", daemon=True)
         _threads.add(thread)
         thread.start()
 
     def watch(self, session: Any, key: str, note: Callable[[Any], None], **options: Any) -> Any:
-        """Take note of the liveliness tokens of a key expression; returns what must be kept for it."""
-        # Not in a callback: that would be in a thread of Zenoh's own, which nobody can wait for in the end.
+        """Subscribe to the liveliness tokens of a key expression; returns the declaration, which must be kept."""
+        # Not in a callback: it would run in a thread of Zenoh, for whose end one cannot wait.
         channel = self.zenoh.handlers.FifoChannel(_ARRIVALS)
         subscriber = session.liveliness().declare_subscriber(key, channel, **options)
         self.aside(self._watch, subscriber.handler, note)
@@ -121,19 +121,19 @@ class ZenohPort(LoopPort):
             note(token)
 
     def note_end(self, session: Any, key: str) -> None:
-        """Take note that a process is not there any more: behind all that it sent to a key expression.
+        """Note that a process has ended, after all that it sent to a key expression.
 
-        Liveliness tokens come another way than samples do, and so may be ahead of them.
+        Liveliness tokens are not ordered with samples, and may overtake them.
         """
         with suppress(self.zenoh.ZError):  # the session is closed
             session.put(key, self._mark, allowed_destination=self.zenoh.Locality.SESSION_LOCAL)
 
     def _put_in(self, name: str, record: bytes | None) -> None:
-        """Leave something for the port's thread; waits while that is far behind.
+        """Queue a record for the port's loop; waits while the queue is full.
 
         Args:
-            name: The number it was sent to or from.
-            record: What; None if the process is not there any more.
+            name: The number of the connection.
+            record: The record; None if the process has ended.
         """
         with self._room:
             self._room.wait_for(lambda: self._ended or not self._behind())
@@ -146,10 +146,10 @@ class ZenohPort(LoopPort):
     def _behind(self) -> bool:
         return len(self._arrivals) >= _ARRIVALS or self._arrived >= self._most
 
-    # The port's thread.
+    # Called within the port's loop.
 
     def drain(self) -> None:
-        """Take what arrived."""
+        """Handle the records that arrived."""
         self._draining = False
         while self._arrivals:
             with self._room:
@@ -168,7 +168,7 @@ class ZenohPort(LoopPort):
                 connection.hear(record)
 
     async def shut(self) -> None:
-        """Wait for the connections to part, then close the session."""
+        """Wait until the connections are closed, then close the session."""
         if self.connections:
             await asyncio.wait([each.closed for each in self.connections.values()], timeout=PARTING)
         for connection in list(self.connections.values()):
@@ -179,12 +179,12 @@ class ZenohPort(LoopPort):
         """Open a session.
 
         Raises:
-            ZError: That cannot be.
+            ZError: It cannot be opened.
         """
         outcome: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
 
         def settle(session: Any, error: Exception | None) -> None:
-            if outcome.done():  # nobody waits for it any more
+            if outcome.done():  # the caller no longer waits
                 if session is not None:
                     session.close()
             elif error is not None:
@@ -208,7 +208,7 @@ class ZenohPort(LoopPort):
         """Close the session, if there is one."""
         session, self._session = self._session, None
         self._declared = []
-        # Whoever waits for room holds a thread of the session.
+        # A thread that waits for room keeps the session open.
         with self._room:
             self._ended = True
             self._arrivals.clear()
@@ -217,7 +217,7 @@ class ZenohPort(LoopPort):
         if session is None:
             return
         if self.ending:
-            # Right here, as the interpreter may be about to end, and then lets nobody start a thread any more.
+            # In this thread, as an interpreter that is about to end starts no threads.
             session.close()
             return
         closed = asyncio.Event()
@@ -227,7 +227,7 @@ class ZenohPort(LoopPort):
             self.later(closed.set)
 
         self.aside(work)
-        # Zenoh waits for five seconds if what is on its way cannot be sent, because the other end is stopped.
+        # Zenoh waits five seconds if samples cannot be sent, as the other end is stopped.
         with suppress(TimeoutError):
             async with asyncio.timeout(PARTING):
                 await closed.wait()
@@ -236,19 +236,19 @@ class ZenohPort(LoopPort):
         """Send a sample.
 
         Args:
-            key: Under which key expression.
-            record: What.
+            key: The key expression.
+            record: The record.
             wait: Whether to wait for room; otherwise it may be dropped.
         """
         congestion = self.zenoh.CongestionControl
         session = self._session
         if session is not None:
-            # What is sent at once takes a place of its own in a short queue, and so is soon dropped.
+            # Express samples are not batched; the queue for them is short, so they are soon dropped.
             session.put(key, record, congestion_control=congestion.BLOCK if wait else congestion.DROP, express=wait)
 
 
 class ZenohConnection(Connection):
-    """A connection that is a number; each record is a sample."""
+    """A connection with a number of its own; each record is a sample."""
 
     shared = True
 
@@ -259,18 +259,18 @@ class ZenohConnection(Connection):
         self._key = key
         self._courier: SimpleQueue[Sequence[bytes] | None] | None = None
         self._in_transit = 0
-        # Of the records that the other end has not taken, as far as it told, the sizes, and their sum.
+        # The sizes of the records that the other end has not acknowledged, and their sum.
         self._flight: deque[int] = deque()
         self._flying = self._settled = 0
-        # How many the other end was told that we have taken, and how many bytes came since.
+        # The number of records that this end has acknowledged, and of bytes received since.
         self._told = self._untold = 0
         self.closed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         port.connections[name] = self
 
     def transmit(self, records: Sequence[bytes]) -> None:
-        """Put samples, from a thread of the connection: that waits for a slow link."""
+        """Send samples from a thread of the connection, which waits for slow links."""
         if not self.protocol.introduced:
-            # The preamble; no thread for who has said nothing that makes sense.
+            # The preamble; unknown peers get no thread.
             for record in records:
                 self._home.put(self._key, record, wait=False)
             return
@@ -300,7 +300,7 @@ class ZenohConnection(Connection):
         self.pump()
 
     def hear(self, record: bytes) -> None:
-        """Take a record, and let the other end know now and then."""
+        """Handle a record, and acknowledge records now and then."""
         super().hear(record)
         self._untold += len(record)
         self._tell()
@@ -321,29 +321,29 @@ class ZenohConnection(Connection):
             self.pump()
 
     def _is_stalled(self) -> bool:
-        # In the end there is no time to wait, and nothing is heard any more.
+        # While it closes, nothing is received any more, acknowledgements included.
         return not self.parting and (len(self._flight) >= _RECORDS or self._flying >= _BYTES)
 
     def part(self, reason: str) -> None:
-        """Send what waits, and let go."""
+        """Send queued frames and a farewell, then close."""
         self.stalled = False
         super().part(reason)
 
     def rest(self) -> None:
-        """Let the other end wait; one that does not is not of our kind."""
+        """Acknowledge nothing for now; a peer that sends on regardless is refused."""
         parameters, (count, size) = self._home.parameters, self.untaken()
         if count > 2 * parameters.queue + _RECORDS or size > 2 * FRAMES * parameters.maximum_frame + _BYTES:
             self.refuse(ConnectionEnded(f"{self.protocol.other} sent more than it was let", "oversized"))
 
     def resume(self) -> None:
-        """Let the other end send on."""
+        """Acknowledge what was received."""
         self._tell()
 
     def hang_up(self) -> None:
-        """Wait until the other end has closed its number."""
+        """Wait until the other end has closed the connection."""
 
     def drop(self) -> None:
-        """Close the number."""
+        """Send the closing sample, and remove the connection."""
         if self.closed.done():
             return
         self.closed.set_result(None)
@@ -355,14 +355,14 @@ class ZenohConnection(Connection):
             self._courier.put(None)
 
 
-#: Threads that are, or were, within Zenoh. One that came back from there to an interpreter that has ended would bring
-#: down the process.
+#: Threads that are, or were, within Zenoh. One that returned to an interpreter that has ended would abort the
+#: process.
 _threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
 
 
 @atexit.register  # before those of all ports, and so it is called after them
 def _wait_out() -> None:
-    """Give all threads the time to come back; their sessions are closed by now."""
+    """Wait until all threads have returned; their sessions are closed by now."""
     end = time.monotonic() + _PATIENCE
     for thread in list(_threads):
         thread.join(max(0.0, end - time.monotonic()))
