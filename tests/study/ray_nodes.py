@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 # Ray reads this when it is imported: otherwise it takes 127.0.0.1 for the address of the machine in its network.
@@ -24,15 +25,17 @@ class RayNodes:
 
     Attributes:
         address: Its address.
+        folder: The temporary folder of its nodes.
     """
 
-    def __init__(self, cluster: Any) -> None:
+    def __init__(self, cluster: Any, folder: Path) -> None:
         self._cluster = cluster
+        self.folder = folder
         self.address: str = cluster.address
 
     def add(self, **variables: str) -> Any:
         """Start another node, with further environment variables."""
-        return _added(self._cluster, env_vars=variables)
+        return _added(self._cluster, env_vars={"TMPDIR": str(self.folder), **variables})
 
     def kill(self, node: Any) -> None:
         """End all processes of a node at once."""
@@ -47,8 +50,8 @@ def ray_nodes() -> Iterator[RayNodes]:
     with tempfile.TemporaryDirectory(prefix="ray", ignore_cleanup_errors=True) as folder:
         cluster = Cluster()
         try:
-            _added(cluster, include_dashboard=False, temp_dir=folder)
-            yield RayNodes(cluster)
+            _added(cluster, include_dashboard=False, temp_dir=folder, env_vars={"TMPDIR": folder})
+            yield RayNodes(cluster, Path(folder))
         finally:
             cluster.shutdown()
 

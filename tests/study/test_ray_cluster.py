@@ -108,6 +108,7 @@ def test_a_worker_and_a_node_that_are_killed_cost_nothing(
 
 def test_ctrl_c_leaves_nothing_behind(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
     scenario, digest = expected
+    before = {*nodes.folder.iterdir()}
     with started(scenario, tmp_path / "out", nodes) as sweep:
         awaited(1)
         time.sleep(1.0)
@@ -118,6 +119,7 @@ def test_ctrl_c_leaves_nothing_behind(nodes: RayNodes, expected: tuple[Path, str
     while workers():
         assert time.monotonic() < patience
         time.sleep(0.1)
+    assert {*nodes.folder.iterdir()} <= before
     symaware("sweep", tmp_path / "out", "--jobs", 0)
     assert table_digest(tmp_path / "out") == digest
 
