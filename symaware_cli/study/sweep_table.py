@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 #: How many rows are in memory at a time, which is also a row group of the file.
-_AT_ONCE = 65_536
+_AT_ONCE = 16_384
 
 
 def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:

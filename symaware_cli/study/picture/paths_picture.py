@@ -161,9 +161,10 @@ def _caption(cell: Cell, plan: SweepPlan) -> str:
 def _notes(folder: SweepFolder, panels: Sequence[PathsPanel], cells: int, drawn: int) -> Iterator[str]:
     if folder.specifications and any(any(panel.violated) for panel in panels):
         yield f"Red: runs in which a specification is violated ({', '.join(folder.specifications)})."
-    if drawn < folder.plan.count:
+    planned = folder.plan.document.runs * len(panels)
+    if drawn < planned:
         of_each = "" if cells == 1 else " of each combination"
-        yield f"The first runs{of_each}: {drawn:,} of {folder.plan.count:,}."
+        yield f"The first runs{of_each}: {drawn:,} of {planned:,}."
     if len(panels) < cells:
         yield f"{len(panels)} of {cells:,} combinations."
     if folder.plan.document.drawn:
