@@ -80,6 +80,17 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             ValueError: It cannot. The message explains the reason to the author of the scenario.
         """
 
+    def check_specification(self, specification: Any, group: AgentGroup) -> None:
+        """Check whether the component can work with one of the `specifications` that it names; called before a run.
+
+        Args:
+            specification: A `symaware_cli.specification.specification.Specification`.
+            group: The group.
+
+        Raises:
+            ValueError: It cannot. The message explains the reason to the author of the scenario.
+        """
+
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
         """Return the names of the columns of the time series that the component sets, for readers of the log.
 

@@ -101,6 +101,11 @@ class SpecificationBuilder:
             elif isinstance(getattr(found[name], "scope", None), ClosestPairScope):
                 said = f"{quoted(name)} is about too many pairs for a monitor of each"
                 self._report("unsuitable", said, (*path, place), expected=f"at most {MOST_PAIRS:,} pairs")
+            elif found[name] is not None:
+                try:
+                    component.check_specification(found[name], entry.group)
+                except ValueError as error:
+                    self._report("unsuitable", f"{quoted(name)} has no bound: {error}", (*path, place))
 
     def _sound_regions(self, regions: Mapping[str, Region]) -> Mapping[str, Region]:
         """The regions that are sound; the others are reported."""

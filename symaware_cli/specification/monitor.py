@@ -119,6 +119,13 @@ class Monitor:
             found = bounds(self.formula, signals, self.instants, self.rows, True).upto(self.instants)
             self._known = list(np.where(found[:, 0] == found[:, 1], found[:, 0], np.nan))
 
+    @property
+    def history(self) -> list[Array] | None:
+        """The robustness of each predicate at each instant so far [instants, rows]; None if some were not kept."""
+        if len(self._samples) < self.instants:
+            return None
+        return self._signals(np.arange(self.rows), self.instants) if self.instants else []
+
     def exact(self) -> tuple[int, Array]:
         """Return the exact robustness that became known since the last call.
 

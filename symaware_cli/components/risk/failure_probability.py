@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.risk.body_pairs import state_covariance
+from symaware_cli.components.risk.failure_bound import BoundedSpecification, bounded, failure_bounds, is_linear
 from symaware_cli.components.risk.sampled_motion import MotionPlan, OtherMotion, SampledMotion, interpolated, root
 from symaware_cli.components.risk.sampled_noise import SampledNoise
 from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity, Signal, Tracks
@@ -19,7 +20,7 @@ from symaware_cli.specification.monitor_statuses import MonitorStatuses
 from symaware_cli.specification.node import Name, walk
 from symaware_cli.specification.predicted_scope import PredictedAgentScope, PredictedPairScope
 from symaware_cli.specification.scope import Scope
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification import Specification, SpecificationMonitor
 from symaware_cli.world.chance import combined
 from symaware_cli.world.time import SECOND, nanoseconds
 
@@ -35,7 +36,7 @@ class RiskEstimate(NamedTuple):
 
     Attributes:
         risk: The probability that a specification fails; shape (n,).
-        error: Its standard error; shape (n,).
+        error: Its standard error, 0 for bounds; shape (n,).
     """
 
     risk: Array
@@ -82,8 +83,13 @@ class FailureProbability(GroupComponent):
         specifications: list[str] = Field(
             min_length=1, description="The specifications of the group's agents, or of pairs of agents, that may fail."
         )
+        method: Literal["sampling", "normal", "chebyshev"] = Field(
+            "sampling",
+            description="How the probability is found: by sampling; as a bound that is never below it, if the state is "
+            "normal; or as a bound whatever its distribution is, by its mean and covariance.",
+        )
         horizon: float = Field(2.0, gt=0, description="How far ahead to look [s].")
-        samples: int = Field(100, ge=1, le=100_000, description="How many predictions each agent makes.")
+        samples: int = Field(100, ge=1, le=100_000, description="How many predictions each agent makes, if it samples.")
         reach: float = Field(10.0, gt=0, description="Others farther away are not predicted [m].")
         follow_intents: bool = Field(
             True,
@@ -97,6 +103,13 @@ class FailureProbability(GroupComponent):
         """Check that the model can follow an intent."""
         if self.parameters.follow_intents:
             group.model.follow_velocity(group.initial_state, np.zeros((len(group), len(group.model.position))))
+        if self.parameters.method != "sampling" and not is_linear(group.model):
+            raise ValueError("only `method: sampling` works with a model that is not linear")
+
+    def check_specification(self, specification: Specification, group: AgentGroup) -> None:
+        """Check that each predicate has a bound, if bounds are asked for."""
+        if self.parameters.method != "sampling":
+            bounded(specification, group)
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
         """Declare the risk as one number without a unit."""
@@ -107,6 +120,11 @@ class FailureProbability(GroupComponent):
         super().initialise_component(group)
         self._scope = PredictedAgentScope(group, self.environment, self.environment.groups, group.regions)
         self._monitors = [self._monitor(name) for name in self.parameters.specifications]
+        self._bounded = (
+            []
+            if self.parameters.method == "sampling"
+            else [BoundedSpecification(each, bounded(each.specification, group)) for each in self._monitors]
+        )
         self._rows = {
             monitor.specification.name: _rows(monitor.specification.scope)
             for monitor in self._monitors
@@ -142,6 +160,11 @@ class FailureProbability(GroupComponent):
         durations = np.diff([now, *instants]) / SECOND
         plan = MotionPlan(durations, self._spreads(durations), intended, has_intent, parameters.correction)
         covariance = state_covariance(group)
+        if parameters.method != "sampling":
+            motion = SampledMotion(group, slice(0, len(group)), 1, plan, None)
+            limit = failure_bounds(self._bounded, group, motion, covariance, instants, self._scope, parameters.method)
+            risk = limit if group.present is None else np.where(group.present, limit, 0.0)
+            return RiskEstimate(risk, np.zeros(len(group)))
         spread = None if covariance is None else root(covariance)
         roster = environment.roster
         start = roster.start(group.name)

@@ -68,8 +68,8 @@ class SampledMotion:
         samples: int,
         plan: MotionPlan,
         spread: Array | None,
-        noise: SampledNoise,
-        others: OtherMotion | None,
+        noise: SampledNoise | None = None,
+        others: OtherMotion | None = None,
     ) -> None:
         """Sample the present states.
 
@@ -79,7 +79,7 @@ class SampledMotion:
             samples: The number of samples of each.
             plan: What is expected of them.
             spread: The root of the covariance of the states, shape (n, nx, nx); None if they are known.
-            noise: Samples for the states, then for each instant.
+            noise: Samples for the states, then for each instant; None for the expected motion.
             others: What is expected of others; None if nothing asks for them.
         """
         self.time = 0.0
@@ -93,7 +93,7 @@ class SampledMotion:
         self._instant = -1
         states = group.awareness.state[agents]
         self.states: Array = repeated(states, samples)
-        if spread is not None:
+        if spread is not None and noise is not None:
             self._disturb(spread[agents], noise.draw(0, agents))
         self._held = repeated(self._model.limit(group.control_input[agents]), samples)
         self.inputs: Array = self._held
@@ -107,14 +107,26 @@ class SampledMotion:
         """
         self.time = time
         self._instant += 1
-        duration = float(self._plan.durations[self._instant])
-        if duration > 0.0:
-            self.inputs = self._inputs(duration)
-            self.states = integrate(self._model, self.states, self.inputs, duration)
+        if self.duration > 0.0:
+            self.states, self.inputs = self.expected(self.states)
             spread = self._plan.spreads[self._instant]
-            if spread is not None:
+            if spread is not None and self._noise is not None:
                 self._disturb(spread, self._noise.draw(self._instant + 1, self._agents))
         self._places: tuple[Array, Array] | None = None
+
+    def expected(self, states: Array) -> tuple[Array, Array]:
+        """Return the states at the present instant, without noise, and the control inputs until then.
+
+        Args:
+            states: The states at the previous instant; shape (R, nx).
+        """
+        inputs = self._inputs(states, self.duration)
+        return integrate(self._model, states, inputs, self.duration), inputs
+
+    @property
+    def duration(self) -> float:
+        """The time from the previous instant, or from now, to the present instant [s]."""
+        return float(self._plan.durations[self._instant])
 
     def nearest(self) -> Array:
         """Return the distance to the nearest other [m]; infinite if there is none."""
@@ -205,17 +217,17 @@ class SampledMotion:
             self._places = places, moving
         return self._places
 
-    def _inputs(self, duration: float) -> Array:
-        """Return the control inputs until the next instant; shape (R, nu)."""
+    def _inputs(self, states: Array, duration: float) -> Array:
+        """Return the control inputs until the present instant; shape (R, nu)."""
         plan, now = self._plan, self._instant
         if plan.intended is None:
             return self._held
         here, there = plan.intended[self._agents, now], plan.intended[self._agents, now + 1]
         velocity = repeated((there - here) / duration, self._samples)
         if plan.correction:
-            off = repeated(here, self._samples) - self._model.positions(self.states)
+            off = repeated(here, self._samples) - self._model.positions(states)
             velocity += plan.correction * off
-        followed = self._model.limit(self._model.follow_velocity(self.states, velocity))
+        followed = self._model.limit(self._model.follow_velocity(states, velocity))
         if plan.has_intent[self._agents].all():
             return followed
         return np.where(np.repeat(plan.has_intent[self._agents], self._samples)[:, None], followed, self._held)
