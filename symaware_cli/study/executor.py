@@ -33,7 +33,13 @@ class Blocks:
     """The runs that are still to be made, in blocks worth about a second; what a run takes is learnt meanwhile."""
 
     def __init__(
-        self, indices: Iterable[int], count: int, *, is_recorded: bool = False, run_time: float | None = None
+        self,
+        indices: Iterable[int],
+        count: int,
+        *,
+        is_recorded: bool = False,
+        run_time: float | None = None,
+        least: int = 1,
     ) -> None:
         """Prepare.
 
@@ -42,12 +48,14 @@ class Blocks:
             count: How many they are.
             is_recorded: Whether their logs are to be written.
             run_time: How long a run takes [s], as far as that is known already.
+            least: The fewest runs of a block, however long one takes: several where together they take less.
         """
         self._indices = iter(indices)
         self._left = count
         self._returned: deque[int] = deque()
         self._is_recorded = is_recorded
         self._mean = run_time
+        self._least = least
 
     def take(self, share: int = 1) -> Block | None:
         """Return the next block; None if there is none.
@@ -55,8 +63,8 @@ class Blocks:
         Args:
             share: Among how many the rest is to be shared.
         """
-        worth = 1 if self._mean is None else max(1, int(_WORTH / max(self._mean, 1e-6)))
-        size = min(_MOST, worth, math.ceil(self._left / share))
+        worth = 0 if self._mean is None else int(_WORTH / max(self._mean, 1e-6))
+        size = min(_MOST, max(worth, self._least), math.ceil(self._left / share))
         taken: list[int] = []
         while len(taken) < size:
             index = self._returned.popleft() if self._returned else next(self._indices, None)

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     import pyarrow
 
 
+#: How many runs of each cell are given away together, if they can be batched, before it is known how long they take.
+_BATCHED = 16
+
+
 @dataclass(frozen=True, slots=True)
 class SweepProgress:
     """How far a sweep is.
@@ -194,6 +198,7 @@ class _Session:
             (index for index in range(plan.count) if index not in known and self.stops.wants(index)),
             missing,
             is_recorded=plan.document.keep == "all",
+            least=self._least(),
         )
         with self._executor(missing) as executor:
             for row in executor.rows(blocks):
@@ -202,6 +207,16 @@ class _Session:
                     self.stopped = f"run {row.index} failed: {row.error}"
                     return
         self._journal.drop(index for index in range(plan.count) if not self.stops.wants(index))
+
+    def _least(self) -> int:
+        """How many runs are given away together at least: enough for a batch of each cell, if there are batches.
+
+        Otherwise runs that take long by themselves would never be made together, which is many times as fast.
+        """
+        plan = self._folder.plan
+        if plan.document.keep == "all" or self._folder.runner(self._batch).refusal(0) is not None:
+            return 1
+        return min(self._batch or _BATCHED, _BATCHED) * len(plan.cells)
 
     def keep_logs(self) -> None:
         """Record the runs again whose logs are kept, and forget the logs of others."""
