@@ -108,7 +108,7 @@ def test_readings_are_those_of_whom_one_asks_for_and_when(path: Path) -> None:
 
 
 def test_a_sensor_that_there_is_not_is_refused(path: Path) -> None:
-    with pytest.raises(UnknownNameError, match=r"no field .inerita.; there are bumper") as refusal:
+    with pytest.raises(UnknownNameError, match=r"no field .inerita.; there are applied_control, bumper") as refusal:
         open_log(path).series("robot.0", "inerita")
     assert "inertia" in refusal.value.known
 

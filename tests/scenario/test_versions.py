@@ -21,7 +21,9 @@ def test_the_versions_of_everything_installed_are_known_and_in_order() -> None:
     # As they say themselves, but for the spelling of their names.
     for name in ("symaware-cli", "numpy", "pydantic", "pyyaml", "tree-sitter-toml"):
         assert packages[name] == metadata.version(name)
-    installed = {each.metadata["Name"].lower().replace("_", "-").replace(".", "-") for each in metadata.distributions()}
+    path = [each for each in sys.path if not each.endswith("thirdparty_files")]  # Ray adds what it brings along
+    distributions = metadata.distributions(path=path)
+    installed = {each.metadata["Name"].lower().replace("_", "-").replace(".", "-") for each in distributions}
     assert packages.keys() == installed
 
 
