@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from symaware_cli.study.sweep_plan import Cell
 
 #: Columns that are shown only when they are asked for, or as JSON or CSV.
-_QUIET = ("replicate", "seed", "goals", "digest", "error")
+_QUIET = ("replicate", "seed", "digest", "error")
 
 
 def show_rows(
@@ -38,6 +38,8 @@ def show_rows(
         SweepError: There is no sweep, or the condition is not valid.
         UnknownNameError: There is no such column.
     """
+    import pyarrow
+
     from symaware_cli.api.sweeps import read_rows
 
     table, planned = read_rows(folder, where, sort, None, columns)
@@ -45,7 +47,6 @@ def show_rows(
     if as_json:
         print_array(shown.to_pylist())
     elif as_csv:
-        import pyarrow
         from pyarrow import csv
 
         sink = pyarrow.BufferOutputStream()
@@ -54,7 +55,8 @@ def show_rows(
     else:
         if not columns:
             empty = [name for name in shown.column_names if shown[name].null_count == shown.num_rows]
-            shown = shown.drop_columns([name for name in shown.column_names if name in (*_QUIET, *empty)])
+            lists = [each.name for each in shown.schema if pyarrow.types.is_list(each.type)]
+            shown = shown.drop_columns([name for name in shown.column_names if name in (*_QUIET, *lists, *empty)])
         if shown.num_rows:
             typer.echo("\n".join(_aligned(shown.to_pylist())))
         typer.echo(f"{table.num_rows:,} of {planned:,} runs" + (f", {limit:,} of them shown" if limit else ""))
@@ -164,5 +166,5 @@ def _cell(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, list):
-        return ", ".join(f"{printable(each['agent'])} {each['time']:.6g}" for each in value) or "-"
+        return ", ".join(" ".join(map(_cell, each.values())) for each in value) or "-"
     return f"{value:.6g}" if isinstance(value, float) else printable(str(value))

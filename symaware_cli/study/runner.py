@@ -7,7 +7,7 @@ import os
 import re
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -24,6 +24,7 @@ from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import ScenarioError
+from symaware_cli.study.agent_verdicts import agent_verdicts
 from symaware_cli.study.batch import Batch, batch_size, refusal
 from symaware_cli.study.custom_metrics import CustomMetrics, Followers, typed
 from symaware_cli.study.measurement import Measurement, RunMeasurement
@@ -160,7 +161,11 @@ class Runner:
             yield from map(self.run, indices)
             return
         found = zip(indices, batch.summaries(), batch.measurement.finish(), strict=True)
-        rows = [_row(index, summary, measured, batch.simulation) for index, summary, measured in found]
+        monitors, runs = batch.run.specification_monitors, len(indices)
+        rows = [
+            _row(index, summary, measured, batch.simulation, agent_verdicts(monitors, run, runs))
+            for run, (index, summary, measured) in enumerate(found)
+        ]
         share = (time.monotonic() - began) / len(rows)
         yield from (replace(row, wall_time=share) for row in rows)
 
@@ -207,7 +212,7 @@ class Runner:
         summary = run.summary
         if measured is None:
             return Row(index, "lost", error=f"it did not end within {timeout:g} s")
-        row = _row(index, summary, measured, built.simulation)
+        row = _row(index, summary, measured, built.simulation, agent_verdicts(run.specification_monitors))
         return replace(row, metrics={**row.metrics, **custom}) if custom else row
 
     def _built(self, index: int) -> Built:
@@ -232,14 +237,20 @@ class Runner:
         return found
 
 
-def _row(index: int, summary: RunSummary, measured: RunMeasurement, simulation: Simulation) -> Row:
+def _row(
+    index: int,
+    summary: RunSummary,
+    measured: RunMeasurement,
+    simulation: Simulation,
+    by_agent: Mapping[str, Any],
+) -> Row:
     """The row of a run that came to its end."""
     return Row(
         index,
         "done",
         verdicts={each.name: each.verdict for each in summary.specifications},
         robustness={each.name: each.robustness for each in summary.specifications},
-        metrics=figures(RunFigures(summary, measured, simulation)),
+        metrics={**figures(RunFigures(summary, measured, simulation)), **by_agent},
         digest=measured.digest,
     )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
 from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.metrics import BUILT_IN
 from symaware_cli.study.sweep_journal import JournalRecord
@@ -27,6 +28,7 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
     import pyarrow
 
     text, integer, number = pyarrow.string(), pyarrow.int64(), pyarrow.float64()
+    by_agent = pyarrow.list_(pyarrow.struct([("agent", text), ("verdict", text), ("robustness", number)]))
     times = pyarrow.list_(pyarrow.struct([("agent", text), ("time", number)]))
     types = {"number": number, "integer": integer, "truth": pyarrow.bool_(), "text": text, "times": times}
 
@@ -51,6 +53,8 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
     for name in specifications:
         fields.append(field(f"verdict.{name}", text, f"satisfied, violated or undecided: the specification {name}"))
         fields.append(field(f"robustness.{name}", number, f"the robustness of the specification {name}"))
+        said = f"what became of {name} for each agent or pair, the worst {MOST_AGENTS} of them first"
+        fields.append(field(f"{PREFIX}{name}", by_agent, said))
     for each in [*BUILT_IN, *CustomMetrics(plan.document, Catalogue()).descriptions()]:
         fields.append(field(each.name, types[each.kind], each.description, each.unit, each.version))
     fields += [

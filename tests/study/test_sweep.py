@@ -73,6 +73,28 @@ def test_each_goal_is_in_the_table_with_its_agent_and_time_however_runs_are_made
     assert "`goals` is a list" in symaware("inspect", out, "--sort", "goals", status=2)
 
 
+def test_the_table_says_what_became_of_a_specification_for_each_agent_and_pair(tmp_path: Path) -> None:
+    scenario, out = tiny(tmp_path), tmp_path / "off"
+    both = {
+        "near": {"each": "robot", "formula": "always x < 2"},
+        "apart": {"pairs": "robot", "formula": "always distance > 0.1"},
+    }
+    # One about the world is not batched.
+    for batch, stated in (("off", {**both, "quiet": {"formula": "always contacts < 1"}}), (3, both)):
+        changes = ["--set", f"specifications={json.dumps(stated)}", "--set", "run.duration=5", "--runs", 4]
+        symaware("sweep", scenario, "-o", tmp_path / f"{batch}", *changes, "--batch", batch, "--jobs", 0)
+    for one, other in zip(rows(out), rows(tmp_path / "3"), strict=True):
+        near = one["by_agent.near"]
+        assert near == other["by_agent.near"]
+        assert one["by_agent.apart"] == other["by_agent.apart"]
+        assert {each["agent"] for each in near} == {"robot.0", "robot.1"}
+        assert near[0]["verdict"] == one["verdict.near"]
+        assert near[0]["robustness"] == one["robustness.near"] == min(each["robustness"] for each in near)
+        assert [each["agent"] for each in one["by_agent.apart"]] == ["robot.0 and robot.1"]
+        assert one["by_agent.quiet"] is None
+    assert "robot.1 " in symaware("inspect", out, "--columns", "by_agent.near")
+
+
 def test_bad_input_is_located_and_creates_nothing(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     before = sorted(tmp_path.iterdir())
