@@ -91,7 +91,8 @@ class RemoteInputs:
         for row in rows.tolist():
             place = int(np.searchsorted(latest.rows, row))
             own = latest.values[place : place + 1]
-            latest.replace(np.array([row]), safe_input(group.model, own, state[row : row + 1]))
+            slowest = safe_input(group.model, own, state[row : row + 1])
+            latest.replace(np.array([row]), slowest.reshape(own.shape))
 
     def exchange(self) -> list[tuple[Column, Array]]:
         """Put the control inputs in force; returns what `restore` takes."""
