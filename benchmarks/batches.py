@@ -6,7 +6,7 @@ alternate; the least CPU time over the rounds counts, since other programs only 
 
 ``--vmas PYTHON`` and ``--jaxmarl PYTHON`` name interpreters that can import these; each simulates 1,000 environments of
 3 agents on one core. ``--memory RUNS`` prints the memory of a process during a sweep of that many small runs,
-``--overhead`` the CPU time of a row that is made alone, beyond that of the bare run.
+``--overhead`` the CPU time of a run of a sweep that makes them one by one, beside that of the bare run.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from symaware_cli.study.sweep_source import read_sweep
 
 HERE = Path(__file__).parent
 HELLO = HERE.parent / "scenarios" / "hello.yaml"
-RUNS, ALONE, PEER_STEPS = 1000, 4, 200
+RUNS, ALONE, PEER_STEPS, EACH = 1000, 4, 200, 100
 
 SEEING = {"use": "perception.omniscient"}
 MEASURING = {"use": "perception.range", "with": {"range": 0.001, "self_noise": 0.02}}
@@ -240,18 +240,18 @@ def _print_memory(folder: Path, runs: int) -> None:
 
 
 def _print_overhead(folder: Path, rounds: int) -> None:
-    runner, scenario = _sweep(folder, HELLO, {}, 20).runner(1), symaware_cli.Scenario(HELLO)
-    ways: dict[str, Callable[[int], object]] = {
-        "row": runner.run,
-        "bare": lambda seed: scenario.run(seed=seed, record=False),
-    }
-    least = dict.fromkeys(ways, np.inf)
-    for number in range(4 * rounds):
-        for way, call in ways.items():
-            began = time.process_time()
-            call(number % 20)
-            least[way] = min(least[way], time.process_time() - began)
-    print(f"a row of hello {1e3 * least['row']:.1f} ms, the bare run {1e3 * least['bare']:.1f} ms of CPU time")
+    """Alternate bare runs and whole sweeps, with their journals and tables."""
+    scenario = symaware_cli.Scenario(HELLO)
+    for _ in range(rounds):
+        began = time.process_time()
+        for seed in range(EACH):
+            scenario.run(seed=seed, record=False)
+        bare = time.process_time() - began
+        sweep = _sweep(folder, HELLO, {}, EACH)
+        began = time.process_time()
+        conduct(sweep, 0, batch=1)
+        whole = time.process_time() - began
+        print(f"hello: {1e3 * bare / EACH:.1f} ms of CPU time a bare run, {1e3 * whole / EACH:.1f} a run of a sweep")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -157,7 +157,6 @@ class WorldScope:
     def __init__(self, simulation: Simulation, observer: Observer) -> None:
         self._simulation = simulation
         self._observer = observer
-        self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
         self._parts = frozenset(further_parts(simulation.groups))
         regions = simulation.groups[0].regions if simulation.groups else {}
         anchors = Anchors(simulation.environment, simulation.groups)
@@ -165,6 +164,10 @@ class WorldScope:
         self._with_goal = sorted(
             id for entry in simulation.entries if "goal-reached" in entry.components[0].events for id in entry.group.ids
         )
+
+    @cached_property
+    def _rows(self) -> Mapping[str, tuple[AgentGroup, int]]:
+        return {id: (group, row) for group in self._simulation.groups for row, id in enumerate(group.ids)}
 
     @property
     def _statuses(self) -> Mapping[str, SpecificationStatuses]:

@@ -71,7 +71,11 @@ class Anchors:
 
     def __init__(self, world: World, groups: Iterable[EntityGroup]) -> None:
         self._world = world
-        self._rows = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
+        self._groups = tuple(groups)
+
+    @cached_property
+    def _rows(self) -> Mapping[str, tuple[EntityGroup, int]]:
+        return {id: (group, row) for group in self._groups for row, id in enumerate(group.ids)}
 
     def __call__(self, id: str) -> tuple[Array, float | None]:
         """Return the pose of an agent."""

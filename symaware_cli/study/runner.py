@@ -162,12 +162,11 @@ class Runner:
             return
         found = zip(indices, batch.summaries(), batch.measurement.finish(), strict=True)
         monitors, runs = batch.run.specification_monitors, len(indices)
-        rows = [
-            _row(index, summary, measured, batch.simulation, agent_verdicts(monitors, run, runs))
+        share = (time.monotonic() - began) / runs
+        yield from [
+            _row(index, summary, measured, batch.simulation, agent_verdicts(monitors, run, runs), share)
             for run, (index, summary, measured) in enumerate(found)
         ]
-        share = (time.monotonic() - began) / len(rows)
-        yield from (replace(row, wall_time=share) for row in rows)
 
     def run(self, index: int, logs: Path | None = None) -> Row:
         """Make a run.
@@ -243,6 +242,7 @@ def _row(
     measured: RunMeasurement,
     simulation: Simulation,
     by_agent: Mapping[str, Any],
+    wall_time: float = 0.0,
 ) -> Row:
     """The row of a run that came to its end."""
     return Row(
@@ -252,6 +252,7 @@ def _row(
         robustness={each.name: each.robustness for each in summary.specifications},
         metrics={**figures(RunFigures(summary, measured, simulation)), **by_agent},
         digest=measured.digest,
+        wall_time=wall_time,
     )
 
 

@@ -7,6 +7,7 @@ ready, and then a line for each run.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import queue
@@ -39,6 +40,8 @@ def main() -> None:
     folder = SweepFolder.opened(setup["folder"])
     runner = folder.runner(setup["batch"])
     _tell(answers, [] if setup["code"] is None else _differences(setup["code"], runner))
+    # What is imported by now need not be searched whenever the objects of past runs are collected.
+    gc.freeze()
     while True:
         block = blocks.get()
         for row in runner.rows(block["indices"], folder.logs if block["is_recorded"] else None):
