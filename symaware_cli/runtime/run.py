@@ -117,6 +117,7 @@ class Run:
         queue = Queue(simulation.clock, 0 if is_asynchronous else time_step)
         router = EventRouter(simulation.events)
         self.kernel = Kernel(queue, time_step, steps)
+        simulation.clock.end = steps * time_step
         self._interruption = Interruption(
             options.timeout, options.turn_limit, self._exit_process if options.may_exit else None
         )

@@ -105,7 +105,9 @@ class SpecificationBuilder:
                 try:
                     component.check_specification(found[name], entry.group)
                 except ValueError as error:
-                    self._report("unsuitable", f"{quoted(name)} has no bound: {error}", (*path, place))
+                    self._report(
+                        "unsuitable", f"{quoted(name)} does not suit {quoted(component.use)}: {error}", (*path, place)
+                    )
 
     def _sound_regions(self, regions: Mapping[str, Region]) -> Mapping[str, Region]:
         """The regions that are sound; the others are reported."""

@@ -168,7 +168,7 @@ class TimingCheck:
         if component.sees_world and not self._environment.is_shared:
             world = quoted(self._composition.data["environment"]["use"])
             problem = f"reads the world, and {world} cannot be copied to worker processes"
-        elif component.specifications is not None:
+        elif component.specifications is not None and use.with_.get(component.specifications):
             problem = "continues the monitors of specifications, which worker processes do not have"
         elif issubclass(component, CommunicationReceiver):
             problem = "reads messages, which worker processes do not receive"

@@ -41,11 +41,13 @@ class Formulation:
         formula: The formula; its predicates refer to atoms by position.
         atoms: The distinct predicates, in order of occurrence.
         tree: The syntax tree of the formula.
+        time_step: The time between two instants, in nanoseconds.
     """
 
     formula: stl.Formula
     atoms: tuple[Atom, ...]
     tree: Node
+    time_step: int
 
 
 def formulate(tree: Node, time_step: int) -> Formulation:
@@ -61,7 +63,7 @@ def formulate(tree: Node, time_step: int) -> Formulation:
     """
     builder = _Formulator(time_step)
     formula = builder.formula(tree, 0)
-    return Formulation(formula, tuple(builder.atoms), tree)
+    return Formulation(formula, tuple(builder.atoms), tree, time_step)
 
 
 def subformula(tree: Node, path: tuple[int, ...]) -> Node:

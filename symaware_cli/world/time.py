@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from typing import ClassVar
+
 SECOND = 1_000_000_000
 
 
@@ -20,9 +23,13 @@ class Clock:
 
     Attributes:
         now: The present time, in nanoseconds since the start of the run.
+        end: The declared end of the run; None before it is known.
     """
 
-    __slots__ = ("now",)
+    __slots__ = ("end", "now")
+
+    uncaptured: ClassVar[Collection[str]] = ("end",)  # another run that continues may end later
 
     def __init__(self) -> None:
         self.now = 0
+        self.end: int | None = None

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from symaware_cli.components.control.mpc_chance import ChanceConstrained, ChanceConstraints, ChancePlan
 from symaware_cli.components.control.mpc_prediction import AgentPrediction, ObstaclePrediction, clearance, sizes
-from symaware_cli.components.control.mpc_problem import Sizes, Tracking, tracking_problem, weights_of
+from symaware_cli.components.control.mpc_problem import Sizes, tracking_problem, weights_of
 from symaware_cli.components.control.mpc_reference import ReferencePath, goal_of, turned_right, waypoints_of
 from symaware_cli.components.control.mpc_route import Routes, standing
 from symaware_cli.components.relative_motion import bounding_radii
+from symaware_cli.components.risk.failure_bound import is_linear
+from symaware_cli.components.risk.invariants import invariants
 from symaware_cli.core import (
     Agent,
     AgentGroup,
@@ -25,9 +28,11 @@ from symaware_cli.core import (
     Level,
     Model,
     Quantity,
+    Signal,
     TimeSeries,
 )
 from symaware_cli.optimal_control import Dynamics, Plan, PlanDecision, Solver
+from symaware_cli.specification.specification import Specification
 from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
@@ -62,6 +67,8 @@ class PredictiveDecision(NamedTuple):
         distance: The remaining distance to the goal [m].
         way: The path to the goal.
         is_other_way: Whether the path differs from that of the previous turn.
+        chance: The plan under chance constraints, if there are any.
+        risk: The risk that is taken until the next turn.
     """
 
     control_input: Array
@@ -71,6 +78,8 @@ class PredictiveDecision(NamedTuple):
     distance: float
     way: ReferencePath
     is_other_way: bool
+    chance: ChancePlan | None = None
+    risk: float = 0.0
 
 
 class ModelPredictiveControl(Component):
@@ -93,9 +102,23 @@ class ModelPredictiveControl(Component):
 
     If no solver finds a plan within its budget of iterations, the rest of the last plan is followed, and after that the
     agent slows down as far as its model can. The intent is the plan.
+
+    With a ``maximal_risk`` the ``specifications`` are chance constraints: the probability that one of them is violated
+    in the run is at most that. The model must be linear, and a step of the plan one of the world. The risk that each
+    step takes is counted, given all that the agent knows then, and each plan may take its share of what is left, in
+    proportion to its part of the remaining run. If no plan has so little risk, the event ``infeasible`` names the
+    specification, and the ``fallback`` acts; risk beyond `maximal_risk` is taken only then.
     """
 
     sees_world = True
+    specifications = "specifications"
+    signals = (
+        Signal(
+            "risk_budget",
+            columns=[Quantity("planned", "1"), Quantity("spent", "1")],
+            description="the risk of the plan over its horizon, and that taken so far, of violating `specifications`",
+        ),
+    )
     knowledge: ClassVar = {"goal": "where to go, as a position [m] or a whole state"}
     events: ClassVar = {
         "goal-reached": "The agent came within the tolerance of its goal, for the first time.",
@@ -103,18 +126,13 @@ class ModelPredictiveControl(Component):
         "waypoint-reached": "It came within `passing` of its next waypoint; `number` counts them from 0.",
         "slowed": "It slows down, because its plan comes too close to others; once until it follows a plan again.",
         "solver-failed": "There is no new plan; `left` is the number of steps left of the last one.",
+        "infeasible": "No plan keeps `specification` with little enough risk, from the instant `time` [s] on; once.",
+        "feasible": "There is such a plan again.",
     }
 
-    class Parameters(Tracking):
+    class Parameters(ChanceConstrained):
         """Parameters of planning."""
 
-        horizon: float = Field(4.0, gt=0, description="How far ahead to plan [s].")
-        steps: int = Field(
-            20,
-            ge=1,
-            le=500,
-            description="In how many steps; each is rounded to a whole number of the world's time steps.",
-        )
         speed: float = Field(1.0, gt=0, description="Cruise speed of the reference [m/s].")
         tolerance: float = Field(0.1, gt=0, description="Distance at which the goal counts as reached [m].")
         passing: float = Field(0.5, gt=0, description="Distance at which a waypoint counts as reached [m].")
@@ -153,6 +171,11 @@ class ModelPredictiveControl(Component):
         )
         iterations: int = Field(100, ge=1, le=10_000, description="Budget of each solver for each plan.")
 
+    def __init__(self, parameters: Any = None) -> None:
+        super().__init__(parameters)
+        if self.parameters.maximal_risk is None:
+            vars(self)["signals"] = ()  # nothing to record
+
     def check(self, group: AgentGroup) -> None:
         """Check that goal, waypoints and weights fit the model, and that the model works with CasADi's symbols."""
         model = group.model
@@ -166,6 +189,13 @@ class ModelPredictiveControl(Component):
             dynamics.symbolic(problem.state, problem.control_input)
         except Exception as error:
             raise ValueError(f"the model does not work with CasADi's symbols: {error}") from error
+        if self.parameters.maximal_risk is not None and not is_linear(model):
+            raise ValueError("`maximal_risk` works only with a model that is linear")
+
+    def check_specification(self, specification: Specification, group: AgentGroup) -> None:
+        """Check that a specification can be a chance constraint."""
+        self.parameters.check_steps(specification.formulation.time_step)
+        invariants(specification, group)
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
         """Declare the intent as positions."""
@@ -182,6 +212,12 @@ class ModelPredictiveControl(Component):
         parameters, model, environment = self.parameters, agent.group.model, self.environment
         room = sizes(environment, parameters.neighbours, parameters.obstacles)
         dynamics, turns = self._dynamics(agent)
+        self._chance: ChanceConstraints | None = None
+        if parameters.maximal_risk is not None:
+            self._chance = ChanceConstraints(agent, parameters, dynamics, environment.time_step)
+            room = room._replace(faces=self._chance.count())
+        #: The risk taken so far, and whether the last plan kept the specifications.
+        self._spent, self._keeps = 0.0, True
         self._solver = self._shared_solver(dynamics, room)
         #: Time between two plans, in nanoseconds.
         self._step = turns * environment.time_step
@@ -273,10 +309,24 @@ class ModelPredictiveControl(Component):
             turned = turned_right(places, self._turn * min(1.0, distance / self._travelled[-1]))
             places = turned if self._obstacles.clear(turned) else places
         given = {"reference": way.reference(state, places), **others, **obstacles}
-        decision = self._solver.replan(state, given, previous_input=requested[0], rest=rest)
-        if decision.plan is None or (others and self._comes_too_close(decision.plan, others)):
-            return PredictiveDecision(_slowest(model, state, requested), decision, True, passed, distance, way, other)
-        return PredictiveDecision(decision.plan.inputs[0], decision, False, passed, distance, way, other)
+
+        def solve(further: Mapping[str, Array]) -> PlanDecision:
+            return self._solver.replan(state, {**given, **further}, previous_input=requested[0], rest=rest)
+
+        chance = None
+        if self._chance is None:
+            decision = solve({})
+        else:
+            around = self._solver.rollout(state) if rest is None else rest
+            chance = self._chance.plan(solve, around.states, self.now, self._planned, self._spent)
+            decision = chance.decision
+            if chance.unkept is not None and self.parameters.fallback != "best-effort":
+                follows = self.parameters.fallback == "last-plan" and rest is not None and rest.left
+                decision = PlanDecision(rest if follows else None, decision.solution)
+        slows = decision.plan is None or bool(others and self._comes_too_close(decision.plan, others))
+        chosen = _slowest(model, state, requested) if slows or decision.plan is None else decision.plan.inputs[0]
+        risk = 0.0 if self._chance is None else self._chance.next_risk(chosen, self.now)
+        return PredictiveDecision(chosen, decision, slows, passed, distance, way, other, chance, risk)
 
     def _comes_too_close(self, plan: Plan, others: Mapping[str, Array]) -> bool:
         """Return whether a plan soon comes too close to others, and closer than the agent is now."""
@@ -295,6 +345,10 @@ class ModelPredictiveControl(Component):
             elif value.slows and not self._slows:
                 self.emit("slowed", "slows down, because its plan comes too close to others")
         self._slows = value.slows
+        if value.chance is not None:
+            self._spent += value.risk
+            self.record(self.signals[0], np.array([value.chance.risk, self._spent]))
+            self._emit_feasibility(value.chance)
         if value.is_other_way:
             self._way, self._passed = value.way, 0
             if self._reached:
@@ -307,6 +361,14 @@ class ModelPredictiveControl(Component):
         if arrived and not self._reached:
             self._reached = True
             self.emit("goal-reached", "reached its goal", distance=value.distance)
+
+    def _emit_feasibility(self, chance: ChancePlan) -> None:
+        if chance.unkept is None and not self._keeps:
+            self.emit("feasible", "has a plan with little enough risk again", risk=chance.risk)
+        elif chance.unkept is not None and self._keeps:
+            text, data = chance.problem(self.parameters.fallback)
+            self.emit("infeasible", text, level=Level.WARNING, **data)
+        self._keeps = chance.unkept is None
 
     def _emit_failure(self, decision: PlanDecision) -> None:
         solution, left = decision.solution, 0 if decision.plan is None else decision.plan.left

@@ -24,6 +24,10 @@ Weights = _Weight | list[_Weight] | dict[str, _Weight]
 _ROUND = 1e-8
 
 
+#: The price of leaving a half space by one unit of the state, for each stage: a way to stay is found if there is one.
+_FACE_PENALTY = 1e4
+
+
 class Tracking(Parameters):
     """The costs of `control.mpc`."""
 
@@ -55,11 +59,13 @@ class Sizes(NamedTuple):
         others: Agents to avoid.
         discs: Obstacles that are discs.
         sides: Obstacles that are represented by half-planes.
+        faces: Half spaces of the state that chance constraints keep.
     """
 
     others: int
     discs: int
     sides: int
+    faces: int = 0
 
 
 class WeightsOf(NamedTuple):
@@ -112,7 +118,8 @@ def tracking_problem(dynamics: Dynamics, steps: int, given: Tracking, sizes: Siz
 
     Its parameters are, at each stage, the ``reference`` of the state, the positions of ``others`` and ``discs`` if
     there are any, with the distances to keep ``others_keep`` and ``discs_keep``, and the normals of the ``sides``
-    divided by the distance to keep, with the offsets ``sides_offset`` in units of it.
+    divided by the distance to keep, with the offsets ``sides_offset`` in units of it, and the ``faces`` of half spaces
+    of the state with their ``faces_offset``.
 
     Args:
         dynamics: The discrete dynamics.
@@ -152,6 +159,10 @@ def tracking_problem(dynamics: Dynamics, steps: int, given: Tracking, sizes: Siz
     if obstacles:
         # A separate slack: pressure by other agents must not let an agent pass through a wall for the same price.
         problem.add_constraint(casadi.vertcat(*obstacles), lower=1.0, penalty=given.penalty)
+    if sizes.faces:
+        faces = problem.parameter("faces", (len(model.state), sizes.faces), per_stage=True)
+        least = problem.parameter("faces_offset", sizes.faces, per_stage=True)
+        problem.add_constraint(casadi.mtimes(faces.T, problem.state) - least, lower=0.0, penalty=_FACE_PENALTY)
     return problem
 
 

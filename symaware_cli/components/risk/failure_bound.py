@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.components.risk.predicate_bounds import Moments, NotLinearError, PredicateBound, Tail, predicate_bound
+from symaware_cli.components.risk.predicate_bounds import NotLinearError, predicate_bound
 from symaware_cli.components.risk.sampled_motion import SampledMotion
+from symaware_cli.components.risk.state_conditions import Moments, StateCondition, Tail
 from symaware_cli.core import AgentGroup, Model
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.formula import Array
@@ -26,14 +27,14 @@ class BoundedSpecification(NamedTuple):
 
     Attributes:
         monitor: Its monitor.
-        predicates: The bounds of its predicates.
+        predicates: Its predicates.
     """
 
     monitor: SpecificationMonitor
-    predicates: Sequence[PredicateBound]
+    predicates: Sequence[StateCondition]
 
 
-def bounded(specification: Specification, group: AgentGroup) -> list[PredicateBound]:
+def bounded(specification: Specification, group: AgentGroup) -> list[StateCondition]:
     """Compile the predicates of a specification of the agents of a group.
 
     Raises:

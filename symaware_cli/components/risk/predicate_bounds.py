@@ -1,14 +1,21 @@
-"""Bounds of the probability that a predicate fails, for states with a known mean and covariance."""
+"""Compiles predicates of specifications into conditions on the state whose probabilities have bounds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from typing import Any, Literal, NamedTuple
+from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
+from symaware_cli.components.risk.state_conditions import (
+    Conjunction,
+    HalfSpace,
+    InsideDisc,
+    Negation,
+    StateCondition,
+    face,
+)
 from symaware_cli.geometry.region import Region, RegionShape
 from symaware_cli.specification.columns import Lookup, values
 from symaware_cli.specification.node import (
@@ -26,37 +33,13 @@ from symaware_cli.specification.node import (
 
 Array = NDArray[np.float64]
 
-#: What is assumed about the states: that they are normal, or nothing but their mean and covariance.
-Tail = Literal["normal", "chebyshev"]
-
-#: The number of sides of the polygon that stands for a disc.
-_SIDES = 16
-
-
-class Moments(NamedTuple):
-    """The states at an instant.
-
-    Attributes:
-        mean: Shape (n, nx).
-        covariance: Shape (n, nx, nx).
-        look_up: Returns the values of a name for states, shape (n, nx).
-    """
-
-    mean: Array
-    covariance: Array
-    look_up: Callable[[Array], Lookup]
-
-
-#: Bounds of the probabilities that a predicate fails and that it holds; each of shape (n,).
-PredicateBound = Callable[[Moments, Tail], tuple[Array, Array]]
-
 
 class NotLinearError(ValueError):
     """A predicate has no bound; the message says why."""
 
 
-def predicate_bound(node: Node, varying: Collection[str], regions: Mapping[str, Region]) -> PredicateBound:
-    """Compile a predicate into bounds of its probabilities.
+def predicate_bound(node: Node, varying: Collection[str], regions: Mapping[str, Region]) -> StateCondition:
+    """Compile a predicate into a condition on the state.
 
     Args:
         node: A comparison of linear expressions, or ``inside(...)`` of a point and a region that does not move.
@@ -77,7 +60,7 @@ def predicate_bound(node: Node, varying: Collection[str], regions: Mapping[str, 
     raise NotLinearError("it is neither a comparison nor `inside`")
 
 
-def _compared(operator: str, left: Node, right: Node, varying: Collection[str]) -> PredicateBound:
+def _compared(operator: str, left: Node, right: Node, varying: Collection[str]) -> StateCondition:
     if operator in ("==", "!="):
         raise NotLinearError(f"`{operator}` has no bound")
     if not (_is_linear(left, varying) and _is_linear(right, varying)):
@@ -88,128 +71,38 @@ def _compared(operator: str, left: Node, right: Node, varying: Collection[str]) 
     def margin(look_up: Lookup) -> Any:
         return np.asarray(first(look_up), float) - np.asarray(second(look_up), float)
 
-    return lambda moments, tail: _half_space(margin, moments, tail)
+    return HalfSpace(margin)
 
 
-def _within(shape: RegionShape, point: Node, regions: Mapping[str, Region]) -> PredicateBound:
-    """Return the bounds of a point being in a region."""
+def _within(shape: RegionShape, point: Node, regions: Mapping[str, Region]) -> StateCondition:
+    """Return the condition that a point is in a region."""
     if isinstance(shape, Region) and shape.around is not None:
         raise NotLinearError(f"the region moves with `{shape.around}`")
     if shape.members:
         parts = [_within(regions[each] if isinstance(each, str) else each, point, regions) for each in shape.members]
         if shape.complement is not None:
-            return _not(parts[0])
-        return _every(parts) if shape.intersection is not None else _not(_every([_not(each) for each in parts]))
+            return Negation(parts[0])
+        return _every(parts) if shape.intersection is not None else Negation(_every([Negation(each) for each in parts]))
     place = values(point)
     if shape.circle is not None:
-        centre, radius = np.array(shape.circle.centre), shape.circle.radius
-        inner = _every(
-            [_face(place, -normal, radius * scale + normal @ centre) for normal, scale in _inscribed(len(centre))]
-        )
-
-        def of_disc(moments: Moments, tail: Tail) -> tuple[Array, Array]:
-            # It holds with at most the probability of the half space that touches the disc towards the mean.
-            away = _points(place, moments)[:, : len(centre)] - centre
-            length = np.sqrt((away * away).sum(axis=1))
-            normal = np.where(length[:, None] > 0.0, away / np.where(length > 0.0, length, 1.0)[:, None], 0.0)
-
-            def margin(look_up: Lookup) -> Any:
-                return radius - (normal * (place(look_up)[:, : len(centre)] - centre)).sum(axis=1)
-
-            return inner(moments, tail)[0], _half_space(margin, moments, tail)[1]
-
-        return of_disc
+        return InsideDisc(place, np.array(shape.circle.centre), shape.circle.radius)
     if shape.box is not None:
         bounds = np.array(shape.box).reshape(-1, 2)
         axes = np.eye(len(bounds))
-        low = [_face(place, axis, -bound[0]) for axis, bound in zip(axes, bounds, strict=True)]
-        high = [_face(place, -axis, bound[1]) for axis, bound in zip(axes, bounds, strict=True)]
+        low = [face(place, axis, -bound[0]) for axis, bound in zip(axes, bounds, strict=True)]
+        high = [face(place, -axis, bound[1]) for axis, bound in zip(axes, bounds, strict=True)]
         return _every([*low, *high])
     assert shape.polygon is not None
     corners = np.array(shape.polygon)
     along = np.roll(corners, -1, axis=0) - corners
     inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
     return _every(
-        [_face(place, normal, -float(normal @ corner)) for normal, corner in zip(inward, corners, strict=True)]
+        [face(place, normal, -float(normal @ corner)) for normal, corner in zip(inward, corners, strict=True)]
     )
 
 
-def _inscribed(dimensions: int) -> list[tuple[Array, float]]:
-    """Return outward normals of a polytope within a disc or ball of radius 1, and the distances of its faces."""
-    if dimensions == 1:
-        return [(np.array([sign]), 1.0) for sign in (1.0, -1.0)]
-    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    near = float(np.cos(np.pi / _SIDES))
-    if dimensions == 2:
-        return [(normal, near) for normal in circle]
-    # The corners of a cube are at a distance of at most 1 if its faces are at one over the root of 3.
-    return [(sign * axis, 1.0 / np.sqrt(3.0)) for axis in np.eye(3) for sign in (1.0, -1.0)]
-
-
-def _face(place: Callable[[Lookup], Any], normal: Array, offset: float) -> PredicateBound:
-    """Return the bounds of a point lying on the side of a plane that its normal points to."""
-
-    def margin(look_up: Lookup) -> Any:
-        return (place(look_up)[:, : len(normal)] * normal).sum(axis=1) + offset
-
-    return lambda moments, tail: _half_space(margin, moments, tail)
-
-
-def _points(place: Callable[[Lookup], Any], moments: Moments) -> Array:
-    found: Array = place(moments.look_up(moments.mean))
-    return found
-
-
-def _half_space(margin: Callable[[Lookup], Any], moments: Moments, tail: Tail) -> tuple[Array, Array]:
-    """Return the probabilities that a linear margin is negative and that it is positive, or bounds of them.
-
-    Without an assumption about the distribution, by Cantelli's inequality (F. P. Cantelli, "Sui confini della
-    probabilita", 1929): a deviation of at least d has a probability of at most v / (v + d^2).
-    """
-    count, size = moments.mean.shape
-
-    def at(states: Array) -> Array:
-        return np.broadcast_to(np.asarray(margin(moments.look_up(states)), float), (count,))
-
-    mean = at(moments.mean)
-    origin = at(np.zeros((count, size)))
-    slope = np.stack([at(np.broadcast_to(unit, (count, size))) - origin for unit in np.eye(size)], axis=1)
-    variance = np.zeros(count)
-    for row in range(size):
-        for column in range(size):
-            variance = variance + slope[:, row] * moments.covariance[:, row, column] * slope[:, column]
-    variance = np.maximum(variance, 0.0)
-    spread = np.sqrt(variance)
-    known = spread <= 1e-12 * (1.0 + np.abs(mean))
-    scaled = mean / np.where(known, 1.0, spread)
-    if tail == "normal":
-        fails, holds = ndtr(-scaled), ndtr(scaled)
-    else:
-        square = scaled * scaled
-        fails = np.where(scaled > 0.0, 1.0 / (1.0 + square), 1.0)
-        holds = np.where(scaled < 0.0, 1.0 / (1.0 + square), 1.0)
-    # At a margin of 0 both may be: whether the predicate is strict does not count here.
-    return np.where(known, (mean <= 0.0).astype(float), fails), np.where(known, (mean >= 0.0).astype(float), holds)
-
-
-def _every(parts: list[PredicateBound]) -> PredicateBound:
-    def bound(moments: Moments, tail: Tail) -> tuple[Array, Array]:
-        found = [each(moments, tail) for each in parts]
-        fails = found[0][0]
-        for each, _ in found[1:]:
-            fails = fails + each
-        return np.minimum(fails, 1.0), np.minimum.reduce([holds for _, holds in found])
-
-    return bound
-
-
-def _not(part: PredicateBound) -> PredicateBound:
-    def bound(moments: Moments, tail: Tail) -> tuple[Array, Array]:
-        fails, holds = part(moments, tail)
-        return holds, fails
-
-    return bound
+def _every(parts: list[StateCondition]) -> StateCondition:
+    return parts[0] if len(parts) == 1 else Conjunction(parts)
 
 
 def _is_linear(node: Node, varying: Collection[str]) -> bool:
