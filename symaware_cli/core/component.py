@@ -17,7 +17,8 @@ from symaware_cli.awareness.signal import Signal
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
-from symaware_cli.core.message import Delivery
+from symaware_cli.core.links import Links
+from symaware_cli.core.message import Delivery, Message
 from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, Sleep, Wait
 from symaware_cli.world.chance import AgentChance, GroupChance, Turn
 from symaware_cli.world.model import Quantity
@@ -47,6 +48,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         requires: Features that the world must provide (see `Environment.provides`), each with the worlds that do.
         specifications: The parameter that lists specifications of its agents by name, if it has one; looked up before a
             run.
+        specifications_of_others: Whether they may be about agents of other groups alone.
         signals: The signals that it records in its turns; other components can read them.
         sees_world: Whether it reads the world itself, and not only the awareness of its agent. If it computes in a
             worker process, that process then has a copy of the world.
@@ -62,6 +64,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     sees_world: ClassVar[bool] = False
     signals: ClassVar[Sequence[Signal]] = ()
     specifications: ClassVar[str | None] = None
+    specifications_of_others: ClassVar[bool] = False
 
     # Class defaults, so that a subclass with its own __init__ need not call this one.
     name: str = ""
@@ -89,6 +92,22 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
         Raises:
             ValueError: It cannot. The message explains the reason to the author of the scenario.
+        """
+
+    def check_specifications(
+        self, specifications: Mapping[str, Any], groups: Sequence[AgentGroup], links: Links | None
+    ) -> None:
+        """Check whether the component can work with all `specifications` that it names; called before a run.
+
+        Args:
+            specifications: The `Specification` of each name.
+            groups: All groups, in the order of the roster.
+            links: Which agents can send messages to which, as indices in the roster; None if links change, or if all
+                agents reach each other.
+
+        Raises:
+            ValueError: It cannot. The message explains the reason to the author of the scenario; it is shown at the
+                first specification that it mentions in backquotes.
         """
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
@@ -353,6 +372,14 @@ class Component(BaseComponent[Agent]):
         The value is a vector, shape (k,), a `TimeSeries`, or the rows of a table, shape (m, k).
         """
         self._agent.self_awareness[signal.field(self.name)] = value
+
+    def send(self, message: Message) -> None:
+        """Send a message; its receiver can read it from the next step on."""
+        surroundings = self._surroundings
+        if "sending" in surroundings.events.wanted:
+            event = Event("sending", f"agents.{message.sender}", self.now, subject=message, agent=message.sender)
+            surroundings.events.fire(event)
+        surroundings.exchange.send(message)
 
 
 class GroupComponent(BaseComponent[AgentGroup]):

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.core.component import Component
-from symaware_cli.core.event import Event
 from symaware_cli.core.message import Message
 from symaware_cli.core.waiting import MessageWait, Wait
 from symaware_cli.world.arrays import real
@@ -106,14 +105,6 @@ class CommunicationSender(Component):
     def _update(self, value: Iterable[Message]) -> None:
         for message in value:
             self.send(message)
-
-    def send(self, message: Message) -> None:
-        """Send a message; its receiver can read it from the next step on."""
-        surroundings = self._surroundings
-        if "sending" in surroundings.events.wanted:
-            event = Event("sending", f"agents.{message.sender}", self.now, subject=message, agent=message.sender)
-            surroundings.events.fire(event)
-        surroundings.exchange.send(message)
 
 
 class CommunicationReceiver(Component):

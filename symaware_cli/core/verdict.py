@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 
 class SpecificationStatus(NamedTuple):
@@ -23,6 +23,10 @@ class SpecificationStatus(NamedTuple):
 
 class SpecificationStatuses(Protocol):
     """The statuses of one specification, by agent."""
+
+    @property
+    def specification(self) -> Any:
+        """The `symaware_cli.formulas.Specification`; None in a worker process."""
 
     def of(self, agent: str) -> SpecificationStatus | None:
         """The status for an agent: its own, the worst of its pairs, or the world's; None where it has none."""

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from symaware_cli.geometry.shape import Length, Number, Point, Polygon, Position, StrictModel
 from symaware_cli.geometry.vectors import lengths
@@ -27,15 +38,59 @@ def _is_box(bounds: tuple[float, ...]) -> tuple[float, ...]:
     return bounds
 
 
-def _is_polygon(vertices: tuple[Point, ...]) -> tuple[Point, ...]:
-    return Polygon(vertices=vertices).vertices
-
-
 class Disc(StrictModel):
     """All points within a distance of its centre: a disc, or a ball where the centre has three coordinates."""
 
     centre: Position = Field(description="Centre [x, y] or [x, y, z] [m].")
     radius: Length = Field(description="Radius [m].")
+
+
+class RegularPolygon(StrictModel):
+    """A polygon with equal sides and angles, given by the circle inside it that touches all its sides."""
+
+    centre: Point = Field((0.0, 0.0), description="Centre [x, y] [m].")
+    sides: int = Field(ge=3, le=100, description="The number of sides.")
+    apothem: Length = Field(description="Distance of each side from the centre [m].")
+    rotation: Number = Field(0.0, description="Direction from the centre to the middle of a side [rad].")
+
+    @property
+    def corners(self) -> tuple[Point, ...]:
+        """The corners, counter-clockwise [m]."""
+        half = math.pi / self.sides
+        radius, (x, y) = self.apothem / math.cos(half), self.centre
+        angles = [self.rotation + half * (2 * side + 1) for side in range(self.sides)]
+        return tuple((x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles)
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _as_corners(value: Any) -> Any:
+    """Return the corners of a regular polygon; of anything else lists as tuples, which strict validation asks for."""
+    if isinstance(value, RegularPolygon):
+        return value.corners
+    if not isinstance(value, Mapping):
+        return tuple(map(_as_tuple, value)) if isinstance(value, list) else value
+    try:
+        said = {key: _as_tuple(each) for key, each in value.items()}
+        return RegularPolygon.model_validate(said, strict=True).corners
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise ValueError(f"a regular polygon: `{place}`: {first['msg'][0].lower()}{first['msg'][1:]}") from None
+
+
+def _is_polygon(vertices: tuple[Point, ...]) -> tuple[Point, ...]:
+    return Polygon(vertices=vertices).vertices
+
+
+#: Corners of a convex polygon, counter-clockwise [m].
+ConvexPolygon: TypeAlias = Annotated[
+    tuple[Point, ...],
+    AfterValidator(_is_polygon),
+    BeforeValidator(_as_corners, json_schema_input_type=tuple[Point, ...] | RegularPolygon),
+]
 
 
 class RegionShape(StrictModel):
@@ -51,8 +106,10 @@ class RegionShape(StrictModel):
         None, description="Least and greatest of each coordinate: [x, x, y, y] or [x, x, y, y, z, z] [m]."
     )
     circle: Disc | None = Field(None, description="A disc or, with three coordinates, a ball.")
-    polygon: Annotated[tuple[Point, ...], AfterValidator(_is_polygon)] | None = Field(
-        None, description="The corners of a convex polygon in order [m]."
+    polygon: ConvexPolygon | None = Field(
+        None,
+        description="The corners of a convex polygon in order [m]; or a regular one, as `sides` and `apothem`, with a "
+        "`centre` and a `rotation`.",
     )
     union: tuple[str | RegionShape, ...] | None = Field(
         None, min_length=1, description="What lies in any of several regions: names of regions, or regions."
@@ -118,7 +175,7 @@ class RegionShape(StrictModel):
                 squared += outside * outside
             return np.asarray(-np.sqrt(squared) - np.minimum(farthest, 0.0))
         assert self.polygon is not None
-        return _polygon_depth(np.array(self.polygon), points)
+        return _polygon_depth(self.polygon, points)
 
 
 class Region(RegionShape):
@@ -163,15 +220,23 @@ def relative(points: Array, origin: Array, heading: float | Array | None) -> Arr
     return turned
 
 
-def _polygon_depth(vertices: Array, points: Array) -> Array:
+@lru_cache(maxsize=1024)
+def _edges(vertices: tuple[Point, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Return where each edge begins, its direction, its squared length and its length; each of shape (m, 1)."""
+    corners = np.array(vertices)
+    along = np.roll(corners, -1, axis=0) - corners
+    squared = along[:, :1] * along[:, :1] + along[:, 1:] * along[:, 1:]
+    return corners[:, :1], corners[:, 1:], along[:, :1], along[:, 1:], squared, np.sqrt(squared)
+
+
+def _polygon_depth(vertices: tuple[Point, ...], points: Array) -> Array:
     """Return the depth in a convex polygon with counter-clockwise corners."""
-    inward = np.full(len(points), np.inf)
-    apart = np.full(len(points), np.inf)
-    for corner, following in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):
-        along = following - corner
-        squared = along[0] * along[0] + along[1] * along[1]
-        x, y = points[:, 0] - corner[0], points[:, 1] - corner[1]
-        inward = np.minimum(inward, (along[0] * y - along[1] * x) / np.sqrt(squared))
-        share = np.clip((along[0] * x + along[1] * y) / squared, 0.0, 1.0)
-        apart = np.minimum(apart, lengths(np.stack([x - share * along[0], y - share * along[1]], axis=1)))
-    return np.where(inward >= 0.0, inward, -apart)
+    corner_x, corner_y, along_x, along_y, squared, length = _edges(vertices)
+    x, y = points[:, 0] - corner_x, points[:, 1] - corner_y  # (m, n)
+    inward: Array = np.minimum.reduce((along_x * y - along_y * x) / length)
+    outside = inward < 0.0
+    if not outside.any():
+        return inward
+    share = np.minimum(np.maximum((along_x * x + along_y * y) / squared, 0.0), 1.0)
+    x, y = x - share * along_x, y - share * along_y
+    return np.where(outside, -np.minimum.reduce(np.sqrt(x * x + y * y)), inward)

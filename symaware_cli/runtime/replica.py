@@ -105,6 +105,7 @@ class ReceivedStatuses:
     """The statuses of one specification as the run sent them; see `SpecificationStatuses`."""
 
     def __init__(self, worst: tuple[Any, ...], by_agent: Mapping[str, tuple[Any, ...]]) -> None:
+        self.specification = None
         self.worst = SpecificationStatus(*worst)
         self._by_agent = by_agent
 

@@ -65,6 +65,8 @@ class Specifications:
             each.name: SpecificationMonitor(each, time_step, begins=each.name not in triggers)
             for each in specifications
         }
+        #: Those whose first state is in the log.
+        self._recorded: set[str] = set()
         self._recorder = recorder.specifications(self.monitors.values()) if recorder and self.monitors else None
         for each in specifications:
             if isinstance(each.scope, WorldColumns):
@@ -85,6 +87,8 @@ class Specifications:
         """
         ending = None
         for name, monitor in self.monitors.items():
+            if name in self._recorded and (monitor.is_over or now < monitor.specification.start):
+                continue
             try:
                 decisions = monitor.look(now)
             except SpecificationError as error:
@@ -95,6 +99,7 @@ class Specifications:
                     ending = ending or f"`{name}` is violated"
             if self._recorder:
                 self._recorder.record(monitor, now)
+            self._recorded.add(name)
         return ending
 
     def finish(self, now: int) -> None:

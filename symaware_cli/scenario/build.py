@@ -44,7 +44,7 @@ from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, quoted
 from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.specifications import SpecificationBuilder, check_values
+from symaware_cli.scenario.specifications import SpecificationBuilder, check_named, check_values
 from symaware_cli.scenario.timing_check import TimingCheck
 from symaware_cli.scenario.validation import validate
 from symaware_cli.specification.specification import Specification
@@ -194,7 +194,7 @@ class _SimulationBuilder:
         networks = self._topologies(data.get("topology"))
         transport = next(iter(self._factory.make(mapping(data.get("transport")), ("transport",))), None)
         check_omitted(mapping(data.get("recording")).get("omit"), maker.declared, self._report)
-        options, network = RunOptions(), None
+        options, network, links = RunOptions(), None, None
         if isinstance(document, ScenarioDocument) and environment is not None:
             options = self._options(document, environment, groups, component_entries)
             check_requirements(document, environment, groups, component_entries, self._report)
@@ -204,8 +204,12 @@ class _SimulationBuilder:
                 builder = NetworkBuilder(self._report, environment, groups, document.seed)
                 narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
                 network = builder.build(document.topology, networks, narrowed=narrowed)
+                if network is not None and not document.topology.changes and not network.phase(0).topology.changes:
+                    links = builder.links(network)
                 if network is not None:
                     check_metropolis(document.topology, network, builder.links, component_entries, self._report)
+            if not self._problems:
+                check_named(options.specifications, component_entries, groups, links, self._report)
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_independent, self._problems)])
         simulation = self._simulation(document, environment, groups, component_entries)

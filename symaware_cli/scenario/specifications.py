@@ -7,7 +7,7 @@ from itertools import combinations, islice, product
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, nanoseconds
+from symaware_cli.core import AgentGroup, Links, nanoseconds
 from symaware_cli.geometry.region import Region
 from symaware_cli.runtime.scope import WorldColumns
 from symaware_cli.runtime.simulation import ComponentEntry
@@ -94,7 +94,9 @@ class SpecificationBuilder:
             elif use.of == "belief":
                 said = f"{quoted(name)} is about beliefs, and what an agent will believe is not predicted"
                 self._report("unsuitable", said, (*path, place), expected="a specification of the truth")
-            elif use.each not in (None, group) or (use.each is None and use.pairs is None):
+            elif (use.each not in (None, group) and not component.specifications_of_others) or (
+                use.each is None and use.pairs is None
+            ):
                 about = "the world" if use.each is None else quoted(use.each)
                 said = f"{quoted(name)} is about {about}, not about the agents of {quoted(group)}"
                 self._report("unsuitable", said, (*path, place), expected=f"`each: {group}`, or pairs")
@@ -282,6 +284,28 @@ def _ids_by_run(group: AgentGroup) -> Sequence[tuple[str, ...]]:
     """The ids of a group, for each run that its rows belong to."""
     share = len(group) // group.runs
     return [group.ids[start : start + share] for start in range(0, len(group), share)]
+
+
+def check_named(
+    specifications: Sequence[Specification],
+    entries: Sequence[ComponentEntry],
+    groups: Sequence[AgentGroup],
+    links: Links | None,
+    report: Callable[..., None],
+) -> None:
+    """Report components that cannot work with all the specifications that they name, together with the links."""
+    every, ordered = {each.name: each for each in specifications}, sorted(groups, key=lambda group: group.name)
+    for entry in entries:
+        component = entry.components[0]
+        if component.specifications is None:
+            continue
+        names = list(getattr(component.parameters, component.specifications))
+        path: Path = ("agents", entry.group.name, "components", entry.name, "with", component.specifications)
+        try:
+            component.check_specifications({name: every[name] for name in names}, ordered, links)
+        except ValueError as error:
+            place = next((place for place, name in enumerate(names) if f"`{name}`" in str(error)), None)
+            report("unsuitable", str(error), path if place is None else (*path, place))
 
 
 def check_values(specifications: Sequence[Specification], report: Callable[..., None]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from symaware_cli.core.verdict import SpecificationStatus
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification import Specification, SpecificationMonitor
 
 
 class MonitorStatuses:
@@ -28,6 +28,11 @@ class MonitorStatuses:
         """The status for an agent; the worst, where it has several pairs."""
         rows = [0] if self._is_world else self._rows.get(agent)
         return None if rows is None else self.monitor.status(rows)
+
+    @property
+    def specification(self) -> Specification:
+        """The specification itself."""
+        return self.monitor.specification
 
     @property
     def worst(self) -> SpecificationStatus:

@@ -82,3 +82,18 @@ def test_points_are_seen_from_an_agent() -> None:
 def test_what_is_no_region_is_refused(kinds: dict[str, Any], said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         region(**kinds)
+
+
+def test_a_regular_polygon_has_its_sides_at_the_apothem_one_of_them_in_the_direction_of_its_rotation() -> None:
+    pentagon = region(polygon={"sides": 5, "centre": [1, 2], "apothem": 0.5, "rotation": 0.3})
+    assert pentagon.polygon is not None
+    assert len(pentagon.polygon) == 5
+    middle = [1 + 0.5 * math.cos(0.3), 2 + 0.5 * math.sin(0.3)]
+    assert pentagon.depth(np.array([[1.0, 2.0], middle])) == pytest.approx([0.5, 0.0], abs=1e-12)
+    assert region(**pentagon.model_dump()) == pentagon
+
+
+@pytest.mark.parametrize("wrong", [{"sides": 2}, {"apothem": 0}, {"corners": 3}, {"centre": [1]}, {"sides": "5"}])
+def test_a_regular_polygon_that_is_none_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError, match="a regular polygon: `"):
+        region(polygon={"sides": 5, "apothem": 0.3, **wrong})

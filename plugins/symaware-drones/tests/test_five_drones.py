@@ -1,0 +1,107 @@
+"""Five drones do what the scenario asks; the monitors say so, and barriers agree with them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+from drone_flights import SCENARIOS, command, fly
+
+from symaware_cli import Log
+from symaware_cli.formulas import Region
+
+ETA, FACES = 20.0, 5
+FIRST = "run.duration=7.5"
+PHASE = ("point-1", "slot-0-1", "slot-1-1", "slot-2-1", "slot-3-1")
+#: When the pentagons are to be entered and left [s], as the controllers choose it.
+TIMES = {
+    "point": [(3, 6), (15, 18), (23, 23)],
+    "slot": [(6, 7), (12, 16), (24, 28)],
+}
+
+
+def robustness(log: Log) -> dict[str, float]:
+    """The least robustness of each specification, as the monitors found it."""
+    return {each.name: each.robustness for each in log.outcomes if each.robustness is not None}
+
+
+def interval(name: str) -> tuple[int, int]:
+    kind, *_, phase = name.split("-")
+    return (13, 16) if name == "slot-2-2" else TIMES[kind][int(phase) - 1]
+
+
+def check_agreement(log: Log) -> int:
+    """Check that barriers and predicates agree at every sample; returns how many samples there were."""
+    said = yaml.safe_load(log.attachments["resolved.yaml"])["regions"]
+    regions = {name: Region.model_validate(region) for name, region in said.items()}
+    compared = 0
+    hub = log.series("hub", "world")
+    for agent in ("hub", *(f"drone.{number}" for number in range(4))):
+        own, barriers = log.series(agent, "world"), log.series(agent, "steer.barrier")
+        places = np.searchsorted(own.times, barriers.times)
+        assert (own.times[places] == barriers.times).all()
+        for column, name in enumerate(barriers.columns):
+            if agent not in ("hub", f"drone.{name.split('-')[1]}") or (agent == "hub" and name.startswith("slot")):
+                continue
+            values, seconds = barriers.values[:, column], barriers.seconds
+            known = np.isfinite(values)
+            region = regions[name.replace("-", "_").replace("point", "area")]
+            points = own.values[places] - (hub.values[places] if region.around else 0.0)
+            corners = np.array(region.polygon)
+            along = np.roll(corners, -1, axis=0) - corners
+            normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+            margins = (np.sum(normals * corners, axis=1) - points @ normals.T).min(axis=1)
+            start, end = interval(name)
+            due = known & (seconds >= start) & (seconds <= end)
+            assert (values[due] <= margins[due] + 1e-9).all(), name
+            assert (margins[due] <= values[due] + math.log(FACES) / ETA + 1e-9).all(), name
+            assert not known[seconds > end].any(), name
+            compared += int(due.sum())
+    return compared
+
+
+@pytest.mark.parametrize("scenario", ["five-drones.yaml", "asynchronous.yaml"])
+def test_the_first_tasks_hold_in_both_modes_and_barriers_agree_with_predicates(scenario: str) -> None:
+    log = fly(scenario, FIRST)
+    found = robustness(log)
+    assert min(found[name] for name in PHASE) > 0.005
+    assert check_agreement(log) > 700
+
+
+def test_every_drone_knows_who_leads() -> None:
+    said = [event.text for event in fly("five-drones.yaml", FIRST).events() if event.name == "decided"]
+    assert said == ["follows drone.0, drone.1, drone.2, drone.3", *["leads hub"] * 4]
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        (
+            "topology={use: ring}",
+            "`slot-1-1` of drone.1 and hub needs messages from drone.1 to hub, and there is no link",
+        ),
+        ("agents.hub.state=[0, -20]", "`point-1` of hub cannot be met"),
+        ("regions.area_2.polygon.centre=[2, 6]", None),
+        ("specifications.point-2.formula=always[0, 3] inside(position, area_2) or time > 3", "is no task"),
+        ("regions.slot_1_1.turns=true", "the region `slot_1_1` turns with hub; say `turns: false`"),
+    ],
+)
+def test_what_cannot_be_met_is_said_before_the_run(override: str, said: str | None) -> None:
+    done = command("validate", SCENARIOS / "five-drones.yaml", "--set", override)
+    if said is None:
+        assert done.returncode == 0, done.stderr
+    else:
+        assert done.returncode == 2
+        assert said in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["five-drones.yaml", "asynchronous.yaml"])
+def test_all_tasks_hold(scenario: str) -> None:
+    log = fly(scenario)
+    found = robustness(log)
+    assert len(found) == 15
+    assert min(found.values()) > 0.005
+    assert check_agreement(log) > 3000
