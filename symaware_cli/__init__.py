@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from symaware_cli.api.scenario import Scenario, load
     from symaware_cli.api.scenario_outline import GroupOutline, Outline
     from symaware_cli.api.stepping import SteppedSimulation
-    from symaware_cli.api.sweeps import sweep
+    from symaware_cli.api.sweep_verification import SweepVerification
+    from symaware_cli.api.sweeps import sweep, verify_sweep
+    from symaware_cli.api.verification import VerificationResult, verify_log
     from symaware_cli.components.sensor import Sensor, SensorParameters
     from symaware_cli.core import (
         Agent,
@@ -155,6 +157,7 @@ __all__ = [
     "StateError",
     "SteppedSimulation",
     "SweepError",
+    "SweepVerification",
     "TimeSeries",
     "Topology",
     "TopologyError",
@@ -167,6 +170,7 @@ __all__ = [
     "UncertaintyEstimator",
     "Urdf",
     "Vehicle",
+    "VerificationResult",
     "Wall",
     "WorldError",
     "check_log",
@@ -176,6 +180,8 @@ __all__ = [
     "open_log",
     "seconds",
     "sweep",
+    "verify_log",
+    "verify_sweep",
 ]
 
 
@@ -185,7 +191,9 @@ _HOMES = {
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
-    "symaware_cli.api.sweeps": ("sweep",),
+    "symaware_cli.api.sweep_verification": ("SweepVerification",),
+    "symaware_cli.api.sweeps": ("sweep", "verify_sweep"),
+    "symaware_cli.api.verification": ("VerificationResult", "verify_log"),
     "symaware_cli.components.sensor": ("Sensor", "SensorParameters"),
     "symaware_cli.core.stateful": ("StateError",),
     "symaware_cli.core.verdict": ("SpecificationStatus",),

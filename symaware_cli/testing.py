@@ -10,7 +10,6 @@ A test of a plugin's determinism is one line in any test framework::
 
 from __future__ import annotations
 
-import itertools
 import os
 import subprocess
 import sys
@@ -24,8 +23,8 @@ import numpy as np
 from symaware_cli import processor
 from symaware_cli.models.conformity import faults_of
 from symaware_cli.recording.digest import Digest, digest
-from symaware_cli.recording.error import LogError
-from symaware_cli.recording.reader import Log, LogMessage, open_log
+from symaware_cli.recording.log_comparison import first_difference
+from symaware_cli.recording.reader import open_log
 from symaware_cli.world.model import Model
 
 __all__ = ["assert_batchable", "assert_conforming", "assert_repeatable"]
@@ -87,8 +86,9 @@ def assert_repeatable(
         result = digest(first)
         differing = result.differences(digest(second))
         if differing:
-            where = _first_difference(first, second, differing)
-            raise AssertionError(f"two runs of {os.fspath(scenario)} differ in {', '.join(differing)}{where}")
+            where = first_difference(first, second)
+            found = "" if where is None else f"; the first difference is {where}"
+            raise AssertionError(f"two runs of {os.fspath(scenario)} differ in {', '.join(differing)}{found}")
         return result
 
 
@@ -148,31 +148,3 @@ def _run(
     if done.returncode not in (0, _VIOLATED):
         said = done.stderr.decode(errors="replace").strip()
         raise AssertionError(f"{os.fspath(scenario)} did not finish, but exited with {done.returncode}: {said}")
-
-
-def _first_difference(first: Log, second: Log, topics: Sequence[str]) -> str:
-    """Describe the first message in which two logs differ on some topics; empty if no message does."""
-    for one, other in itertools.zip_longest(first.messages(topics), second.messages(topics)):
-        if one is None or other is None:
-            longer = one or other
-            assert longer is not None
-            return f"; from {_place(longer)} on only one of them has messages there"
-        if _content(one) != _content(other):
-            return f"; the first difference is at {_place(one)}:\n  {_shown(one)}\n  {_shown(other)}"
-    return ""
-
-
-def _content(message: LogMessage) -> tuple[str, int, int, bytes]:
-    return message.channel.topic, message.time, message.sequence, message.data
-
-
-def _place(message: LogMessage) -> str:
-    return f"{message.time / 1e9:.9g} s on {message.channel.topic}"
-
-
-def _shown(message: LogMessage) -> str:
-    try:
-        text = " ".join(str(message.decode()).split())
-    except LogError:
-        text = repr(message.data)
-    return f"{message.channel.topic} at {message.time / 1e9:.9g} s: {text[:1000]}"

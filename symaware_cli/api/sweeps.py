@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import pyarrow
 
     from symaware_cli.api.scenario import Scenario
+    from symaware_cli.api.sweep_verification import Level, SweepVerification
     from symaware_cli.study.findings import VariantDifference, VerdictShare
     from symaware_cli.study.folder import SweepFolder
     from symaware_cli.study.request import SweepRequest
@@ -255,3 +257,33 @@ def read_differences(folder: Path, name: str) -> Sequence[VariantDifference]:
 
     sweep = SweepFolder.opened(folder)
     return list(differences(rows_so_far(sweep), sweep.plan, name))
+
+
+def verify_sweep(
+    folder: FilePath,
+    level: Level = "sample",
+    *,
+    rows: int = 20,
+    seed: int | None = None,
+    on_progress: Callable[[int, int], object] | None = None,
+) -> SweepVerification:
+    """Verify the folder of a sweep: its table, its logs, and rows by repetition.
+
+    Args:
+        folder: The folder.
+        level: How much, each level with those before it: ``arithmetic`` is what the table says of itself, ``monitor``
+            the logs that were kept, ``sample`` some rows that are made again, ``all`` all of them.
+        rows: How many rows the level ``sample`` makes again.
+        seed: What these are chosen by; by default something that nobody can foresee.
+        on_progress: Called with how many runs were made again, and of how many.
+
+    Raises:
+        SweepError: There is no sweep.
+        KeyboardInterrupt: A signal ended a run.
+    """
+    require_pyarrow()
+    from symaware_cli.api.sweep_verification import verify_folder
+    from symaware_cli.study.folder import SweepFolder
+
+    chosen = secrets.randbits(32) if seed is None else seed
+    return verify_folder(SweepFolder.opened(folder), level, rows, chosen, on_progress)

@@ -21,6 +21,7 @@ from symaware_cli.cli import (
     show,
     sweep,
     validate,
+    verify,
 )
 from symaware_cli.cli.terminal import is_plain
 
@@ -64,6 +65,7 @@ for _verb in (
     export.export,
     inspect.inspect,
     check.check,
+    verify.verify,
     recover.recover,
     merge.merge,
     list.list_plugins,

@@ -10,7 +10,7 @@ import os
 import struct
 import threading
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, ClassVar
@@ -41,6 +41,9 @@ _MESSAGE_HEADER = _MESSAGE.size - 9
 PaceFigures = tuple[float, int, int, float]
 """Figures of how well a pace was kept; see `LogWriter.add_timing`."""
 
+MessageWatch = Callable[[str, int, bytes], object]
+"""What is called with the topic, the time [ns] and the data of each message."""
+
 
 class LogWriter:
     """Writes a log.
@@ -54,6 +57,7 @@ class LogWriter:
     Args:
         path: The file, which is replaced.
         flush_interval: Wall time between two flushes by `flush_in_background`, in s.
+        on_message: Called with the topic, the time and the data of each message but those of /timing.
 
     Raises:
         OutputError: The file cannot be created.
@@ -66,10 +70,13 @@ class LogWriter:
 
     uncaptured: ClassVar[Collection[str]] = "*"
 
-    def __init__(self, path: str | os.PathLike[str], *, flush_interval: float = 0.5):
+    def __init__(
+        self, path: str | os.PathLike[str], *, flush_interval: float = 0.5, on_message: MessageWatch | None = None
+    ) -> None:
         self.path = Path(path)
         self.size = 0
         self._flush_interval = flush_interval
+        self._on_message = on_message
         self._error: LogError | None = None
         self._compressor = zstandard.ZstdCompressor(level=1)
 
@@ -194,6 +201,8 @@ class LogWriter:
         else:
             self._add(channel_id, time_ns, data, self._sequence)
             self._sequence += 1
+            if self._on_message is not None:
+                self._on_message(self._summary.channels[channel_id - 1].topic, time_ns, data)
 
     def add_timing(
         self, time_ns: int, *, wall_time: float, cpu_time: float, steps: int, pace: PaceFigures = (0.0, 0, 0, 0.0)

@@ -23,7 +23,7 @@ from symaware_cli.scenario.versions import versions
 if TYPE_CHECKING:
     from symaware_cli.distributed.participant import Participant
     from symaware_cli.recording.recorder import Recorder
-    from symaware_cli.recording.writer import LogWriter
+    from symaware_cli.recording.writer import LogWriter, MessageWatch
     from symaware_cli.scenario.place import Place
 
 _MEDIA_TYPES = {".toml": "application/toml", ".yaml": "application/yaml", ".yml": "application/yaml"}
@@ -59,6 +59,7 @@ def prepared(
     timeout: float | None = None,
     place: Place | None = None,
     may_exit: bool = True,
+    on_message: MessageWatch | None = None,
 ) -> Iterator[Run]:
     """Create the run of a scenario, or of the part of one process, with its environment and log open.
 
@@ -69,6 +70,7 @@ def prepared(
         timeout: Wall time after which the run is interrupted [s].
         place: The role of this process in a run of several processes; None in a run of one process.
         may_exit: Whether the process may be ended if the run does not react to a second signal or its time-out.
+        on_message: See `LogWriter`.
 
     Raises:
         LogError: The log cannot be written.
@@ -79,7 +81,7 @@ def prepared(
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)
         participant, share = _take_part(stack, built, place)
-        recorder = None if log is None else _recorder(stack, built, log, place, share)
+        recorder = None if log is None else _recorder(stack, built, log, place, share, on_message)
         yield Run(built.simulation, built.steps, recorder, on_progress, options, participant)
 
 
@@ -97,7 +99,12 @@ def _take_part(stack: ExitStack, built: Built, place: Place | None) -> tuple[Par
 
 @np.errstate(all="ignore")  # as while it runs
 def _recorder(
-    stack: ExitStack, built: Built, log: Path, place: Place | None, share: Mapping[str, Any] | None
+    stack: ExitStack,
+    built: Built,
+    log: Path,
+    place: Place | None,
+    share: Mapping[str, Any] | None,
+    on_message: MessageWatch | None,
 ) -> Recorder:
     from symaware_cli.recording.recorder import Recorder
     from symaware_cli.recording.writer import LogWriter
@@ -108,7 +115,7 @@ def _recorder(
     if place is not None and place.role == "member":
         # The host records the world and all messages.
         omit, messages = [*omit, "world", "applied_control"], "none"
-    writer = stack.enter_context(LogWriter(log))
+    writer = stack.enter_context(LogWriter(log, on_message=on_message))
     notes = _attach(writer, built, share)
     recorder = Recorder(
         writer,

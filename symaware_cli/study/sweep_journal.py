@@ -133,6 +133,10 @@ class SweepJournal:
         names = ", ".join(f'"{name}"' for name in JournalRecord._fields)
         yield from map(JournalRecord._make, self._database.execute(f'SELECT {names} FROM runs ORDER BY "index"'))
 
+    def identities(self) -> Iterator[tuple[int, str]]:
+        """Yield the index and the identity of all runs, in order of their index."""
+        yield from self._database.execute('SELECT "index", identity FROM runs ORDER BY "index"')
+
     def times(self) -> Iterator[tuple[int, float]]:
         """Yield the index and the wall time of all runs, in order of their index [s]."""
         yield from self._database.execute('SELECT "index", wall_time FROM runs ORDER BY "index"')

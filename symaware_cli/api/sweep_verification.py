@@ -1,0 +1,222 @@
+"""Verifies the folder of a sweep: table against plan, logs against table, and rows by repetition."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from symaware_cli.api.checking import check_log
+from symaware_cli.recording.digest import digest
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.reader import open_log
+from symaware_cli.study import sweep_table, table_file
+from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
+from symaware_cli.study.folder import SweepFolder, identity_of
+from symaware_cli.study.identity import differences
+from symaware_cli.study.row import Row
+from symaware_cli.study.sweep_files import JOURNAL
+from symaware_cli.study.sweep_journal import SweepJournal
+
+#: How much is verified, each level with those before it: what the table says of itself; what the logs that were kept
+#: say; some rows, chosen at random, by repetition; all rows.
+Level = Literal["arithmetic", "monitor", "sample", "all"]
+
+LEVELS: tuple[Level, ...] = get_args(Level)
+
+#: Verdicts, the worst first.
+_VERDICTS = ("violated", "undecided", "satisfied")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something in the folder of a sweep that is not as it has to be.
+
+    Attributes:
+        index: The number of the run; None if it is about all of them.
+        column: The column of the table, or what else it is about.
+        found: What is there.
+        expected: What has to be there.
+    """
+
+    index: int | None
+    column: str
+    found: Any
+    expected: Any
+
+
+@dataclass(frozen=True, slots=True)
+class SweepVerification:
+    """What was found in the folder of a sweep.
+
+    Attributes:
+        folder: The folder.
+        level: How much was verified.
+        rows: How many rows there are.
+        logs: How many logs were read.
+        repeated: How many runs were made again.
+        findings: What is not as it has to be.
+        versions: What differs in versions or files from when the rows were made.
+    """
+
+    folder: Path
+    level: Level
+    rows: int
+    logs: int
+    repeated: int
+    findings: Sequence[Finding]
+    versions: Sequence[str]
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether all is as it has to be."""
+        return not self.findings
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result as plain data."""
+        return {"sound": self.is_sound, **asdict(self), "folder": str(self.folder)}
+
+
+def verify_folder(
+    folder: SweepFolder,
+    level: Level = "sample",
+    sample: int = 20,
+    seed: int = 0,
+    on_progress: Callable[[int, int], object] | None = None,
+) -> SweepVerification:
+    """Verify the folder of a sweep.
+
+    Runs are repeated one by one, never in batches: that these give the same rows is a claim of its own.
+
+    Args:
+        folder: The folder.
+        level: How much is verified.
+        sample: How many rows are repeated at the level ``sample``.
+        seed: What these are chosen by; choose one that nobody could know beforehand.
+        on_progress: Called with how many runs were made again, and of how many.
+
+    Raises:
+        SweepError: The folder cannot be read.
+    """
+    depth = LEVELS.index(level)
+    found: list[Finding] = []
+    logs, chosen = 0, list[Row]()
+    with SweepJournal(folder.path / JOURNAL) as journal:
+        found += _in_table(folder, journal)
+        rows = list(journal.rows())
+        if depth >= LEVELS.index("monitor"):
+            kept = [row for row in rows if row.log is not None]
+            logs = len(kept)
+            found += [finding for row in kept for finding in _in_log(folder, row)]
+        if depth >= LEVELS.index("sample"):
+            chosen = [row for row in rows if row.state != "lost"]
+        if level == "sample":
+            chosen = sorted(random.Random(seed).sample(chosen, min(sample, len(chosen))), key=lambda row: row.index)
+        runner = folder.runner(1)
+        for number, row in enumerate(chosen):
+            found += _differing(row, runner.run(row.index))
+            if on_progress is not None:
+                on_progress(number + 1, len(chosen))
+    changed = differences(folder.identity, identity_of(folder.source, {})[0])
+    return SweepVerification(folder.path, level, len(rows), logs, len(chosen), found, changed)
+
+
+def _in_table(folder: SweepFolder, journal: SweepJournal) -> Iterator[Finding]:
+    """What of the table contradicts the plan, the journal or itself."""
+    import pyarrow
+
+    plan, names = folder.plan, folder.specifications
+    columns = sweep_table.schema(plan, names)
+    noted = pyarrow.Table.from_batches(list(sweep_table.batches(journal.records(), plan, names)), columns)
+    written = table_file.read(folder.path)
+    table = noted if written is None else written[0]
+    if table.column_names != noted.column_names:
+        yield Finding(None, "columns", table.column_names, noted.column_names)
+        return
+    if len(table) != len(noted):
+        yield Finding(None, "rows", len(table), len(noted))
+    for name in noted.column_names:
+        for index, (found, expected) in enumerate(
+            zip(table.column(name).to_pylist(), noted.column(name).to_pylist(), strict=False)
+        ):
+            if not _equal(found, expected):
+                yield Finding(index, name, found, expected)
+    for place, row in enumerate(noted.to_pylist()):
+        yield from _in_row(folder, place, row)
+    for index, identity in journal.identities():
+        if identity != folder.identity.of_run(plan, index):
+            yield Finding(index, "identity", identity, folder.identity.of_run(plan, index))
+
+
+def _in_row(folder: SweepFolder, place: int, row: Mapping[str, Any]) -> Iterator[Finding]:
+    """What of a row contradicts the plan or itself."""
+    plan, index = folder.plan, row["index"]
+    if folder.plan.document.until is None and index != place:
+        yield Finding(index, "index", index, place)
+    if not 0 <= index < plan.count:
+        yield Finding(index, "index", index, f"less than {plan.count}")
+        return
+    planned = {"seed": plan.seed(index), "replicate": plan.replicate(index), **plan.parameters(index)}
+    if plan.document.variants:
+        planned["variant"] = plan.cell(index).variant
+    for name, expected in planned.items():
+        if not _equal(row[name], expected):
+            yield Finding(index, name, row[name], expected)
+    for name in folder.specifications:
+        verdict, robustness = row[f"verdict.{name}"], row[f"robustness.{name}"]
+        if robustness and verdict in ("satisfied", "violated") and (robustness > 0.0) != (verdict == "satisfied"):
+            yield Finding(index, f"verdict.{name}", verdict, f"what a robustness of {robustness:g} says")
+        by_agent = row[f"{PREFIX}{name}"]
+        if by_agent and len(by_agent) < MOST_AGENTS:
+            worst = min((each["verdict"] for each in by_agent), key=_VERDICTS.index)
+            if worst != verdict:
+                yield Finding(index, f"verdict.{name}", verdict, f"{worst}, the worst of `{PREFIX}{name}`")
+
+
+def _in_log(folder: SweepFolder, row: Row) -> Iterator[Finding]:
+    """What of a log that was kept contradicts its name or its row."""
+    assert row.log is not None
+    try:
+        log = open_log(folder.logs / row.log)
+        name = f"{digest(log).combined[:32]}.mcap"
+    except LogError as error:
+        yield Finding(row.index, "log", str(error), "a log")
+        return
+    if row.log != name:
+        yield Finding(row.index, "log", row.log, name)
+    for each in check_log(log.path).specifications:
+        column = f"verdict.{each.name}"
+        if row.verdicts.get(each.name) != each.verdict:
+            yield Finding(row.index, column, row.verdicts.get(each.name), f"{each.verdict}, says the log")
+        elif not _equal(row.robustness.get(each.name), each.robustness):
+            column = f"robustness.{each.name}"
+            yield Finding(row.index, column, row.robustness.get(each.name), f"{each.robustness}, says the log")
+    if log.manifest.get("seed") != folder.plan.seed(row.index):
+        yield Finding(row.index, "log", f"seed {log.manifest.get('seed')}", f"seed {folder.plan.seed(row.index)}")
+
+
+def _differing(row: Row, repeated: Row) -> Iterator[Finding]:
+    """What a row says otherwise than its run, made again."""
+    for name in ("state", "digest", "error"):
+        found, expected = getattr(row, name), getattr(repeated, name)
+        if found != expected:
+            yield Finding(row.index, name, found, expected)
+    for prefix, there, here in (
+        ("verdict.", row.verdicts, repeated.verdicts),
+        ("robustness.", row.robustness, repeated.robustness),
+        ("", row.metrics, repeated.metrics),
+    ):
+        for name in dict.fromkeys([*there, *here]):
+            if not _equal(there.get(name), here.get(name)):
+                yield Finding(row.index, prefix + name, there.get(name), here.get(name))
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two values are the same; NaN is itself, and a tuple is the list of the same values."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_equal(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_equal, one, other))
+    return bool(one == other) or (one != one and other != other)

@@ -1,0 +1,148 @@
+"""``symaware verify``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from symaware_cli.cli.terminal import (
+    FAILED,
+    INTERRUPTED,
+    WRONG_INPUT,
+    Json,
+    fail,
+    output_kept,
+    print_json,
+    printable,
+    progress_shown,
+    trouble_shown,
+)
+
+if TYPE_CHECKING:
+    from symaware_cli.api.sweep_verification import SweepVerification
+    from symaware_cli.api.verification import VerificationResult
+    from symaware_cli.recording.log_comparison import LogDifference
+
+#: How many findings are shown.
+_MOST = 10
+
+
+def verify(
+    path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="PATH")],
+    level: Annotated[
+        str,
+        typer.Option(
+            help="How much of a sweep is verified, each level with those before it: arithmetic (what the table says of "
+            "itself), monitor (the logs that were kept), sample (some rows, made again), all (all rows, made again)."
+        ),
+    ] = "sample",
+    rows: Annotated[int, typer.Option(min=1, help="How many rows the level `sample` makes again.")] = 20,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="What they are chosen by; by default, something nobody can foresee.")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Repeat runs and compare: equal, or what differs and where. Exit status 1 if something does."""
+    if path.is_dir():
+        raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet, as_json))
+    with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.verification import verify_log
+
+        try:
+            with progress_shown("repeats", not (quiet or as_json)) as shown:
+                result = verify_log(path, shown)
+        except KeyboardInterrupt:
+            fail(f"{path}: interrupted", INTERRUPTED, as_json)
+    if as_json:
+        print_json(result.to_json())
+    elif not quiet:
+        typer.echo("\n".join(_lines(result)))
+    sys.stdout.flush()
+    raise typer.Exit(0 if result.is_equal else FAILED)
+
+
+def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, quiet: bool, as_json: bool) -> int:
+    """Verify the folder of a sweep, and return the exit status."""
+    with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.sweep_verification import LEVELS
+        from symaware_cli.api.sweeps import verify_sweep
+
+        chosen = next((each for each in LEVELS if each == level), None)
+        if chosen is None:
+            fail(f"--level takes {', '.join(LEVELS)}, not {level}", WRONG_INPUT, as_json)
+        try:
+            with progress_shown("repeats", not (quiet or as_json)) as shown:
+                result = verify_sweep(folder, chosen, rows=rows, seed=seed, on_progress=shown)
+        except KeyboardInterrupt:
+            fail(f"{folder}: interrupted", INTERRUPTED, as_json)
+    if as_json:
+        print_json(result.to_json())
+    elif not quiet:
+        typer.echo("\n".join(_report(result)))
+    return 0 if result.is_sound else FAILED
+
+
+def _report(result: SweepVerification) -> Iterator[str]:
+    """The report on the folder of a sweep."""
+    findings = result.findings
+    yield f"{result.folder}: {f'{len(findings):,} findings' if findings else 'sound'}, level {result.level}"
+    yield f"  {'rows':<12} {result.rows:,}, {result.repeated:,} of them made again, {result.logs:,} logs read"
+    for each in findings[:_MOST]:
+        where = "" if each.index is None else f"run {each.index}, "
+        there, expected = _text(each.found), _text(each.expected)
+        yield f"  {'different':<12} {where}{printable(each.column)}: {there}, where {expected} has to be"
+    if len(findings) > _MOST:
+        yield f"  {'different':<12} {len(findings) - _MOST:,} more; --json lists all of them"
+    for line in result.versions[:_MOST]:
+        yield f"  {'version':<12} {printable(line)}"
+    if result.level == "arithmetic":
+        yield f"  {'note':<12} a table that was forged consistently is found by repetition only"
+
+
+def _lines(result: VerificationResult) -> Iterator[str]:
+    """The report on a log."""
+    difference = result.difference
+    found = "equal"
+    if difference is not None and difference.time is not None:
+        found = f"different from {difference.time / 1e9:g} s on"
+    elif not result.is_equal:
+        found = "different"
+    yield f"{result.log}: {found}"
+    yield f"  {'repeated':<12} {printable(result.scenario)}, seed {result.seed}, until {result.until:g} s"
+    yield f"  {'equal':<12} {result.messages:,} messages{'' if result.is_equal else ' before the difference'}"
+    if difference is not None:
+        by = f", written by {result.writer}" if result.writer else ""
+        yield f"  {'channel':<12} {printable(difference.topic)}{by}"
+        yield from _values(difference)
+    for each in result.attachments:
+        yield f"  {'different':<12} {printable(f'{each.topic} {each.element}'.strip())}: {_pair(each)}"
+    for version in result.versions:
+        there = f"{version.then or 'not installed'} in the log, {version.now or 'not installed'} here"
+        yield f"  {'version':<12} {printable(f'{version.name}: {there}')}"
+    if not result.is_whole:
+        yield f"  {'note':<12} the log ends before its run did; it was compared as far as it goes"
+
+
+def _values(difference: LogDifference) -> Iterator[str]:
+    if difference.agent:
+        yield f"  {'agent':<12} {printable(difference.agent)}"
+    if difference.element:
+        yield f"  {'element':<12} {printable(difference.element)}"
+    first, second = difference.values
+    yield f"  {'in the log':<12} {_text(first)}"
+    apart = difference.distance
+    yield f"  {'repeated':<12} {_text(second)}" + ("" if apart is None else f", {apart:.3g} apart")
+
+
+def _pair(difference: LogDifference) -> str:
+    first, second = difference.values
+    return f"{_text(first)} in the log, {_text(second)} when repeated"
+
+
+def _text(value: object) -> str:
+    return "nothing" if value is None else printable(str(value))

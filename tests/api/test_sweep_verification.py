@@ -1,0 +1,154 @@
+"""What was changed in the folder of a sweep is found: by which level, and where."""
+
+import json
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from symaware_cli import verify_sweep
+from symaware_cli.api.sweep_verification import Level, SweepVerification
+from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.request import SweepRequest
+from symaware_cli.study.session import conduct, write_table
+from symaware_cli.study.sweep_files import JOURNAL
+from symaware_cli.study.sweep_journal import SweepJournal
+from symaware_cli.study.sweep_source import read_sweep
+
+SCENARIO: dict[str, Any] = {
+    "symaware": 1,
+    "name": "tiny",
+    "seed": 1,
+    "run": {"duration": 0.5},
+    "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
+    "agents": {
+        "robot": {
+            "count": 2,
+            "entity": {"shape": {"circle": {"radius": 0.2}}},
+            "model": {"use": "single-integrator", "with": {"process_noise": 0.3}},
+            "state": [[0, 0], [1, 0]],
+            "knowledge": {"goal": [[1, 0], [0, 0]]},
+            "components": {"see": {"use": "perception.self"}, "steer": {"use": "control.go-to-goal"}},
+        }
+    },
+    "specifications": {"apart": {"pairs": "robot", "formula": "always distance > 0.5"}},
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> SweepFolder:
+    """A finished sweep of 8 runs, all logs kept."""
+    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
+    request = SweepRequest(options={"runs": "8", "keep": "all"})
+    made = SweepFolder.created(tmp_path / "out", read_sweep(tmp_path / "tiny.yaml", request))
+    conduct(made, 0)
+    return made
+
+
+def changed(folder: SweepFolder, statement: str, *values: Any) -> None:
+    """Change the journal, and write the table anew from it, as a careful forger would."""
+    with sqlite3.connect(folder.path / JOURNAL) as database:
+        assert database.execute(statement, values).rowcount > 0
+    with SweepJournal(folder.path / JOURNAL) as journal:
+        write_table(folder, journal)
+
+
+def verified(folder: SweepFolder, level: Level) -> SweepVerification:
+    return verify_sweep(folder.path, level, rows=3, seed=1)
+
+
+def test_a_sweep_is_sound_at_all_levels(folder: SweepFolder) -> None:
+    result = verified(folder, "all")
+    assert result.is_sound, result.findings
+    assert (result.rows, result.logs, result.repeated) == (8, 8, 8)
+    assert verified(folder, "sample").repeated == 3
+
+
+def metrics(folder: SweepFolder, index: int) -> dict[str, Any]:
+    with sqlite3.connect(folder.path / JOURNAL) as database:
+        found = database.execute('SELECT metrics FROM runs WHERE "index" = ?', (index,)).fetchone()[0]
+    said: dict[str, Any] = json.loads(found)
+    return said
+
+
+def a_seed(folder: SweepFolder) -> None:
+    changed(folder, 'UPDATE runs SET seed = seed + 1 WHERE "index" = 5')
+
+
+def a_verdict_alone(folder: SweepFolder) -> None:
+    with sqlite3.connect(folder.path / JOURNAL) as database:
+        found = json.loads(database.execute('SELECT verdicts FROM runs WHERE "index" = 5').fetchone()[0])
+    other = "violated" if found["apart"] == "satisfied" else "satisfied"
+    changed(folder, 'UPDATE runs SET verdicts = ? WHERE "index" = 5', json.dumps({"apart": other}))
+
+
+def a_row_left_out(folder: SweepFolder) -> None:
+    changed(folder, 'DELETE FROM runs WHERE "index" = 5')
+
+
+def a_robustness(folder: SweepFolder) -> None:
+    said = {"apart": 0.2501}
+    by_agent = [{"agent": "robot.0 robot.1", "verdict": "satisfied", "robustness": 0.2501}]
+    changed(
+        folder,
+        'UPDATE runs SET robustness = ?, verdicts = ?, metrics = ? WHERE "index" = 5',
+        json.dumps(said),
+        json.dumps({"apart": "satisfied"}),
+        json.dumps({**metrics(folder, 5), "by_agent.apart": by_agent}),
+    )
+
+
+def a_metric(folder: SweepFolder) -> None:
+    content = metrics(folder, 5)
+    changed(
+        folder,
+        'UPDATE runs SET metrics = ? WHERE "index" = 5',
+        json.dumps({**content, "path_length": content["path_length"] + 1e-9}),
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "level"),
+    [
+        (a_seed, "arithmetic"),
+        (a_verdict_alone, "arithmetic"),
+        (a_row_left_out, "arithmetic"),
+        (a_robustness, "monitor"),
+        (a_metric, "all"),
+    ],
+    ids=lambda value: getattr(value, "__name__", value),
+)
+def test_a_change_is_found_by_the_level_that_can(
+    change: Callable[[SweepFolder], None], level: Level, folder: SweepFolder
+) -> None:
+    change(folder)
+    result = verified(folder, level)
+    assert not result.is_sound
+    assert result.findings[0].index in (5, 6)
+    if level == "all":
+        # A table that was forged consistently looks like any other; only repetition finds it.
+        assert verified(folder, "monitor").is_sound
+
+
+def test_a_table_that_differs_from_the_journal_is_found(folder: SweepFolder) -> None:
+    import pyarrow
+    from pyarrow import parquet
+
+    path = folder.path / "runs.parquet"
+    table = parquet.read_table(path)
+    values = table.column("contacts").to_pylist()
+    values[2] += 1
+    place = table.column_names.index("contacts")
+    forged = table.set_column(place, table.schema.field(place), pyarrow.array(values, table.schema.field(place).type))
+    parquet.write_table(forged, path)
+    found = verified(folder, "arithmetic").findings
+    assert [(each.index, each.column) for each in found] == [(2, "contacts")]
+
+
+def test_a_log_that_is_another_one_is_found(folder: SweepFolder) -> None:
+    logs = sorted(folder.logs.glob("*.mcap"))
+    logs[0].write_bytes(logs[1].read_bytes())
+    assert {each.column for each in verified(folder, "monitor").findings} >= {"log"}

@@ -1,0 +1,71 @@
+"""``symaware verify`` as a user sees it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from altered_logs import altered
+from typer.testing import CliRunner
+
+from symaware_cli.cli.application import application
+from symaware_cli.recording import wire
+from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+HELLO = Path(__file__).parents[2] / "scenarios" / "hello.yaml"
+
+
+def verify(*arguments: object) -> tuple[int, str, str]:
+    done = CliRunner().invoke(application, ["verify", *map(str, arguments)], catch_exceptions=False)
+    return done.exit_code, done.stdout, done.stderr
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("logs") / "hello.mcap"
+    execute(build(HELLO, ["run.duration=1"]), path)
+    return path
+
+
+def test_an_equal_log_has_exit_status_0(log: Path) -> None:
+    status, out, _ = verify(log)
+    assert status == 0
+    assert out.splitlines()[:2] == [f"{log}: equal", "  repeated     hello, seed 7, until 1 s"]
+
+
+def test_a_difference_is_told_with_its_place_and_exit_status_1(log: Path, tmp_path: Path) -> None:
+    def changed(message: LogMessage) -> bytes:
+        if message.channel.topic != "/world/robot/state" or message.time != 500_000_000:
+            return message.data
+        content = message.decode()
+        values = np.array(content.values)
+        values[2, 0] = 17.0
+        return wire.encode_rows(values, content.rows)
+
+    altered(log, tmp_path / "forged.mcap", changed)
+    status, out, _ = verify(tmp_path / "forged.mcap")
+    assert status == 1
+    lines = out.splitlines()
+    assert lines[0] == f"{tmp_path / 'forged.mcap'}: different from 0.5 s on"
+    assert "  channel      /world/robot/state, written by environment" in lines
+    assert "  agent        robot.2" in lines
+    assert "  element      x" in lines
+    assert "  in the log   17.0" in lines
+    status, out, _ = verify(tmp_path / "forged.mcap", "--json")
+    said = json.loads(out)
+    assert (status, said["equal"], said["difference"]["agent"]) == (1, False, "robot.2")
+
+
+def test_what_is_no_log_is_wrong_input(tmp_path: Path) -> None:
+    (tmp_path / "no.mcap").write_bytes(b"nothing")
+    status, _, err = verify(tmp_path / "no.mcap")
+    assert status == 2
+    assert err
+
+
+def test_a_folder_without_a_sweep_is_wrong_input(tmp_path: Path) -> None:
+    status, _, err = verify(tmp_path)
+    assert status == 2
+    assert "is not the folder of a sweep" in err
