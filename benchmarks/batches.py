@@ -12,6 +12,7 @@ alternate; the least CPU time over the rounds counts, since other programs only 
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 import subprocess
@@ -157,6 +158,7 @@ def _print_speed(folder: Path, rounds: int, only: str) -> None:
         assert reason is None, reason
         list(together[name].rows(range(2)))
         alone[name].run(0)
+    gc.freeze()  # as executors do
     for _ in range(rounds):
         measure("by hand", "batched", RUNS, by_hand)
         for name in cases:
