@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,7 @@ class AgentGroup(EntityGroup):
         awareness: The awareness of all agents.
         surroundings: The objects that all agents of the run share.
         regions: The regions of the scenario, by name.
+        folder: The folder of the scenario, below which the files that parameters name are.
         specifications: The statuses of the specifications of the run, by name.
     """
 
@@ -85,6 +87,7 @@ class AgentGroup(EntityGroup):
         )
         self._known: dict[str, KnownColumn] = {}
         self.regions: Mapping[str, Region] = {}
+        self.folder = Path()
         self.specifications: Mapping[str, SpecificationStatuses] = {}
         self.surroundings: Surroundings
 

@@ -18,14 +18,14 @@ class Metric(Plugin, ABC):
     An instance follows one run. What it raises makes the run's row failed.
 
     Attributes:
-        kind: The type of its value.
+        kind: The type of its value; a ``series`` is a sequence of pairs of a time [s] and a number.
         unit: The unit of its value; empty for none.
         version: A number that changes when the same run gives another value.
         environment: The environment of the run.
         groups: Its groups of agents.
     """
 
-    kind: ClassVar[Literal["number", "integer", "truth", "text"]] = "number"
+    kind: ClassVar[Literal["number", "integer", "truth", "text", "series"]] = "number"
     unit: ClassVar[str] = ""
     version: ClassVar[int] = 1
 
@@ -50,7 +50,7 @@ class Metric(Plugin, ABC):
         """
 
     @abstractmethod
-    def value(self) -> float | int | bool | str | None:
+    def value(self) -> float | int | bool | str | Sequence[tuple[float, float]] | None:
         """Return the value when the run is over; None where there is none."""
 
     def subscribe(self, name: str, callback: Callable[[Event], Any]) -> None:

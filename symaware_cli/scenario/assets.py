@@ -1,4 +1,4 @@
-"""Asset files of a scenario: checks and collects the meshes and URDF files that shapes refer to."""
+"""Asset files of a scenario: checks and collects the files that shapes and parameters of components refer to."""
 
 from __future__ import annotations
 
@@ -22,30 +22,33 @@ def check_assets(
         folder: The scenario's folder.
         report: Takes the code and the message of a problem, and the path.
     """
-    for path, body in _named(document):
-        if asset.is_packaged(body.file) and "vehicles" not in environment.provides:
+    for path, name, body in _named(document):
+        if body is not None and asset.is_packaged(name) and "vehicles" not in environment.provides:
             # A world that represents such bodies by discs does not need the package that contains the file.
             continue
         try:
-            file = asset.find(body.file, folder)
+            file = asset.find(name, folder)
         except WorldError as error:
             report("missing-file", str(error), path)
             continue
         try:
             if isinstance(body, Urdf):
-                asset.check_description(file, body.file, folder)
+                asset.check_description(file, name, folder)
         except WorldError as error:
             report("unsuitable", str(error), path)
 
 
 def assets(document: ScenarioDocument, folder: FilePath) -> dict[str, bytes]:
     """Return the contents of the files and of those that they refer to, by path relative to the folder."""
-    files = [body.file for _, body in _named(document)]
+    files = [file for _, file, _ in _named(document)]
     return {name: content for file in files for name, content in asset.needed(file, folder).items()}
 
 
-def _named(document: ScenarioDocument) -> Iterator[tuple[Path, Mesh | Urdf]]:
-    """Yield every shape defined by a file, with the path of the file's name."""
+def _named(document: ScenarioDocument) -> Iterator[tuple[Path, str, Mesh | Urdf | None]]:
+    """Yield the path of every name of a file, the name, and the shape that it defines, if it is one.
+
+    A parameter of a component is a file if it is a mapping with the key ``file``.
+    """
     bodies: dict[Path, Entity | Obstacle] = {
         ("environment", "entities", name): entity for name, entity in document.environment.entities.items()
     }
@@ -54,4 +57,9 @@ def _named(document: ScenarioDocument) -> Iterator[tuple[Path, Mesh | Urdf]]:
         shape = owner.shape
         body = (shape.mesh or shape.urdf) if shape else None
         if shape and body:
-            yield (*path, "shape", shape.kind, "file"), body
+            yield (*path, "shape", shape.kind, "file"), body.file, body
+    for name, agents in document.agents.items():
+        for component, use in agents.components.items():
+            for key, value in use.with_.items():
+                if isinstance(value, dict) and isinstance(value.get("file"), str):
+                    yield ("agents", name, "components", component, "with", key, "file"), value["file"], None

@@ -183,7 +183,9 @@ class _SimulationBuilder:
         # Objects are created even if the document has problems elsewhere, so that one pass reports everything.
         valid = document if isinstance(document, ScenarioDocument) else None
         environment = self._environment(mapping(data.get("environment")))
-        maker = GroupBuilder(self._composition, self._report, self._problems.extend, self._factory, valid, self._found)
+        maker = GroupBuilder(
+            self._composition, self._report, self._problems.extend, self._factory, valid, self._found, self._folder
+        )
         groups, component_entries = [], []
         for name, entry in mapping(data.get("agents")).items():
             group, own_entries = maker.build(name, mapping(entry))

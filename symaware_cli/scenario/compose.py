@@ -163,7 +163,7 @@ def _with_relative_files(
         }
         changed = any(entry.node is not root.value[key].node for key, entry in entries.items())
         named = entries.get("file")
-        folder = folders.get(named.node.span.file) if named and around == "shape" else None
+        folder = folders.get(named.node.span.file) if named and around in ("shape", "with") else None
         if named and folder and isinstance(named.node.value, str) and not is_packaged(named.node.value):
             beside = SourceNode(str(PurePosixPath(folder, named.node.value)), named.node.span)
             entries, changed = entries | {"file": MappingEntry(named.key, beside)}, True

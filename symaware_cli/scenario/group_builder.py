@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class GroupBuilder:
         factory: PluginFactory,
         document: ScenarioDocument | None,
         found: Sequence[Problem],
+        folder: FilePath,
     ) -> None:
         """Prepare.
 
@@ -48,6 +50,7 @@ class GroupBuilder:
             factory: Creates models and components.
             document: The validated document; None if it is invalid.
             found: Problems with single values that are already known; no groups are created if there are any.
+            folder: The folder of the scenario.
         """
         self._composition = composition
         self._report = report
@@ -55,6 +58,7 @@ class GroupBuilder:
         self._factory = factory
         self._document = document
         self._found = found
+        self._folder = folder
         self.uses: dict[str, dict[str, Any]] = {}
         self.declared: set[str] = set()
 
@@ -97,7 +101,7 @@ class GroupBuilder:
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []
         group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
-        group.regions = self._document.regions if self._document else {}
+        group.regions, group.folder = self._document.regions if self._document else {}, self._folder
         component_entries = [
             ComponentEntry(group, component, uses[component], instances[component])
             for component in capable

@@ -209,7 +209,7 @@ class Batch:
             template.awareness.signals,
             self._seeds,
         )
-        group.regions = template.regions
+        group.regions, group.folder = template.regions, template.folder
         return group
 
     def _values(

@@ -194,6 +194,8 @@ def typed(value: Any, kind: str) -> Any:
     Raises:
         TypeError: It is of another type.
     """
+    if kind == "series" and value is not None:
+        return [{"time": float(time), "value": float(number)} for time, number in value]
     found: Any = value.item() if isinstance(value, np.generic) else value
     if found is None or (isinstance(found, float) and math.isnan(found)):
         return None

@@ -17,8 +17,8 @@ class MetricDescription:
 
     Attributes:
         name: Its name.
-        kind: The type of its values: ``number``, ``integer``, ``truth`` or ``text``; or ``times``, a list of
-            agents with the time at which something happened to each [s].
+        kind: The type of its values: ``number``, ``integer``, ``truth`` or ``text``; ``times``, a list of agents with
+            the time at which something happened to each [s]; or ``series``, a list of times [s] with a value each.
         unit: The unit; empty for none.
         description: What it is.
         version: A number that changes when the same run gives another value.

@@ -30,7 +30,9 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
     text, integer, number = pyarrow.string(), pyarrow.int64(), pyarrow.float64()
     by_agent = pyarrow.list_(pyarrow.struct([("agent", text), ("verdict", text), ("robustness", number)]))
     times = pyarrow.list_(pyarrow.struct([("agent", text), ("time", number)]))
+    series = pyarrow.list_(pyarrow.struct([("time", number), ("value", number)]))
     types = {"number": number, "integer": integer, "truth": pyarrow.bool_(), "text": text, "times": times}
+    types["series"] = series
 
     def field(name: str, kind: pyarrow.DataType, description: str, unit: str = "", version: int = 0) -> pyarrow.Field:
         notes = {"description": description, "unit": unit, "version": str(version or "")}

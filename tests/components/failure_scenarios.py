@@ -41,12 +41,12 @@ def scenario(formula: str, *, agents: int = 1, noise: Any = 0.5, **changes: Any)
     }
 
 
-def estimates(folder: Path, content: dict[str, Any]) -> tuple[Array, Array, Array]:
+def estimates(folder: Path, content: dict[str, Any], group: str = "robot") -> tuple[Array, Array, Array]:
     """The risk of each agent after a single turn, its standard error, and the believed state."""
     (folder / "risk.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
     built = build(folder / "risk.yaml")
     assert execute(built, None).status == "finished"
-    awareness = built.simulation.groups[0].awareness
+    awareness = next(each for each in built.simulation.groups if each.name == group).awareness
     shared = awareness.risk.shared
     assert shared is not None
     return shared[1].ravel(), awareness["risk.standard_error"].ravel(), awareness.state

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from conformal_scenarios import write_table
 from failure_scenarios import estimates, last_step, scenario
 from scipy.stats import multivariate_normal, norm
 
@@ -158,6 +159,65 @@ def test_what_cannot_be_predicted_is_refused_where_it_is_named(
 ) -> None:
     content = scenario("always x < 1", risk={"specifications": named})
     content["specifications"] = {"wanted": specification}
+    (tmp_path / "risk.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    with pytest.raises(ScenarioError, match=said):
+        build(tmp_path / "risk.yaml")
+
+
+def beside_another(formula: str, region: float | None, *, noise: Any = None, **risk: Any) -> dict[str, Any]:
+    """A robot at 0 and a guest at rest at 3; regions have this radius after 1 s."""
+    content = scenario(formula, noise=noise, risk={"others": "regions", **risk})
+    robot = content["agents"]["robot"]
+    regions = {"horizon": 1.0, "calibration": None if region is None else {"file": "table.parquet"}}
+    robot["components"] = {
+        "see": {"use": "perception.omniscient"},
+        "regions": {"use": "uncertainty.conformal", "with": regions},
+        "risk": robot["components"]["risk"],
+    }
+    robot["count"] = 1
+    content["agents"]["guest"] = {"model": {"use": "single-integrator"}, "state": [3, 0]}
+    return content
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "risk"),
+    [("nearest", 1.9, 0.1), ("nearest", 2.1, 1.0), ("distance", 1.9, 0.1), ("distance", 2.1, 1.0)],
+)
+def test_in_regions_others_are_at_the_nearest_point_and_may_leave_them(
+    tmp_path: Path, kind: str, limit: float, risk: float
+) -> None:
+    write_table(tmp_path / "table.parquet", np.tile([0.25, 0.5, 0.75, 1.0], (60, 1)))
+    content = beside_another(f"always {kind} > {limit}", 1.0)
+    if kind == "distance":
+        content["specifications"]["wanted"] = {"pairs": [["guest", "robot.0"]], "formula": f"always distance > {limit}"}
+    risks, _, _ = estimates(tmp_path, content)
+    assert risks[0] == pytest.approx(risk)
+
+
+def test_in_regions_the_risk_is_never_below_that_of_others_who_keep_to_them(tmp_path: Path) -> None:
+    """With noise, the robot meets the nearest point of the region with a known probability."""
+    write_table(tmp_path / "table.parquet", np.tile([0.25, 0.5, 0.75, 1.0], (60, 1)))
+    content = beside_another("always[1, 1] nearest > 1.5", 1.0, noise=[0.5, 0.0], samples=20_000)
+    risks, errors, _ = estimates(tmp_path, content)
+    assert abs(risks[0] - 0.1 - norm.sf(0.5 / 0.5)) <= 4 * errors[0]
+
+
+def test_without_regions_others_may_be_anywhere(tmp_path: Path) -> None:
+    assert estimates(tmp_path, beside_another("always nearest > 0.1", None))[0][0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("formula", "said"),
+    [
+        ("always nearest < 5", "`nearest < 5` has no worst place of another"),
+        ("eventually not nearest > 5", "`nearest > 5` has no worst place of another"),
+        ("always nearest - 1 > 0", "has no worst place of another"),
+        ("always not inside(position, around)", "has no worst place of another"),
+    ],
+)
+def test_with_regions_predicates_about_others_are_about_their_distance(tmp_path: Path, formula: str, said: str) -> None:
+    content = beside_another(formula, None)
+    content["regions"] = {"around": {"around": "guest", "circle": {"centre": [0, 0], "radius": 1.9}}}
     (tmp_path / "risk.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
     with pytest.raises(ScenarioError, match=said):
         build(tmp_path / "risk.yaml")

@@ -76,6 +76,7 @@ CASES = {
         ["seen", "state", "uncertainty"],
         before={"perception.range": {"range": 9.0, "delay": 0.15, "position_noise": 0.1, "self_noise": 0.1}},
     ),
+    "uncertainty.conformal": Case(["signals"], {"horizon": 1.0}, before={"perception.range": {"range": 9.0}}),
     "risk.time-to-collision": Case(["risk"]),
     "risk.collision": Case(["risk"]),
     "risk.specification": Case(

@@ -9,10 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from symaware_cli.components.prediction import interpolated, predicted_positions
 from symaware_cli.components.risk.body_pairs import state_covariance
 from symaware_cli.components.risk.failure_bound import BoundedSpecification, bounded, failure_bounds, is_linear
-from symaware_cli.components.risk.sampled_motion import MotionPlan, OtherMotion, SampledMotion, interpolated, root
+from symaware_cli.components.risk.other_motion import OtherMotion
+from symaware_cli.components.risk.sampled_motion import MotionPlan, SampledMotion, root
 from symaware_cli.components.risk.sampled_noise import SampledNoise
+from symaware_cli.components.risk.worst_case import check_worst_case
+from symaware_cli.components.uncertainty_conformal import REGION
 from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity, Signal, Tracks
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.forecast import Forecast
@@ -88,6 +92,12 @@ class FailureProbability(GroupComponent):
             description="How the probability is found: by sampling; as a bound that is never below it, if the state is "
             "normal; or as a bound whatever its distribution is, by its mean and covariance.",
         )
+        others: Literal["tracks", "regions"] = Field(
+            "tracks",
+            description="Where others are: at samples of the tracks, from which they are predicted; or anywhere in the "
+            "regions that `uncertainty.conformal` writes, to whose nearest points they keep. The risk is then at least "
+            "the probability that they leave these.",
+        )
         horizon: float = Field(2.0, gt=0, description="How far ahead to look [s].")
         samples: int = Field(100, ge=1, le=100_000, description="How many predictions each agent makes, if it samples.")
         reach: float = Field(10.0, gt=0, description="Others farther away are not predicted [m].")
@@ -105,11 +115,15 @@ class FailureProbability(GroupComponent):
             group.model.follow_velocity(group.initial_state, np.zeros((len(group), len(group.model.position))))
         if self.parameters.method != "sampling" and not is_linear(group.model):
             raise ValueError("only `method: sampling` works with a model that is not linear")
+        if self.parameters.others == "regions" and REGION.name not in group.awareness.parts:
+            raise ValueError("`others: regions` takes the regions of an `uncertainty.conformal`, and there is none")
 
     def check_specification(self, specification: Specification, group: AgentGroup) -> None:
-        """Check that each predicate has a bound, if bounds are asked for."""
+        """Check that each predicate has a bound or a worst case, if that is asked for."""
         if self.parameters.method != "sampling":
             bounded(specification, group)
+        if self.parameters.others == "regions":
+            check_worst_case(specification)
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
         """Declare the risk as one number without a unit."""
@@ -179,11 +193,14 @@ class FailureProbability(GroupComponent):
             agents = slice(begin, min(begin + chunk, len(group)))
             motion = SampledMotion(group, agents, samples, plan, spread, noise, others)
             fails[agents] = self._fails(motion, agents, instants, others)
-        present = group.present
-        if present is not None:
-            fails[~present] = 0.0
+        present = np.ones(len(group), bool) if group.present is None else group.present
+        fails[~present] = 0.0
         shrunk = (fails + 2.0) / (samples + 4.0)
-        return RiskEstimate(fails / samples, np.sqrt(shrunk * (1.0 - shrunk) / (samples + 4.0)))
+        risk = fails / samples
+        if others is not None and others.regions is not None:
+            # Whatever happens where others leave their regions: Boole's inequality.
+            risk = np.where(present, np.minimum(risk + others.regions.misses, 1.0), 0.0)
+        return RiskEstimate(risk, np.sqrt(shrunk * (1.0 - shrunk) / (samples + 4.0)))
 
     def _update(self, value: RiskEstimate) -> None:
         self._group.awareness.risk.set(self.computed_at, value.risk)
@@ -266,17 +283,9 @@ class FailureProbability(GroupComponent):
         """Return what the agents expect of others."""
         group, parameters, roster = self._group, self.parameters, self.environment.roster
         tracks = group.others(parameters.reach)
-        passed = np.array([(instant - self.now) / SECOND for instant in instants])
-        places = tracks.positions + passed[:, None, None] * tracks.velocities
-        if parameters.follow_intents:
-            for row, agent in enumerate(group.agents):
-                told = agent.awareness_database.held_part("intent")
-                for place in range(*tracks.pointers[row : row + 2].tolist()) if told else ():
-                    series = told.get(roster.ids[tracks.others[place]])
-                    size = places.shape[2]
-                    if series is not None and len(series) and series.values.shape[1] >= size:
-                        expected = interpolated(series.times, series.values[None, :, :size], [self.now, *instants])[0]
-                        places[:, place] = tracks.positions[place] + expected[1:] - expected[0]
+        if parameters.others == "regions":
+            return OtherMotion.in_regions(group, tracks, instants)
+        places = predicted_positions(group, tracks, self.now, instants, parameters.follow_intents)
         spread, noise = None, None
         if tracks.covariances is not None and len(tracks):
             spread = root(tracks.covariances)

@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.components.risk.other_motion import OtherMotion
 from symaware_cli.components.risk.sampled_noise import SampledNoise
-from symaware_cli.core import AgentGroup, Tracks
+from symaware_cli.core import AgentGroup
+from symaware_cli.geometry.vectors import lengths
 from symaware_cli.world.integration import integrate
 
 Array = NDArray[np.float64]
@@ -33,22 +35,6 @@ class MotionPlan(NamedTuple):
     intended: Array | None
     has_intent: NDArray[np.bool_]
     correction: float
-
-
-class OtherMotion(NamedTuple):
-    """What agents expect of others.
-
-    Attributes:
-        tracks: Their tracks, of all agents of the group.
-        places: The expected positions at each instant [m]; shape (K, m, d).
-        spread: The root of the covariance of position and velocity, shape (m, 2d, 2d); None if they are known.
-        noise: Samples of the deviations of each; None if they are known.
-    """
-
-    tracks: Tracks
-    places: Array
-    spread: Array | None
-    noise: SampledNoise | None
 
 
 class SampledMotion:
@@ -113,6 +99,7 @@ class SampledMotion:
             if spread is not None and self._noise is not None:
                 self._disturb(spread, self._noise.draw(self._instant + 1, self._agents))
         self._places: tuple[Array, Array] | None = None
+        self._pairs: tuple[tuple[Array, Array], tuple[Array, Array]] | None = None
 
     def expected(self, states: Array) -> tuple[Array, Array]:
         """Return the states at the present instant, without noise, and the control inputs until then.
@@ -131,7 +118,7 @@ class SampledMotion:
     def nearest(self) -> Array:
         """Return the distance to the nearest other [m]; infinite if there is none."""
         own, (places, _) = self._own_places(), self._other_places()
-        pointers = self._pointers()
+        pointers, radii = self._pointers(), self._radii()
         least = np.full((len(pointers) - 1, self._samples), np.inf)
         rows = np.repeat(np.arange(len(least)), np.diff(pointers))
         if len(rows):
@@ -139,6 +126,8 @@ class SampledMotion:
             for axis in range(places.shape[2]):
                 apart = places[:, :, axis] - own[rows, :, axis] if axis < own.shape[2] else places[:, :, axis]
                 squared += apart * apart
+            if radii is not None:
+                squared = np.square(np.maximum(np.sqrt(squared) - radii, 0.0))
             some = np.flatnonzero(np.diff(pointers))
             least[some] = np.minimum.reduceat(squared, pointers[some] - pointers[0], axis=0)
         distances: Array = np.sqrt(least).ravel()
@@ -175,15 +164,35 @@ class SampledMotion:
 
     def pairs(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Return positions and velocities of each agent and of each other that it knows; (tracks, samples, d)."""
+        if self._pairs is None:
+            self._pairs = self._related()
+        return self._pairs
+
+    def _related(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         places, moving = self._other_places()
         rows = np.repeat(np.arange(len(self._pointers()) - 1), np.diff(self._pointers()))
         own = np.zeros(places.shape)
         velocity = np.zeros(places.shape)
         positions = self._own_places()
         own[:, :, : positions.shape[2]] = positions[rows]
+        radii = self._radii()
+        if radii is not None:
+            # The nearest point of each region.
+            apart = places - own
+            distance = lengths(apart.reshape(-1, apart.shape[2])).reshape(apart.shape[:2])
+            left = np.maximum(distance - radii, 0.0)
+            share = np.divide(left, distance, out=np.zeros(left.shape), where=distance > 0.0)
+            places = own + share[:, :, None] * apart
         rates = self._model.velocity(self.states, self.inputs).reshape(positions.shape)
         velocity[:, :, : positions.shape[2]] = rates[rows]
         return (own, places), (velocity, moving)
+
+    def _radii(self) -> Array | None:
+        """Return the radii of the regions of others [m], shape (tracks, 1); None without regions."""
+        if self._others is None or self._others.regions is None:
+            return None
+        pointers = self._pointers()
+        return self._others.regions.radii[self._instant, int(pointers[0]) : int(pointers[-1]), None]
 
     def _pointers(self) -> Indices:
         assert self._others is not None
@@ -268,26 +277,4 @@ def root(covariance: Array) -> Array:
             for before in range(column):
                 rest -= found[:, row, before] * found[:, column, before]
             found[:, row, column] = np.divide(rest, pivot, out=np.zeros(len(rest)), where=pivot > 0.0)
-    return found
-
-
-def interpolated(times: NDArray[np.int64], values: Array, instants: Sequence[int]) -> Array:
-    """Return the values of series with common times at instants; straight on after the last, the first before it.
-
-    Args:
-        times: The times [ns], ascending; shape (h,).
-        values: Shape (n, h, d).
-        instants: The instants [ns].
-
-    Returns:
-        Shape (n, len(instants), d).
-    """
-    found = np.empty((len(values), len(instants), values.shape[2]))
-    for place, instant in enumerate(instants):
-        if len(times) == 1 or instant <= times[0]:
-            found[:, place] = values[:, 0]
-            continue
-        after = min(int(np.searchsorted(times, instant)), len(times) - 1)
-        share = (instant - int(times[after - 1])) / (int(times[after]) - int(times[after - 1]))
-        found[:, place] = values[:, after - 1] + share * (values[:, after] - values[:, after - 1])
     return found
