@@ -93,6 +93,12 @@ CASES = {
     "control.mpc": Case(
         ACTS, {"horizon": 1.6, "steps": 8, "neighbours": 0, "obstacles": 0}, {"goal": [3, 3]}, model=SingleIntegrator()
     ),
+    "control.stl": Case(
+        [*ACTS, "signals"],
+        {"specifications": ["safe"], "interval": 0.1, "horizon": 0.5},
+        model=SingleIntegrator(SingleIntegrator.Parameters(max_speed=2.0)),
+        specification="always (x > -9 and y < 9)",
+    ),
     "control.quadrotor-velocity": Case(ACTS, knowledge={"velocity": [1, 0, 0]}, model=Quadrotor()),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "communication.state": Case([]),
@@ -225,6 +231,8 @@ def watching(kind: Any) -> Any:
 def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """What is visible before and after the turns of a component, step by step."""
     case, catalogue = CASES[use], Catalogue()
+    if use == "control.stl":
+        pytest.importorskip("highspy", reason="HiGHS is an extra")
     if use == "control.mpc":
         pytest.importorskip("casadi", reason="CasADi is an extra")
 

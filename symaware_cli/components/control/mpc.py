@@ -15,6 +15,7 @@ from symaware_cli.components.control.mpc_prediction import AgentPrediction, Obst
 from symaware_cli.components.control.mpc_problem import Sizes, tracking_problem, weights_of
 from symaware_cli.components.control.mpc_reference import ReferencePath, goal_of, turned_right, waypoints_of
 from symaware_cli.components.control.mpc_route import Routes, standing
+from symaware_cli.components.control.steering import slowest
 from symaware_cli.components.relative_motion import bounding_radii
 from symaware_cli.components.risk.failure_bound import is_linear
 from symaware_cli.components.risk.invariants import invariants
@@ -26,7 +27,6 @@ from symaware_cli.core import (
     Environment,
     KnowledgeDatabase,
     Level,
-    Model,
     Quantity,
     Signal,
     TimeSeries,
@@ -324,7 +324,7 @@ class ModelPredictiveControl(Component):
                 follows = self.parameters.fallback == "last-plan" and rest is not None and rest.left
                 decision = PlanDecision(rest if follows else None, decision.solution)
         slows = decision.plan is None or bool(others and self._comes_too_close(decision.plan, others))
-        chosen = _slowest(model, state, requested) if slows or decision.plan is None else decision.plan.inputs[0]
+        chosen = slowest(model, state, requested) if slows or decision.plan is None else decision.plan.inputs[0]
         risk = 0.0 if self._chance is None else self._chance.next_risk(chosen, self.now)
         return PredictiveDecision(chosen, decision, slows, passed, distance, way, other, chance, risk)
 
@@ -382,13 +382,3 @@ class ModelPredictiveControl(Component):
             iterations=solution.iterations,
             left=left,
         )
-
-
-def _slowest(model: Model, state: Array, control_input: Array) -> Array:
-    """Return the control input that slows down as far as the model can, or the smallest allowed; shape (nu,)."""
-    try:
-        slowest = model.slowed(state[None], control_input, np.zeros(1))
-    except NotImplementedError:
-        slowest = np.zeros_like(control_input)
-    limited: Array = model.limit(slowest)[0]
-    return limited

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity
+from symaware_cli.core import AgentGroup, GroupComponent, Model, Parameters, Quantity
 from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
@@ -113,3 +113,13 @@ def scaled(vectors: Array, factor: Array) -> Array:
     for axis in range(vectors.shape[1]):
         np.multiply(vectors[:, axis], factor, out=product[:, axis])
     return product
+
+
+def slowest(model: Model, state: Array, control_input: Array) -> Array:
+    """Return the control input that slows down as far as the model can, or the smallest allowed; shape (nu,)."""
+    try:
+        slow = model.slowed(state[None], control_input, np.zeros(1))
+    except NotImplementedError:
+        slow = np.zeros_like(control_input)
+    limited: Array = model.limit(slow)[0]
+    return limited

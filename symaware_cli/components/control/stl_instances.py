@@ -1,0 +1,78 @@
+"""What the specifications of an agent still require of it: the instances that are not decided yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import Agent
+from symaware_cli.specification.formula import horizon
+from symaware_cli.specification.monitor import Monitor
+from symaware_cli.specification.monitor_statuses import MonitorStatuses
+from symaware_cli.specification.specification import Specification, SpecificationMonitor
+
+Array = NDArray[np.float64]
+
+
+class Instance(NamedTuple):
+    """A specification from one of the instants on that it is about.
+
+    Attributes:
+        specification: The specification.
+        start: That instant, in nanoseconds.
+        first: The same, in steps from the present on; negative in the past.
+        last: The last instant that counts, in steps from the present on; None if there is none.
+        past: The robustness of each predicate from there until before the present, each of shape (-first,).
+    """
+
+    specification: Specification
+    start: int
+    first: int
+    last: int | None
+    past: Sequence[Array]
+
+
+def open_instances(agent: Agent, names: Sequence[str], present: int, step: int) -> list[Instance]:
+    """Return the instances of specifications of an agent that are undecided, and about more than the present.
+
+    Args:
+        agent: The agent.
+        names: The names of the specifications.
+        present: The present instant, in nanoseconds.
+        step: The time between two instants, in nanoseconds.
+
+    Raises:
+        ValueError: A specification is not monitored in this process.
+    """
+    found = []
+    for name in names:
+        statuses = agent.group.specifications.get(name)
+        if not isinstance(statuses, MonitorStatuses):
+            raise ValueError(f"`{name}` is not monitored in this process")
+        for start, past in _of_row(statuses.monitor, agent.row, present):
+            specification = statuses.monitor.specification
+            first = -((present - start) // step)
+            bounded = horizon(specification.formulation.formula)
+            last = None if bounded is None else first + bounded
+            if specification.end is not None:
+                end = (specification.end - present) // step
+                last = end if last is None else min(last, end)
+            if last is None or last > 0:
+                found.append(Instance(specification, start, first, last, past))
+    return found
+
+
+def _of_row(monitor: SpecificationMonitor, row: int, present: int) -> Iterator[tuple[int, Sequence[Array]]]:
+    """Yield where the instances of a row begin, with the robustness of predicates since then."""
+    for cohort in monitor.cohorts:
+        for place in np.flatnonzero(cohort.rows == row).tolist():
+            if isinstance(cohort.monitor, Monitor) and cohort.monitor.verdict[place] == 0:
+                history = cohort.monitor.history
+                if history is None:
+                    raise ValueError(f"the past of `{monitor.specification.name}` is too long to be kept for a plan")
+                yield cohort.start, [values[:, place] for values in history]
+    if monitor.awaited[row] and not monitor.is_over:
+        yield max(monitor.specification.start, present), ()

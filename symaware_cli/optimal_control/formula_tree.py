@@ -1,0 +1,251 @@
+"""Formulas unrolled over instants: trees of half spaces, "all of" and "any of", without temporal operators."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.optimal_control.affine_predicate import Face, Intersection, StateSet, Union
+from symaware_cli.specification import formula as stl
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: The nodes that always hold, and never.
+TRUE, FALSE = 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A state lies in a half space at an instant."""
+
+    half_space: Face
+    instant: int
+
+
+@dataclass(frozen=True, slots=True)
+class KnownMargin:
+    """A margin that does not depend on the plan."""
+
+    margin: float
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """All of several nodes, or any of them."""
+
+    every: bool
+    parts: tuple[int, ...]
+
+
+TreeNode: TypeAlias = Leaf | KnownMargin | Combination
+
+
+class FormulaTree:
+    """A formula in positive normal form, unrolled over instants from its own instant 0 on.
+
+    Nodes are numbered; equal ones have the same number. Windows end at the last instant. What lies beyond is left out
+    or, if the future is open, counts as satisfied.
+
+    Attributes:
+        root: The node of the formula at its first instant.
+    """
+
+    def __init__(
+        self,
+        formula: stl.Formula,
+        sets: Sequence[tuple[StateSet, StateSet]],
+        first: int,
+        last: int,
+        leaf: Callable[[Face, int], Leaf | KnownMargin],
+        known: Callable[[float], KnownMargin | bool],
+        past: Callable[[int, int], float | None],
+        open_future: bool = False,
+    ) -> None:
+        """Unroll a formula.
+
+        Args:
+            formula: The formula.
+            sets: Of each predicate the states in which it holds, and those in which its negation does.
+            first: The instant that the formula is about.
+            last: The last instant that counts.
+            leaf: Returns a half space at an instant, or its margin if that is known.
+            known: Returns what a known margin amounts to.
+            past: Returns the robustness of a predicate at an instant, if that is in the past.
+            open_future: Whether what lies beyond the last instant counts as satisfied.
+        """
+        self._sets = sets
+        self._first, self._last = first, last
+        self._leaf = leaf
+        self._known = known
+        self._past = past
+        self._open = open_future
+        self._nodes: list[TreeNode | bool] = [True, False]
+        self._numbers: dict[TreeNode, int] = {}
+        self._made: dict[tuple[int, int, bool], int] = {}
+        self.root = self._formula(formula, first, True)
+
+    def __getitem__(self, number: int) -> TreeNode | bool:
+        """Return a node; `TRUE` and `FALSE` are Boolean values."""
+        return self._nodes[number]
+
+    def simplified(
+        self, number: int, least: float, greatest: float, bounds: Callable[[Leaf], tuple[float, float]]
+    ) -> int:
+        """Return a node without what cannot, and what must have a margin between two numbers.
+
+        Args:
+            number: The node.
+            least: A leaf whose margin is less cannot be chosen.
+            greatest: A leaf whose margin is never less need not be mentioned.
+            bounds: Bounds of the margin of a leaf.
+        """
+        memory: dict[int, int] = {TRUE: TRUE, FALSE: FALSE}
+
+        def simplify(of: int) -> int:
+            if of not in memory:
+                match self._nodes[of]:
+                    case Leaf() as leaf:
+                        low, high = bounds(leaf)
+                        memory[of] = FALSE if high < least else TRUE if low >= greatest else of
+                    case KnownMargin(margin=value):
+                        memory[of] = TRUE if value >= greatest else of
+                    case Combination(every=every, parts=parts):
+                        memory[of] = self._junction(every, [simplify(each) for each in parts])
+            return memory[of]
+
+        return simplify(number)
+
+    def value(self, number: int, margin: Callable[[Leaf], float], memory: dict[int, float] | None = None) -> float:
+        """Return the margin of a node, for the margins of leaves; `memory` keeps those of the nodes below."""
+        memory = {} if memory is None else memory
+        if number not in memory:
+            match self._nodes[number]:
+                case Leaf() as leaf:
+                    memory[number] = margin(leaf)
+                case KnownMargin(margin=value):
+                    memory[number] = value
+                case Combination(every=every, parts=parts):
+                    values = [self.value(each, margin, memory) for each in parts]
+                    memory[number] = min(values) if every else max(values)
+                case truth:
+                    memory[number] = np.inf if truth else -np.inf
+        return memory[number]
+
+    # Construction
+
+    def _formula(self, formula: stl.Formula, at: int, positive: bool) -> int:
+        if at > self._last:
+            return TRUE
+        key = (id(formula), at, positive)
+        if key not in self._made:
+            self._made[key] = self._unrolled(formula, at, positive)
+        return self._made[key]
+
+    def _unrolled(self, formula: stl.Formula, at: int, positive: bool) -> int:
+        match formula:
+            case stl.Constant(value=value):
+                return TRUE if value == positive else FALSE
+            case stl.Predicate(index=index):
+                known = self._past(index, at)
+                if known is None:
+                    return self._set(self._sets[index][0 if positive else 1], at)
+                return self._of_margin(known if positive else -known)
+            case stl.Not(operand=operand):
+                return self._formula(operand, at, not positive)
+            case stl.And(operands=operands) | stl.Or(operands=operands):
+                every = isinstance(formula, stl.And) == positive
+                return self._junction(every, [self._formula(each, at, positive) for each in operands])
+            case stl.Until(first=first, last=last, left=left, right=right):
+                window = self._ahead(at, first, last)
+                return self._of_window(
+                    not positive,
+                    window,
+                    lambda u: self._junction(
+                        positive,
+                        [self._formula(right, u, positive), *(self._formula(left, v, positive) for v in range(at, u))],
+                    ),
+                )
+            case stl.Since(first=first, last=last, left=left, right=right):
+                return self._of_window(
+                    not positive,
+                    self._ago(at, first, last),
+                    lambda u: self._junction(
+                        positive,
+                        [
+                            self._formula(right, u, positive),
+                            *(self._formula(left, v, positive) for v in range(u + 1, at + 1)),
+                        ],
+                    ),
+                    beyond=False,
+                )
+            case (
+                stl.Always(first=first, last=last, operand=operand)
+                | stl.Eventually(first=first, last=last, operand=operand)
+            ):
+                every = isinstance(formula, stl.Always) == positive
+                window = self._ahead(at, first, last)
+                return self._of_window(every, window, lambda u: self._formula(operand, u, positive))
+            case (
+                stl.Historically(first=first, last=last, operand=operand)
+                | stl.Once(first=first, last=last, operand=operand)
+            ):
+                every = isinstance(formula, stl.Historically) == positive
+                ago = self._ago(at, first, last)
+                return self._of_window(every, ago, lambda u: self._formula(operand, u, positive), beyond=False)
+
+    def _ahead(self, at: int, first: int, last: int | None) -> range:
+        beyond = self._last + self._open
+        return range(at + first, (beyond if last is None else min(at + last, beyond)) + 1)
+
+    def _ago(self, at: int, first: int, last: int | None) -> range:
+        return range(self._first if last is None else max(self._first, at - last), at - first + 1)
+
+    def _of_window(self, every: bool, window: range, part: Callable[[int], int], beyond: bool = True) -> int:
+        """Return a junction over a window; one that lies beyond the last instant holds."""
+        if not window:
+            return TRUE if every or beyond else FALSE
+        return self._junction(every, [part(instant) for instant in window])
+
+    def _set(self, states: StateSet, at: int) -> int:
+        match states:
+            case bool():
+                return TRUE if states else FALSE
+            case Face():
+                found = self._leaf(states, at)
+                return self._of_margin(found.margin) if isinstance(found, KnownMargin) else self._number(found)
+            case Union(parts=parts):
+                return self._junction(False, [self._set(each, at) for each in parts])
+            case Intersection(parts=parts, deepest=deepest):
+                every = [self._set(each, at) for each in parts]
+                if np.isfinite(deepest) and any(isinstance(self._nodes[each], Leaf) for each in every):
+                    every.append(self._number(KnownMargin(deepest)))
+                return self._junction(True, every)
+
+    def _of_margin(self, margin: float) -> int:
+        found = self._known(margin)
+        return (TRUE if found else FALSE) if isinstance(found, bool) else self._number(found)
+
+    def _junction(self, every: bool, parts: Iterable[int]) -> int:
+        neutral, absorbing = (TRUE, FALSE) if every else (FALSE, TRUE)
+        flat: dict[int, None] = {}
+        for part in parts:
+            if part == absorbing:
+                return absorbing
+            node = self._nodes[part]
+            if isinstance(node, Combination) and node.every == every:
+                flat.update(dict.fromkeys(node.parts))
+            elif part != neutral:
+                flat[part] = None
+        if len(flat) < 2:
+            return next(iter(flat), neutral)
+        return self._number(Combination(every, tuple(flat)))
+
+    def _number(self, node: TreeNode) -> int:
+        if node not in self._numbers:
+            self._numbers[node] = len(self._nodes)
+            self._nodes.append(node)
+        return self._numbers[node]
