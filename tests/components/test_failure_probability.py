@@ -8,7 +8,7 @@ import pytest
 import yaml
 from conformal_scenarios import write_table
 from failure_scenarios import estimates, last_step, scenario
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import beta, multivariate_normal, norm
 
 from symaware_cli import open_log
 from symaware_cli.recording.reader import Log
@@ -41,10 +41,24 @@ CASES = [
 
 @pytest.mark.parametrize(("formula", "truth"), CASES, ids=[f"{truth:.3f}" for _, truth in CASES])
 def test_the_risk_lies_within_three_standard_errors_of_the_truth(tmp_path: Path, formula: str, truth: float) -> None:
+    """In 99 % of 1,000 trials; of small probabilities, in the exact binomial interval of the same confidence."""
     risks, errors, _ = estimates(tmp_path, scenario(formula, agents=1000))
     assert (np.abs(risks - truth) <= 3 * errors).mean() >= 0.99
+    if truth < 0.05:
+        fails, tail = np.rint(400 * risks), float(norm.sf(3))
+        low = np.where(fails > 0, beta.ppf(tail, fails, 401 - fails), 0.0)
+        high = beta.isf(tail, fails + 1, 400 - fails)
+        assert ((low <= truth) & (truth <= high)).mean() >= 0.99
     # The estimates scatter as those of independent samples do.
     assert risks.std() == pytest.approx(np.sqrt(truth * (1 - truth) / 400), rel=0.15)
+
+
+@pytest.mark.parametrize(("formula", "truth"), CASES, ids=[f"{truth:.3f}" for _, truth in CASES])
+def test_no_bound_is_below_the_truth(tmp_path: Path, formula: str, truth: float) -> None:
+    normal, chebyshev = (
+        estimates(tmp_path, scenario(formula, risk={"method": method}))[0][0] for method in ("normal", "chebyshev")
+    )
+    assert truth * (1 - 1e-9) <= normal <= chebyshev
 
 
 def test_the_uncertainty_of_the_belief_counts(tmp_path: Path) -> None:

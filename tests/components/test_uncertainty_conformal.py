@@ -85,6 +85,16 @@ def test_recorded_regions_hold_the_others_as_often_as_they_say(calibrated: Path)
     assert held.mean() == pytest.approx(181 / 201, abs=0.1)
 
 
+@pytest.mark.slow
+def test_coverage_over_many_tables_is_181_of_201(tmp_path: Path) -> None:
+    ahead, covered = np.array([0.25, 0.5, 0.75, 1.0]), []
+    for seed in range(24):
+        errors = errors_of(watchers(tmp_path, {**pairs(500, duration=1.5), "seed": seed}))
+        calibration = Calibration(ErrorTable(ahead, errors[:200]), 0.9, 0)
+        covered.append((errors[200:] <= calibration.radii).all(axis=1).mean())
+    assert np.mean(covered) == pytest.approx(181 / 201, abs=3 * np.std(covered, ddof=1) / np.sqrt(24))
+
+
 def _note(flagged: list[str], event: Event) -> None:
     flagged.append(str(event.agent))
 
