@@ -15,6 +15,7 @@ processor.pin()
 
 if TYPE_CHECKING:
     from symaware_cli.api.checking import CheckResult, check_log
+    from symaware_cli.api.comparison import ComparisonResult, compare
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
     from symaware_cli.api.scenario_outline import GroupOutline, Outline
@@ -101,6 +102,7 @@ __all__ = [
     "Circle",
     "CommunicationReceiver",
     "CommunicationSender",
+    "ComparisonResult",
     "Component",
     "Contact",
     "Controller",
@@ -174,6 +176,7 @@ __all__ = [
     "Wall",
     "WorldError",
     "check_log",
+    "compare",
     "generator",
     "load",
     "nanoseconds",
@@ -209,6 +212,7 @@ _HOMES = {
     "symaware_cli.processor": ("ProcessorWarning",),
     "symaware_cli.recording.error": ("LogError",),
     "symaware_cli.api.checking": ("CheckResult", "check_log"),
+    "symaware_cli.api.comparison": ("ComparisonResult", "compare"),
     "symaware_cli.recording.reader": ("Log", "open_log"),
     "symaware_cli.recording.series": ("Series",),
     "symaware_cli.runtime.state.simulation_state": ("SimulationState",),

@@ -8,6 +8,7 @@ import typer
 
 from symaware_cli.cli import (
     check,
+    diff,
     export,
     inspect,
     list,  # noqa: A004 (a verb)
@@ -66,6 +67,7 @@ for _verb in (
     inspect.inspect,
     check.check,
     verify.verify,
+    diff.diff,
     recover.recover,
     merge.merge,
     list.list_plugins,
