@@ -19,8 +19,8 @@ from pydantic import Field, model_validator
 
 from symaware_cli.components.control.mpc_problem import Tracking
 from symaware_cli.components.risk.body_pairs import state_covariance
-from symaware_cli.components.risk.invariants import ExpectedMotion, InvariantWindows, covered
-from symaware_cli.components.risk.state_conditions import HalfSpaces, exceeding, quantile
+from symaware_cli.components.risk.invariants import ExpectedMotion, InvariantWindows
+from symaware_cli.components.risk.state_conditions import HalfSpaces, exceeding, propagated, quantile
 from symaware_cli.core import Agent
 from symaware_cli.optimal_control import Dynamics, Plan, PlanDecision
 from symaware_cli.specification.predicted_scope import PredictedAgentScope
@@ -212,11 +212,9 @@ class ChanceConstraints:
         if before is not None and now != before + self._step:
             raise ValueError("with `maximal_risk` it takes a turn at each step of the world, and it missed one")
         steps = len(expected) - 1
-        windows = self._windows.of(self._agent.row, now, self._agent.surroundings.clock.end)
-        stages = self._stages(expected, windows, now)
-        left = [last - max(first, now + self._step) for each in windows for first, last in each]
-        remaining = max(left, default=0) // self._step + 1
-        allowed = max(self._maximal - spent, 0.0) * min(1.0, steps / max(remaining, 1))
+        stages = self._stages(expected, now)
+        remaining = self._windows.remaining(now, self._agent.surroundings.clock.end)[self._agent.row]
+        allowed = max(self._maximal - spent, 0.0) * min(1.0, steps / max(int(remaining), 1))
         allocated = max(_ALLOCATED * allowed, _LEAST * self._maximal)
         total = max(int(stages.counts.sum()), 1)
         parts = np.where(stages.counts, allocated / total, 1.0)
@@ -248,15 +246,18 @@ class ChanceConstraints:
             control_input: Shape (nu,).
             now: The present time [ns].
         """
-        windows = self._windows.of(self._agent.row, now, self._agent.surroundings.clock.end)
         states = self._dynamics(self._agent.self_state[None], control_input[None])
         times = np.array([now + self._step])
         moments = self._motion(states, times).moments(self._covariances(1)[1:], self._scope)
         risk = 0.0
-        for each, of_each in zip(self._windows.invariants, windows, strict=True):
-            if covered(of_each, times)[0]:
+        for each, counts in zip(self._windows.invariants, self._counting(times, now), strict=True):
+            if counts[0]:
                 risk += float(each.condition.failure(moments, self._given.risk_bound)[0])
         return min(risk, 1.0)
+
+    def _counting(self, times: Times, now: int) -> NDArray[np.bool_]:
+        """Return which invariants must hold at some instants; shape (invariants, instants)."""
+        return self._windows.counting(times, now, self._agent.surroundings.clock.end)[:, self._agent.row]
 
     def _motion(self, states: Array, times: Times) -> ExpectedMotion:
         count = len(states)
@@ -272,22 +273,22 @@ class ChanceConstraints:
             found[0] = believed[self._agent.row]
         for stage in range(steps):
             transition = self._corrected if stage else self._transition
-            found[stage + 1] = _product(_product(transition, found[stage]), transition.T)
+            found[stage + 1] = propagated(found[stage : stage + 1], transition[None])[0]
             if self._noise is not None:
                 found[stage + 1] += self._noise
         return found
 
-    def _stages(self, expected: Array, windows: list[list[tuple[int, int]]], now: int) -> _Stages:
+    def _stages(self, expected: Array, now: int) -> _Stages:
         steps = len(expected) - 1
         times = now + self._step * np.arange(1, steps + 1)
         covariances = self._covariances(steps)[1:]
         moments = self._motion(expected[1:], times).moments(covariances, self._scope)
         slopes, offsets, counts, names = [], [], [], []
-        for each, of_each in zip(self._windows.invariants, windows, strict=True):
+        for each, of_each in zip(self._windows.invariants, self._counting(times, now), strict=True):
             sides = each.condition.half_spaces(moments)
             slopes.append(sides.slopes)
             offsets.append(sides.offsets)
-            counts.append(np.isfinite(sides.offsets) & covered(of_each, times))
+            counts.append(np.isfinite(sides.offsets) & of_each)
             names += [each.specification] * len(sides.offsets)
         found = HalfSpaces(np.concatenate(slopes), np.concatenate(offsets))
         return _Stages(times, found, found.deviations(covariances), np.concatenate(counts), names)
@@ -336,9 +337,3 @@ def _transitions(dynamics: Dynamics, correction: float) -> tuple[Array, Array]:
     if correction:
         corrected = dynamics(states, model.follow_velocity(states, -correction * model.positions(states)))
     return (free[1:] - free[0]).T, (corrected[1:] - corrected[0]).T
-
-
-def _product(one: Array, other: Array) -> Array:
-    """Multiply small matrices without a library for linear algebra, whose bits depend on the processor."""
-    product: Array = (one[:, :, None] * other[None]).sum(axis=1)
-    return product

@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters
+from symaware_cli.components.control.speed_risk import FACTORS, RiskOfSpeeds, SpeedRisk
+from symaware_cli.components.risk.failure_bound import is_linear
+from symaware_cli.components.risk.invariants import invariants
+from symaware_cli.core import AgentGroup, GroupComponent, Level, Parameters, Quantity, Signal
+from symaware_cli.specification.specification import Specification
 from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class KeptRisk(NamedTuple):
+    """The risk of violating specifications at the speed that is chosen.
+
+    Attributes:
+        of: The risk of all speeds.
+        choice: Which of `FACTORS` is chosen; shape (n,).
+        allowed: What the risk over the horizon may be; shape (n,).
+        planned: What it is; shape (n,).
+        next: The risk until the next step; shape (n,).
+    """
+
+    of: RiskOfSpeeds
+    choice: Indices
+    allowed: Array
+    planned: Array
+    next: Array
 
 
 class RiskAware(GroupComponent):
@@ -21,14 +44,31 @@ class RiskAware(GroupComponent):
     linearly to zero at ``bound``, and agents stand still above. It decreases at once but recovers at a limited rate: an
     agent that slows down is at less risk, and would otherwise alternate between starting and stopping at every step.
     The intent stays that of the controller: where the agent wants to go, not at which speed.
+
+    With a ``maximal_risk`` it keeps the ``specifications`` of each agent instead, with a probability of a violation in
+    the run of at most that, by the greatest of 21 parts of the requested speed at which the risk over the ``horizon``
+    is small enough. It predicts the risk of each itself: the one that a risk estimator wrote is about a single speed.
+    If it is too great at every speed, that with the least risk is chosen, and the event ``infeasible`` names the
+    specification.
     """
 
     batchable = True
+    specifications = "specifications"
+    signals = (
+        Signal(
+            "risk_budget",
+            columns=[Quantity("planned", "1"), Quantity("spent", "1")],
+            description="the risk over the horizon, and that taken so far, of violating `specifications`",
+        ),
+    )
 
     events: ClassVar = {
         "slowed": "An agent began to go slower than it wants to, because of the risk.",
         "stopped": "An agent that was slowed stopped altogether, for the first time since.",
         "resumed": "An agent goes as fast as it wants to again.",
+        "infeasible": "At no speed is the risk of `specification` small enough, from the instant `time` [s] on; once "
+        "until it is.",
+        "feasible": "There is such a speed again.",
     }
 
     class Parameters(Parameters):
@@ -39,6 +79,22 @@ class RiskAware(GroupComponent):
         recovery: float = Field(
             1.0, gt=0, description="Greatest rise of the part of the speed that is left, from 0 to 1 [1/s]."
         )
+        specifications: list[str] = Field(
+            default=[],
+            description="The specifications of the agents to keep, each of which says `always` of linear predicates.",
+        )
+        maximal_risk: float | None = Field(
+            None,
+            gt=0,
+            lt=1,
+            description="The greatest probability that one of the `specifications` is violated in the run; then there"
+            " is no `caution` and no `bound`.",
+        )
+        horizon: float = Field(1.0, gt=0, description="How far ahead to predict the risk of `specifications` [s].")
+        risk_bound: Literal["normal", "chebyshev"] = Field(
+            "normal",
+            description="What is assumed about deviations: that they are normal, or nothing but their covariance.",
+        )
 
         @model_validator(mode="after")
         def _caution_before_bound(self) -> RiskAware.Parameters:
@@ -46,48 +102,121 @@ class RiskAware(GroupComponent):
                 raise ValueError(f"caution ({self.caution:g}) must be less than bound ({self.bound:g})")
             return self
 
+        @model_validator(mode="after")
+        def _risk_of_something(self) -> RiskAware.Parameters:
+            if (self.maximal_risk is None) != (not self.specifications):
+                missing = "`specifications` to keep" if self.maximal_risk is not None else "a `maximal_risk`"
+                raise ValueError(f"a chance constraint needs {missing} as well")
+            if self.maximal_risk is not None and self.model_fields_set & {"caution", "bound"}:
+                raise ValueError("`maximal_risk` replaces `caution` and `bound`")
+            return self
+
+    def __init__(self, parameters: Any = None) -> None:
+        super().__init__(parameters)
+        if self.parameters.maximal_risk is None:
+            vars(self)["signals"] = ()  # nothing to record
+
     def check(self, group: AgentGroup) -> None:
-        """Check that the model supports slowing down."""
+        """Check that the model supports slowing down, and is linear where a risk is predicted."""
+        if self.parameters.maximal_risk is not None and not is_linear(group.model):
+            raise ValueError("`maximal_risk` works only with a model that is linear")
         state, count = group.initial_state, len(group)
         group.model.slowed(state, np.zeros((count, len(group.model.control_input))), np.full(count, 0.5))
+
+    def check_specification(self, specification: Specification, group: AgentGroup) -> None:
+        """Check that a specification can be kept."""
+        invariants(specification, group)
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Start at full speed."""
         super().initialise_component(group)
+        parameters = self.parameters
+        self._speeds: SpeedRisk | None = None
+        if parameters.maximal_risk is not None:
+            self._speeds = SpeedRisk(group, parameters.specifications, parameters.horizon, parameters.risk_bound)
+        #: The risk that each agent has taken so far, and whether it last kept the specifications.
+        self._spent, self._keeps = np.zeros(len(group)), np.ones(len(group), bool)
         self._factor = np.ones(len(group))
         self._stopped = np.zeros(len(group), bool)
         self._last: int | None = None
         self._requested: Array | None = None
         self._written: int | None = None
 
-    def _compute(self) -> tuple[Array, Array, Array]:
+    def _compute(self) -> tuple[Array, Array, Array, KeptRisk | None]:
         group, parameters = self._group, self.parameters
-        risk = self._risk()
-        wanted = np.clip((parameters.bound - risk) / (parameters.bound - parameters.caution), 0.0, 1.0)
         elapsed = 0.0 if self._last is None else (self.now - self._last) / SECOND
-        factor = np.minimum(wanted, self._factor + parameters.recovery * elapsed)
+        fastest = self._factor + parameters.recovery * elapsed
         requested = group.control_input
         if group.control_column.writes == self._written and self._requested is not None:
             # No new request since the last turn: slow down the original one, not the one already slowed.
             requested = self._requested
-        return requested, group.model.slowed(group.awareness.state, requested, factor), factor
+        if self._speeds is None:
+            kept, risk = None, self._risk()
+            wanted = np.clip((parameters.bound - risk) / (parameters.bound - parameters.caution), 0.0, 1.0)
+            factor = np.minimum(wanted, fastest)
+        else:
+            kept = self._kept(self._speeds, requested, fastest)
+            factor = FACTORS[kept.choice]
+        return requested, group.model.slowed(group.awareness.state, requested, factor), factor, kept
 
-    def _update(self, value: tuple[Array, Array, Array]) -> None:
-        self._requested, slowed, factor = value
+    def _kept(self, speeds: SpeedRisk, requested: Array, fastest: Array) -> KeptRisk:
+        """Choose the greatest part of the speed with little enough risk, else that with the least."""
+        step = self.environment.time_step
+        if self._last is not None and self.now != self._last + step:
+            raise ValueError("with `maximal_risk` it takes a turn at each step of the world, and it missed one")
+        found = speeds.of(requested, self.now)
+        total = found.total
+        allowed = np.maximum(self.parameters.maximal_risk - self._spent, 0.0) * found.share
+        reachable = fastest[:, None] + 1e-9 >= FACTORS
+        small = reachable & (total <= allowed[:, None])
+        greatest = len(FACTORS) - 1 - small[:, ::-1].argmax(axis=1)
+        least = np.where(reachable, total, np.inf).argmin(axis=1)
+        choice, rows = np.where(small.any(axis=1), greatest, least), np.arange(len(total))
+        return KeptRisk(found, choice, allowed, total[rows, choice], found.next[rows, choice])
+
+    def _update(self, value: tuple[Array, Array, Array, KeptRisk | None]) -> None:
+        self._requested, slowed, factor, kept = value
         self._group.control_input = slowed
         self._written = self._group.control_column.writes
         self._last = self.computed_at
-        self._emit_changes(factor)
+        self._emit_changes(factor, None if kept is None else kept.of.total[:, -1])
         self._factor = factor
+        if kept is not None:
+            self._spent = self._spent + kept.next
+            self.record(self.signals[0], np.stack([kept.planned, self._spent], axis=1))
+            self._emit_feasibility(kept)
 
-    def _emit_changes(self, factor: Array) -> None:
-        """Emit events for agents that slow down, stop or resume."""
+    def _emit_feasibility(self, kept: KeptRisk) -> None:
+        """Emit events for agents that keep the specifications no longer, or again."""
+        keeps, speeds = kept.planned <= kept.allowed, self._speeds
+        assert speeds is not None
+        for row in np.flatnonzero(keeps != self._keeps).tolist():
+            risk, allowed = float(kept.planned[row]), float(kept.allowed[row])
+            if keeps[row]:
+                self.emit_for(row, "feasible", "goes at a speed with little enough risk again", risk=risk)
+                continue
+            name, time = speeds.unkept(kept.of.risks[:, :, row, kept.choice[row]], allowed, self.now)
+            self.emit_for(
+                row,
+                "infeasible",
+                f"at no speed is `{name}` kept from {time:g} s on: a risk of {risk:.2g}, of which {allowed:.2g} is "
+                f"left; goes at {FACTORS[kept.choice[row]]:.0%} of its speed, which has the least",
+                level=Level.WARNING,
+                specification=name,
+                time=time,
+                risk=risk,
+                allowed=allowed,
+            )
+        self._keeps = keeps
+
+    def _emit_changes(self, factor: Array, risk: Array | None) -> None:
+        """Emit events for agents that slow down, stop or resume, because of a risk; None for the estimated one."""
         before = self._factor
         stopped = (factor <= 0.0) & ~self._stopped
         changed = ((factor < 1.0) != (before < 1.0)) | stopped
         if not changed.any():
             return
-        risk = self._risk()
+        risk = self._risk() if risk is None else risk
         for row in np.flatnonzero(changed).tolist():
             if factor[row] < 1.0 <= before[row]:
                 self.emit_for(row, "slowed", f"slowed down at a risk of {risk[row]:.2g}", risk=float(risk[row]))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.components.risk.predicate_bounds import NotLinearError, predicate_bound
 from symaware_cli.components.risk.sampled_motion import SampledMotion
-from symaware_cli.components.risk.state_conditions import Moments, StateCondition, Tail
+from symaware_cli.components.risk.state_conditions import Moments, StateCondition, Tail, propagated
 from symaware_cli.core import AgentGroup, Model
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.formula import Array
@@ -155,16 +155,8 @@ def _propagated(motion: SampledMotion, before: Array, covariance: Array, model: 
     transition = np.empty(covariance.shape)
     for column, unit in enumerate(np.eye(size)):
         transition[:, :, column] = motion.expected(before + unit)[0] - motion.states
-    propagated = np.zeros(covariance.shape)
-    for row in range(size):
-        for column in range(size):
-            for one in range(size):
-                for other in range(size):
-                    propagated[:, row, column] += (
-                        transition[:, row, one] * covariance[:, one, other] * transition[:, column, other]
-                    )
-    noise = model.noise_covariance(duration)
-    return propagated if noise is None else propagated + noise
+    after, noise = propagated(covariance, transition), model.noise_covariance(duration)
+    return after if noise is None else after + noise
 
 
 def _look_up(scope: PredictedAgentScope, motion: SampledMotion, states: NDArray[np.float64]) -> Lookup:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,6 +94,7 @@ class InvariantWindows:
             ValueError: A specification is not monitored in this process.
         """
         self._time_step = time_step
+        self._count = len(group)
         self.invariants: list[Invariant] = []
         self._monitors: list[SpecificationMonitor] = []
         for name in specifications:
@@ -104,36 +105,39 @@ class InvariantWindows:
             self.invariants += of_name
             self._monitors += [statuses.monitor] * len(of_name)
 
-    def of(self, row: int, now: int, end: int | None) -> list[list[tuple[int, int]]]:
-        """Return the present windows of an agent for each invariant, as their first and last instants [ns].
+    def counting(self, times: Times, now: int, end: int | None) -> NDArray[np.bool_]:
+        """Return which invariants must hold at some instants, for each agent; shape (invariants, n, instants).
 
         Args:
-            row: The row of the agent.
+            times: The instants, from now on [ns].
             now: The present time [ns].
             end: The end of the run [ns]; None if it is unknown.
         """
-        step = self._time_step
-        far = np.iinfo(np.int64).max if end is None else end
-        found = []
-        for each, monitor in zip(self.invariants, self._monitors, strict=True):
-            starts = [cohort.start for cohort in monitor.cohorts if row in cohort.rows]
-            if monitor.awaited[row]:
-                starts.append(max(monitor.specification.start, -(-now // step) * step))
-            found.append(
-                [
-                    (begin + each.first * step, far if each.last is None else min(far, begin + each.last * step))
-                    for begin in starts
-                ]
-            )
+        found = np.zeros((len(self.invariants), self._count, len(times)), bool)
+        for place, rows, first, last in self._windows(now, end):
+            found[place, rows] |= (times >= first) & (times <= last)
         return found
 
+    def remaining(self, now: int, end: int | None) -> Indices:
+        """Return at how many instants to come an invariant must hold, at most; shape (n,)."""
+        found = np.zeros(self._count, np.intp)
+        for _, rows, first, last in self._windows(now, end):
+            left = (last - max(first, now + self._time_step)) // self._time_step + 1
+            found[rows] = np.maximum(found[rows], left)
+        return found
 
-def covered(windows: Sequence[tuple[int, int]], times: Times) -> NDArray[np.bool_]:
-    """Return which of some times lie in one of several windows."""
-    found = np.zeros(len(times), bool)
-    for first, last in windows:
-        found |= (times >= first) & (times <= last)
-    return found
+    def _windows(self, now: int, end: int | None) -> Iterator[tuple[int, Indices, int, int]]:
+        """Yield the present windows: the place of the invariant, the agents, and the first and the last instant."""
+        step = self._time_step
+        far = int(np.iinfo(np.int64).max) if end is None else end
+        for place, (each, monitor) in enumerate(zip(self.invariants, self._monitors, strict=True)):
+            starts = [(cohort.rows, cohort.start) for cohort in monitor.cohorts]
+            awaited = np.flatnonzero(monitor.awaited)
+            if len(awaited):
+                starts.append((awaited, max(monitor.specification.start, -(-now // step) * step)))
+            for rows, begin in starts:
+                last = far if each.last is None else min(far, begin + each.last * step)
+                yield place, rows, begin + each.first * step, last
 
 
 @dataclass(frozen=True, slots=True, eq=False)

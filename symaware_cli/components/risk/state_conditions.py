@@ -212,6 +212,20 @@ def exceeding(margin: Array, deviation: Array, tail: Tail) -> tuple[Array, Array
     return np.where(known, (margin <= 0.0).astype(float), fails), np.where(known, (margin >= 0.0).astype(float), holds)
 
 
+def propagated(covariance: Array, transition: Array) -> Array:
+    """Return A P A' for covariances P and matrices A, (n, nx, nx) each, with bits that depend on no library."""
+    size = covariance.shape[1]
+    found = np.zeros(covariance.shape)
+    for row in range(size):
+        for column in range(size):
+            for one in range(size):
+                for other in range(size):
+                    found[:, row, column] += (
+                        transition[:, row, one] * covariance[:, one, other] * transition[:, column, other]
+                    )
+    return found
+
+
 def quantile(probability: Array, tail: Tail) -> Array:
     """Return how many standard deviations of margin bound the probability of a negative quantity; see `exceeding`."""
     found: Array = -ndtri(probability) if tail == "normal" else np.sqrt((1.0 - probability) / probability)
