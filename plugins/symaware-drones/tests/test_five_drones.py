@@ -97,10 +97,34 @@ def test_what_cannot_be_met_is_said_before_the_run(override: str, said: str | No
         assert said in done.stderr
 
 
+def test_without_a_link_the_common_task_fails_and_both_ends_say_since_when() -> None:
+    log = fly("lost-link.yaml")
+    assert [name for name in PHASE if robustness(log)[name] <= 0] == ["slot-1-1"]
+    said = {event.name: event for event in log.events() if event.name in ("unheard", "unanswered")}
+    assert said["unheard"].source == "agents.hub.steer"
+    assert said["unanswered"].source == "agents.drone.1.steer"
+    for event in said.values():
+        assert (event.data["since"], event.data["tasks"]) == (pytest.approx(3.99), ["slot-1-1"])
+
+
+@pytest.mark.slow
+def test_messages_that_are_two_samples_late_are_survived() -> None:
+    log = fly("late-messages.yaml")
+    assert min(robustness(log)[name] for name in PHASE) > 0.005
+    assert log.series("drone.0", "steer.round").values[-1, -1] > 700  # rounds that were not complete in time
+
+
+@pytest.mark.slow
+def test_a_drone_that_fails_takes_no_other_task_with_it() -> None:
+    log = fly("lost-drone.yaml")
+    assert [name for name in PHASE if robustness(log)[name] <= 0] == ["slot-3-1"]
+    assert [event.data["neighbour"] for event in log.events() if event.name == "unheard"] == ["drone.3"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", ["five-drones.yaml", "asynchronous.yaml"])
 def test_all_tasks_hold(scenario: str) -> None:
-    log = fly(scenario)
+    log = fly(scenario, "run.duration=28")
     found = robustness(log)
     assert len(found) == 15
     assert min(found.values()) > 0.005

@@ -69,7 +69,11 @@ class Barrier:
 
     def values(self, now: int, x: float, y: float) -> dict[str, float]:
         """Return the barrier of each task in force by itself, by the name of its specification [m]."""
-        return {task.task.name: self._smooth(_table([task]), now, x, y).value for task in self.in_force(now)}
+        found: dict[str, float] = {}
+        for task in self.in_force(now):
+            value = self._smooth(_table([task]), now, x, y).value
+            found[task.task.name] = min(value, found.get(task.task.name, value))
+        return found
 
     def _smooth(self, table: Sequence[tuple[float, ...]], now: int, x: float, y: float) -> BarrierSample:
         # With a few faces, plain numbers take a fraction of the time that arrays do.

@@ -34,6 +34,8 @@ from symaware_drones.team import order_of, reached_by, tasks_in, tasks_of_run
 BEST, EPSILON = "best", "epsilon"
 #: Gradients below this, relative to the speed, do not matter.
 _FLAT = 1e-9
+#: The greatest speed at which a height is corrected [m/s].
+_CLIMB = 0.5
 
 
 class _Round:
@@ -115,11 +117,14 @@ class BarrierController(CommunicationReceiver):
             "latest", description="When tasks begin that are to begin within an interval (`eventually`)."
         )
         clearance: float = Field(0.1, gt=0, description="The least value of a barrier at its activation [m].")
+        shrinkage: float = Field(
+            0.0, ge=0, description="How far the faces of all polygons are moved inwards, for errors of tracking [m]."
+        )
         patience: int = Field(5, ge=1, description="After how many rounds without a message a neighbour is silent.")
-        height: float | None = Field(
-            None,
-            description="If given, the velocity is not the control input but the knowledge `velocity`, for "
-            "`control.quadrotor-velocity`, which is to stay at this height [m].",
+        tracked: bool = Field(
+            False,
+            description="Whether velocities are not the control input but the knowledge `velocity`, which "
+            "`control.quadrotor-velocity` tracks; the height stays as it is at the start.",
         )
 
     def __init__(self, parameters: BaseModel | None = None) -> None:
@@ -135,7 +140,7 @@ class BarrierController(CommunicationReceiver):
 
     def check(self, group: AgentGroup) -> None:
         """Check that the model can follow velocities in the plane."""
-        if self.parameters.height is None:
+        if not self.parameters.tracked:
             group.model.follow_velocity(group.initial_state, np.zeros((len(group), len(group.model.position))))
 
     def check_specification(self, specification: Specification, group: AgentGroup) -> None:
@@ -206,6 +211,7 @@ class BarrierController(CommunicationReceiver):
             activation=parameters.activation,
             beginning=parameters.beginning,
             clearance=parameters.clearance,
+            shrinkage=parameters.shrinkage,
         )
 
     def _update(self, value: Sequence[Message]) -> None:
@@ -231,12 +237,13 @@ class BarrierController(CommunicationReceiver):
             self._prepare(edges, where)
         x, y = where[self.agent.id]
         now, own = self.now, None
-        samples, values = {}, {}
+        samples: dict[str, BarrierSample] = {}
+        values: dict[str, float] = {}
         for agents, barrier in self._barriers.items():
             other = next((id for id in agents if id != self.agent.id), None)
             if other is None:
                 own = barrier.sample(now, x, y)
-                values.update(barrier.values(now, x, y))
+                values.update(self._values(barrier, own, x, y))
                 continue
             if other not in where:
                 continue
@@ -245,11 +252,18 @@ class BarrierController(CommunicationReceiver):
             found = barrier.sample(now, *apart)
             if found is not None:
                 samples[other] = found._replace(x=sign * found.x, y=sign * found.y)
-                for name, each in barrier.values(now, *apart).items():
+                for name, each in self._values(barrier, found, *apart).items():
                     values[name] = min(each, values.get(name, math.inf))
         self._round = _Round(number, own, samples)
         self.record(self.barriers, np.array([values.get(name, math.nan) for name in self.parameters.tasks]))
         self._advance(self._round, is_over=False)
+
+    def _values(self, barrier: Barrier, sample: BarrierSample | None, x: float, y: float) -> Mapping[str, float]:
+        """Return the barrier of each task in force, by the name of its specification [m]."""
+        tasks = barrier.in_force(self.now)
+        if sample is not None and len(tasks) == 1:
+            return {tasks[0].task.name: sample.value}
+        return barrier.values(self.now, x, y)
 
     def _prepare(self, edges: Mapping[str, str], where: Mapping[str, tuple[float, float]]) -> None:
         """Make the barriers of the tasks of decided edges."""
@@ -350,14 +364,16 @@ class BarrierController(CommunicationReceiver):
         self.record(ROUND, np.array([gamma, current.wanted, left, missing, self._late]))
 
     def _apply(self, velocity: tuple[float, float]) -> None:
-        agent, height = self.agent, self.parameters.height
-        if height is None:
+        agent = self.agent
+        if not self.parameters.tracked:
             model = agent.group.model
             wanted = np.zeros((1, len(model.position)))
             wanted[0, :2] = velocity
             agent.model.control_input = model.follow_velocity(agent.self_state[None], wanted)[0]
             return
-        climb = min(max(height - float(agent.self_state[agent.group.model.position[2]]), -0.5), 0.5)
+        height = agent.group.model.position[2]
+        missing = float(agent.group.initial_state[agent.row, height] - agent.self_state[height])
+        climb = min(max(missing, -_CLIMB), _CLIMB)
         agent.self_knowledge["velocity"] = [velocity[0], velocity[1], climb]
 
     def _names_in_force(self, neighbour: str) -> list[str]:

@@ -45,6 +45,7 @@ class Inputs:
     def __init__(self, sides: int, radius: float) -> None:
         self.corners = regular(sides, radius)
         rows = np.array(faces(self.corners))
+        self._apothem = radius * math.cos(math.pi / sides)
         self._normals, self._offsets = rows[:, :2], rows[:, 2]
 
     def most(self, x: float, y: float) -> float:
@@ -74,6 +75,12 @@ class Inputs:
                 wanted.append(each)
         if share <= 0.0 or all(each.bound <= 0.0 for each in wanted):
             return (0.0, 0.0), list(relaxed.items())
+        if len(wanted) == 1:
+            # The nearest point of the half-plane to 0, where no face of the inputs cuts it off.
+            x, y, bound = wanted[0][1:]
+            scale = bound / (x * x + y * y)
+            if scale * math.hypot(x, y) <= share * self._apothem:
+                return (scale * x, scale * y), list(relaxed.items())
         rows = np.concatenate([self._normals, [(each.x, each.y) for each in wanted]])
         lower = np.concatenate([np.full(len(self._normals), -np.inf), [each.bound for each in wanted]])
         upper = np.concatenate([share * self._offsets, np.full(len(wanted), np.inf)])

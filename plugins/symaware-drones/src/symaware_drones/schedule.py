@@ -56,6 +56,7 @@ class Schedule:
         activation: Activation = "sequence",
         beginning: Beginning = "latest",
         clearance: float = 0.1,
+        shrinkage: float = 0.0,
     ) -> None:
         """Determine the times and widths.
 
@@ -64,7 +65,9 @@ class Schedule:
             positions: The initial position of each agent [m].
             activation: When barriers come into force: each as the last task before it ends, or all at the start.
             beginning: When tasks begin that are to begin within an interval.
-            clearance: The least value of a barrier at its activation, as long as the task before it holds [m].
+            clearance: The least value of a barrier at its activation [m], as long as the task before it holds; if all
+                come into force at the start, as long as the drone is where it is or where an earlier task asks for.
+            shrinkage: How far all faces are moved inwards [m].
         """
         by_agents: dict[tuple[str, ...], list[tuple[int, int, Task]]] = {}
         for task in tasks:
@@ -81,11 +84,15 @@ class Schedule:
             found = []
             for start, end, task in timed:
                 before = [each for each in timed if each[1] <= start and each[2] is not task]
-                last = max(before, key=lambda each: each[1], default=None) if activation == "sequence" else None
-                known: Corners = [initial] if last is None else last[2].corners
-                at = 0 if last is None else last[1]
+                known: Corners = [initial]
+                at = 0
+                if activation == "start":
+                    known = [initial, *(corner for each in before for corner in each[2].corners)]
+                elif before:
+                    last = max(before, key=lambda each: each[1])
+                    known, at = last[2].corners, last[1]
                 wide = tuple(
-                    (x, y, offset, _width(support(known, x, y) - offset, clearance, at < start))
+                    (x, y, offset - shrinkage, _width(support(known, x, y) - offset + shrinkage, clearance, at < start))
                     for x, y, offset in faces(task.corners)
                 )
                 found.append(ScheduledTask(task, at, start, end, wide))
