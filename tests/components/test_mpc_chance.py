@@ -144,6 +144,17 @@ def test_what_cannot_be_kept_is_named_with_its_time_and_the_fallback_acts(
     assert applied == pytest.approx(second, abs=1e-6)
 
 
+def test_the_rest_of_the_last_plan_is_followed_if_no_new_one_has_little_enough_risk(tmp_path: Path) -> None:
+    """Plans that count on strong corrections come near, until a gust is too strong for these."""
+    content = scenario("always x < 0.6", duration=2.0, fallback="last-plan", correction=10.0, maximal_risk=0.01)
+    content["agents"]["robot"]["model"]["with"]["process_noise"] = 0.5
+    event = next(each for each in run(tmp_path, content)[2] if each.name == "infeasible")
+    plans = {each.time: each.values for each in open_log(tmp_path / "wall.mcap").predictions("robot", "intent")}
+    before, now = plans[event.time - round(STEP * 1e9)], plans[event.time]
+    assert now[:-1] == pytest.approx(before[1:])
+    assert "follows its last plan" in event.text
+
+
 @pytest.mark.parametrize(
     ("formula", "changes", "said"),
     [
