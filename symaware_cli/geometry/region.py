@@ -166,14 +166,24 @@ class RegionShape(StrictModel):
         if self.box is not None:
             bounds = np.array(self.box).reshape(-1, 2)
             middle, half = bounds.mean(axis=1), 0.5 * (bounds[:, 1] - bounds[:, 0])
-            # Axis by axis: reducing along an axis of two or three elements is several times as slow.
-            beyond = [np.abs(points[:, axis] - middle[axis]) - half[axis] for axis in range(len(middle))]
-            farthest, squared = beyond[0], np.zeros(len(points))
-            for each in beyond:
-                farthest = np.maximum(farthest, each)
-                outside = np.maximum(each, 0.0)
-                squared += outside * outside
-            return np.asarray(-np.sqrt(squared) - np.minimum(farthest, 0.0))
+            # Axis by axis: reducing along an axis of two or three elements is several times as slow. In place: half the
+            # time of new arrays.
+            farthest = squared = np.empty(0)
+            for axis in range(len(middle)):
+                beyond = np.asarray(points[:, axis] - middle[axis])
+                np.abs(beyond, out=beyond)
+                beyond -= half[axis]
+                outside = np.maximum(beyond, 0.0)
+                outside *= outside
+                if axis:
+                    np.maximum(farthest, beyond, out=farthest)
+                    squared += outside
+                else:
+                    farthest, squared = beyond, outside
+            np.sqrt(squared, out=squared)
+            np.negative(squared, out=squared)
+            squared -= np.minimum(farthest, 0.0, out=farthest)
+            return squared
         assert self.polygon is not None
         return _polygon_depth(self.polygon, points)
 

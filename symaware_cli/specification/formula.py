@@ -152,8 +152,12 @@ def encoded(robustness: Array, holds_at_zero: bool) -> Array:
     Args:
         robustness: The computed robustness.
         holds_at_zero: Whether the predicate holds where its robustness is 0.
+
+    Returns:
+        The encoded robustness; the same array if nothing is 0.
     """
-    return np.where(robustness == 0.0, ZERO if holds_at_zero else -ZERO, robustness)
+    is_zero = robustness == 0.0
+    return np.where(is_zero, ZERO if holds_at_zero else -ZERO, robustness) if np.any(is_zero) else robustness
 
 
 def plain(robustness: Array) -> Array:

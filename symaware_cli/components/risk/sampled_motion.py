@@ -245,12 +245,16 @@ class SampledMotion:
         """Add deviations to the states, by the roots of covariances (1 or n, nx, nx) and samples (nx, n, samples)."""
         elements = self.states.T.reshape(-1, *drawn.shape[1:])
         moved = np.empty(elements.shape)
-        for row, element in enumerate(elements):
-            total = element
-            for column in range(row + 1):
-                if spread[:, row, column].any():
-                    total = total + spread[:, row, column, None] * drawn[column]
-            moved[row] = total
+        for row, (element, total) in enumerate(zip(elements, moved, strict=True)):
+            columns = [column for column in range(row + 1) if spread[:, row, column].any()]
+            if not columns:
+                total[...] = element
+            for column in columns:
+                if column == columns[0]:
+                    np.multiply(spread[:, row, column, None], drawn[column], out=total)
+                    total += element
+                else:
+                    total += spread[:, row, column, None] * drawn[column]
         self.states = moved.reshape(len(moved), -1).T
 
 
