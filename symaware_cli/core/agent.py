@@ -21,7 +21,7 @@ from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import EventBus
 from symaware_cli.core.message import Exchange
-from symaware_cli.core.verdict import SpecificationStatus, SpecificationStatuses
+from symaware_cli.core.verdict import OFFERS, OfferBoard, SpecificationStatus, SpecificationStatuses
 from symaware_cli.geometry.region import Region
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.model import Model
@@ -63,6 +63,7 @@ class AgentGroup(EntityGroup):
         regions: The regions of the scenario, by name.
         folder: The folder of the scenario, below which the files that parameters name are.
         specifications: The statuses of the specifications of the run, by name.
+        offers: Accepts specifications that are offered; None if the scenario has none.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class AgentGroup(EntityGroup):
         self.regions: Mapping[str, Region] = {}
         self.folder = Path()
         self.specifications: Mapping[str, SpecificationStatuses] = {}
+        self.offers: OfferBoard | None = None
         self.surroundings: Surroundings
 
     def set_roster(self, roster: Roster) -> None:
@@ -240,6 +242,32 @@ class Agent:
         """The statuses, up to the last step, of the specifications that concern the agent, by name."""
         found = {name: statuses.of(self.id) for name, statuses in self.group.specifications.items()}
         return {name: status for name, status in found.items() if status is not None}
+
+    @property
+    def offers(self) -> Mapping[str, Mapping[str, Any]]:
+        """The specifications that are offered, as far as the agent was told, by name.
+
+        Each has ``formula``, ``epsilon``, ``from``, ``since`` and ``until`` [s], and ``knowledge``; see
+        docs/specifications.md. It may be told by the run, in its own knowledge, or by others, in what it knows of them.
+        """
+        found: dict[str, Mapping[str, Any]] = {}
+        for id in sorted(self.knowledge_database, key=lambda each: (each == self.id, each)):
+            found.update(self.knowledge_database[id].get(OFFERS, {}))
+        return found
+
+    def measured_robustness(self, name: str) -> float:
+        """Return the robustness of a specification on what was measured of the agent, from its beginning up to now.
+
+        All windows are cut to what was measured: of ``eventually`` it is the greatest so far and of ``always`` the
+        least. Before the specification begins, the present instant counts as its first. NaN for linear temporal logic.
+
+        Args:
+            name: The name of a specification, also of one that is offered.
+
+        Raises:
+            KeyError: There is no such specification.
+        """
+        return self.group.specifications[name].measured(self.id)
 
     @property
     def surroundings(self) -> Surroundings:

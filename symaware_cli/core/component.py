@@ -355,6 +355,21 @@ class Component(BaseComponent[Agent]):
     def _agent_id(self) -> str | None:
         return self._agent.id
 
+    def accept(self, specification: str) -> bool:
+        """Accept a specification that is offered, in `_update`: from its beginning it counts for this agent.
+
+        Args:
+            specification: Its name.
+
+        Returns:
+            Whether the agent has accepted it; False if it is not offered now, another agent was faster, or this one has
+            failed it already.
+
+        Raises:
+            ValueError: It is never offered, or it is about the agents of another group.
+        """
+        return _accept(self._agent.group, specification, self._agent.id, self.path)
+
     @property
     def random(self) -> np.random.Generator:
         """The random generator of the component, keyed by the seed of the run, the path of the component and the turn.
@@ -433,6 +448,10 @@ class GroupComponent(BaseComponent[AgentGroup]):
         else:
             awareness[field] = value
 
+    def accept_for(self, row: int, specification: str) -> bool:
+        """Accept a specification that is offered, for one agent of the group; see `Component.accept`."""
+        return _accept(self._group, specification, self._group.ids[row], self.agent_path(row))
+
     def emit_for(self, row: int, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
         """Fire an event on behalf of one agent of the group."""
         self._emit_from(self.agent_path(row), self._group.ids[row], name, text, level, data)
@@ -452,3 +471,9 @@ class GroupCommunicationReceiver(GroupComponent):
     @abstractmethod
     def _update(self, value: Sequence[Delivery]) -> None:
         """Process the messages that arrived, in columns, oldest first for each agent."""
+
+
+def _accept(group: AgentGroup, specification: str, agent: str, path: str) -> bool:
+    if group.offers is None:
+        raise ValueError(f"no specification `{specification}` is offered in this scenario")
+    return group.offers.accept(specification, agent, path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, NamedTuple, Protocol
 
 
@@ -31,6 +32,23 @@ class SpecificationStatuses(Protocol):
     def of(self, agent: str) -> SpecificationStatus | None:
         """The status for an agent: its own, the worst of its pairs, or the world's; None where it has none."""
 
+    def measured(self, agent: str) -> float:
+        """The robustness on what was measured of an agent so far, with windows cut to that."""
+
     @property
     def worst(self) -> SpecificationStatus:
         """The worst of all."""
+
+
+#: The knowledge of an agent that lists the specifications that it was told are offered, by name.
+OFFERS = "offers"
+
+
+class OfferBoard(Protocol):
+    """Accepts specifications that are offered."""
+
+    def accept(self, name: str, agent: str, path: str) -> bool:
+        """Accept a specification for an agent, on behalf of the component with a path; whether the agent has it."""
+
+    def open_to(self, group: str) -> Collection[str]:
+        """The names of the specifications that agents of a group can accept now."""

@@ -86,7 +86,7 @@ class LogJournals(LogFile):
         """The outcomes of the specifications that were monitored, in the scenario's order."""
         if not self.specifications:
             return ()
-        told = [event for event in self.events() if event.name in ("satisfied", "violated")]
+        told = [event for event in self.events() if event.source.startswith("specifications.")]
         with self._consistent("/events"):
             return tuple(outcome_in(each, told) for each in self.specifications.values())
 

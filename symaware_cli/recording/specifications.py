@@ -15,7 +15,7 @@ from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.logged_events import LoggedEvent
 from symaware_cli.recording.wire.packing import FLOAT, INDEX, TIME, packed
 from symaware_cli.recording.writer import LogWriter
-from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
+from symaware_cli.specification.outcome import REJECTED, Decision, Outcome, outcome_of
 from symaware_cli.specification.specification import SpecificationMonitor
 
 #: The topic of a specification.
@@ -60,6 +60,8 @@ class SpecificationRecorder:
                 "start": str(specification.start),
                 "end": "" if specification.end is None else str(specification.end),
             }
+            if specification.offer is not None:
+                metadata["offered"] = json.dumps({"epsilon": specification.offer.epsilon})
             topic = TOPIC.format(specification.name)
             self._channels[specification.name] = writer.channel(topic, "Specification", metadata)
 
@@ -150,7 +152,7 @@ class LoggedSpecification:
         verdicts: 1 satisfied, -1 violated, 0 undecided; shape (k, rows).
         presumptions: 1 or -1, the verdict if the run ended then, for an undecided formula of linear temporal logic; 0
             for others; shape (k, rows).
-        begun: Which rows were ever present; shape (rows,).
+        begun: Which rows count: those that were ever present, or that have accepted what was offered; shape (rows,).
         lower: Lower bound of the robustness; shape (k, rows), minus infinity where not computed.
         upper: Upper bound of the robustness; shape (k, rows).
         instants: The instants whose exact robustness is known, ns, ascending; shape (m,).
@@ -200,16 +202,19 @@ def outcome_in(logged: LoggedSpecification, events: Iterable[LoggedEvent]) -> Ou
     begun = np.flatnonzero(logged.begun)
     known = len(logged.verdicts) > 0
     lower, upper = (each[-1][begun] if known else np.empty(0) for each in (logged.lower, logged.upper))
-    return outcome_of(
+    told = [event for event in events if event.source == f"specifications.{logged.name}"]
+    outcome = outcome_of(
         logged.name,
         logged.formula,
         lambda place: logged.rows[int(begun[place])],
         logged.verdict[begun],
         np.where(lower == upper, upper, np.nan),
         upper,
-        [Decision.from_json(event.data) for event in events if event.source == f"specifications.{logged.name}"],
+        [Decision.from_json(event.data) for event in told if event.name in ("satisfied", "violated")],
         _presumption(logged, begun),
     )
+    rejected = [str(event.data.get("reason", "")) for event in told if event.name == REJECTED]
+    return outcome.rejected(rejected[-1]) if rejected else outcome
 
 
 def _presumption(logged: LoggedSpecification, begun: NDArray[np.intp]) -> int | None:
@@ -248,7 +253,7 @@ def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message])
             state = state[0].copy(), state[1].copy(), state[2].copy(), state[3].copy()
             decoded = [_DECODED[code] for code in content.verdicts]
             state[0][chosen], state[3][chosen] = zip(*decoded, strict=True)
-            begun[chosen] |= np.frombuffer(content.verdicts, np.uint8) != _NOT_BEGUN
+            begun[chosen] = np.frombuffer(content.verdicts, np.uint8) != _NOT_BEGUN
             if content.lower:
                 state[1][chosen], state[2][chosen] = content.lower, content.upper
             if times and times[-1] == message.time:

@@ -240,6 +240,10 @@ class Membership:
                 scheduler.release(row)
             scheduler.restart_agents(rows)
 
+    def takes_part(self, group: AgentGroup, row: int) -> bool:
+        """Whether an agent takes part: it is in the world, and has neither failed nor stopped."""
+        return not self._reasons[group.name, row]
+
     def _release(self, group: AgentGroup, row: int) -> bool:
         """Remove a reason for which an agent takes no part; return whether it was the last."""
         self._reasons[group.name, row] -= 1

@@ -104,15 +104,24 @@ class Unavailable:
 class ReceivedStatuses:
     """The statuses of one specification as the run sent them; see `SpecificationStatuses`."""
 
-    def __init__(self, worst: tuple[Any, ...], by_agent: Mapping[str, tuple[Any, ...]]) -> None:
+    def __init__(
+        self, worst: tuple[Any, ...], by_agent: Mapping[str, tuple[Any, ...]], measured: Mapping[str, float]
+    ) -> None:
         self.specification = None
         self.worst = SpecificationStatus(*worst)
         self._by_agent = by_agent
+        self._measured = measured
 
     def of(self, agent: str) -> SpecificationStatus | None:
         """Return the status for an agent; None where it has none."""
         status = self._by_agent.get(agent)
         return None if status is None else SpecificationStatus(*status)
+
+    def measured(self, agent: str) -> float:
+        """Return the robustness on what was measured of an agent; only of specifications that are offered."""
+        if agent not in self._measured:
+            raise RuntimeError("in a process of its own, a component has the robustness of what is offered alone")
+        return self._measured[agent]
 
 
 class EntryTransfer(Transfer):
@@ -180,10 +189,12 @@ class EntryTransfer(Transfer):
             "held": [each.awareness_database.held for each in self._agents],
         }
         if self._group.specifications:
+            offered = () if self._group.offers is None else self._group.offers.open_to(self._group.name)
             values["specifications"] = {
                 name: (
                     tuple(statuses.worst),
                     {id: tuple(status) for id in self._group.ids if (status := statuses.of(id))},
+                    {id: statuses.measured(id) for id in self._group.ids} if name in offered else {},
                 )
                 for name, statuses in self._group.specifications.items()
             }

@@ -170,6 +170,7 @@ class Run:
             self._observer,
             recorder,
             decides=participant is None or participant.decides,
+            takes_part=self.membership.takes_part,
         )
         self._hooks = SimulationHooks(
             simulation,

@@ -106,6 +106,8 @@ class SimulationHooks:
             simulation.announce("iterating", "run")
         if is_step and self._membership.is_open:
             self._membership.update(now)
+        if is_step and self._specifications.offers.is_open:
+            self._specifications.offers.update(now)
         if is_step or self._arrival <= now:
             simulation.exchange.deliver(now)
             self._sent = -1

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from symaware_cli.core import Event, Level
+from symaware_cli.core import AgentGroup, Event, Level
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import RunError
+from symaware_cli.runtime.offers import Offers
 from symaware_cli.runtime.scope import WorldColumns, WorldScope
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Trigger
@@ -29,6 +30,7 @@ class Specifications:
 
     Attributes:
         monitors: The monitor of each, by name.
+        offers: Those that are offered, and what becomes of them.
     """
 
     def __init__(
@@ -41,6 +43,7 @@ class Specifications:
         recorder: Recorder | None = None,
         period: int | None = None,
         decides: bool = True,
+        takes_part: Callable[[AgentGroup, int], bool] | None = None,
     ) -> None:
         """Prepare.
 
@@ -53,6 +56,7 @@ class Specifications:
             recorder: Writes the run down; None where nobody does.
             decides: Whether this process says what becomes of them. One that does not monitors, for its agents, those
                 that a copy of the world is enough for.
+            takes_part: Tells whether an agent takes part in the run; None where a log is evaluated.
             period: The time between two looks, in nanoseconds; by default the time step of the world.
         """
         self._simulation = simulation
@@ -72,10 +76,11 @@ class Specifications:
             if isinstance(each.scope, WorldColumns):
                 each.scope.source = WorldScope(simulation, observer)
         for name, trigger in triggers.items():
-            if name not in self.monitors:
+            if name not in self.monitors or self.monitors[name].specification.offer is not None:
                 continue
             router.connect(trigger.event, trigger.source, partial(self._begin, self.monitors[name], trigger))
-        statuses = {name: MonitorStatuses(monitor) for name, monitor in self.monitors.items()}
+        self.offers = Offers(simulation, self.monitors, triggers, router, takes_part)
+        statuses = {name: MonitorStatuses(monitor, simulation.clock) for name, monitor in self.monitors.items()}
         for group in simulation.groups:
             group.specifications = statuses
 
@@ -104,6 +109,8 @@ class Specifications:
 
     def finish(self, now: int) -> None:
         """Take note that the run has come to its declared end."""
+        if self._decides:
+            self.offers.finish()
         for monitor in self.monitors.values():
             decisions = monitor.finish()
             for decision in decisions if self._decides else ():

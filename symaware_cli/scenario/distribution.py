@@ -55,6 +55,10 @@ def participant(built: Built, place: Place) -> Participant:
     if believed:
         said = "is about beliefs, which only the processes that run the agents have, not the host"
         raise DistributionError(f"the specification `{believed[0]}` {said}")
+    offered = [each.name for each in built.options.specifications if each.offer is not None]
+    if offered:
+        said = "is offered while the run goes on, and only the process that runs the agent could accept it"
+        raise DistributionError(f"the specification `{offered[0]}` {said}")
     agents = _chosen(built, place)
     key = None if place.key is None else _key(place.key)
     if key is None and not is_loopback(host):

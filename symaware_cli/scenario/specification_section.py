@@ -2,11 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from symaware_cli.scenario.section import Identifier, Name, Seconds, Section, Target, TriggerSection
+
+
+class OfferSection(Section):
+    """How a specification is offered to agents while the run goes on."""
+
+    at: Seconds | TriggerSection = Field(
+        description="When it is offered [s]; or an event: then it is offered at the next step after the event has "
+        "fired for the first time."
+    )
+    open_for: float | None = Field(
+        None,
+        gt=0,
+        le=1e9,
+        description="How long it can be accepted, from the offer and from each time at which it becomes open again "
+        "[s]. Then it is rejected. The rest of the run if left out.",
+    )
+    epsilon: float | None = Field(
+        None, gt=0, le=1, description="The probability with which the agent that accepts it may fail it."
+    )
+    to: Target | list[Target] | None = Field(
+        None,
+        description="Who is told of it, in the knowledge `offers`: a group, or a list of ids and groups. By default "
+        "the agents of `each`. Others learn of it by messages.",
+    )
+    knowledge: dict[Name, Any] = Field(
+        default_factory=dict, description="What is told with it, as plain values by name, such as `goal: [3, 4]`."
+    )
 
 
 class SpecificationUse(Section):
@@ -41,6 +68,12 @@ class SpecificationUse(Section):
         description="When the formula is to hold [s]; or an event: then it is to hold from each time the event fires.",
     )
     to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")
+    offer: OfferSection | None = Field(
+        None,
+        description="It is not in force by itself, but offered while the run goes on: it is about the one agent of "
+        "`each` that accepts it. It is to hold from `from`, by default from when it was first offered, whenever that "
+        "agent accepts.",
+    )
     on_violation: Literal["continue", "end", "event"] = Field(
         "continue",
         description="What becomes of a violation: the run goes on; it ends; or it goes on, with a warning. In every "
@@ -60,4 +93,18 @@ class SpecificationUse(Section):
             raise ValueError("what is believed is believed by agents: say of which group, with `each`")
         if self.to is not None and not isinstance(self.from_, TriggerSection) and self.to < self.from_:
             raise ValueError("`to` comes before `from`")
+        if self.offer is not None:
+            self._check_offer(self.offer)
         return self
+
+    def _check_offer(self, offer: OfferSection) -> None:
+        if self.each is None:
+            raise ValueError("what is offered is accepted by an agent: say of which group, with `each`")
+        if isinstance(self.from_, TriggerSection):
+            raise ValueError("what is offered begins with the offer or at a time: let `offer.at` be the event")
+        if isinstance(offer.at, TriggerSection):
+            return
+        if "from_" in self.model_fields_set and self.from_ < offer.at:
+            raise ValueError("`from` comes before `offer.at`")
+        if self.to is not None and self.to < offer.at:
+            raise ValueError("`to` comes before `offer.at`")

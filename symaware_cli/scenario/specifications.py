@@ -8,6 +8,7 @@ from itertools import combinations, islice, product
 import numpy as np
 
 from symaware_cli.core import AgentGroup, Links, nanoseconds
+from symaware_cli.core.verdict import OFFERS
 from symaware_cli.geometry.region import Region
 from symaware_cli.runtime.scope import WorldColumns
 from symaware_cli.runtime.simulation import ComponentEntry
@@ -16,7 +17,7 @@ from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.section import TriggerSection
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.specification_section import SpecificationUse
+from symaware_cli.scenario.specification_section import OfferSection, SpecificationUse
 from symaware_cli.scenario.timing_check import TimingCheck, trigger_of
 from symaware_cli.specification.automaton import Automaton, AutomatonError
 from symaware_cli.specification.closest_pair import ClosestPairScope, check_least
@@ -24,6 +25,7 @@ from symaware_cli.specification.columns import COLUMN_FUNCTIONS, KindError
 from symaware_cli.specification.expression import FUNCTIONS
 from symaware_cli.specification.formulation import Formulation, formulate
 from symaware_cli.specification.node import Name, Node, walk
+from symaware_cli.specification.offer import Offer
 from symaware_cli.specification.parser import RESERVED, parse
 from symaware_cli.specification.region import RegionError, check_names
 from symaware_cli.specification.scope import AgentScope, BeliefScope, PairScope, Scope, World
@@ -138,14 +140,18 @@ class SpecificationBuilder:
         path: Path = ("specifications", name)
         scope = self._scope(use, path)
         formulation = None if scope is None else self._formulation(use, scope, path)
-        if isinstance(use.from_, TriggerSection):
-            trigger = trigger_of(use.from_.event, use.from_.of)
+        event, place = use.from_, (*path, "from")
+        if use.offer is not None:
+            event, place = use.offer.at, (*path, "offer", "at")
+        if isinstance(event, TriggerSection):
+            trigger = trigger_of(event.event, event.of)
             if use.each is None and trigger.source is None:
                 said = "an event of an agent's own components belongs to a specification with `each`"
-                self._report("invalid-value", said, (*path, "from"), expected="an `of` that says whose event")
+                self._report("invalid-value", said, place, expected="an `of` that says whose event")
                 return None
-            self._check.source(trigger, use.each, self._entries, (*path, "from"))
+            self._check.source(trigger, use.each, self._entries, place)
             self.triggers[name] = trigger
+        offer = None if use.offer is None or use.each is None else self._offer(use.offer, use.each, (*path, "offer"))
         if scope is None or formulation is None:
             return None
         automaton = None
@@ -155,17 +161,50 @@ class SpecificationBuilder:
             except AutomatonError as error:
                 self._report("bad-expression", f"{quoted(name)}: {error}", (*path, "formula"))
                 return None
+        start = 0.0 if isinstance(use.from_, TriggerSection) else use.from_
+        if use.offer is not None and not isinstance(use.offer.at, TriggerSection):
+            start = max(start, use.offer.at)
         return Specification(
             name=name,
             of=use.of,
             each=use.each,
             scope=scope,
             formulation=formulation,
-            start=0 if isinstance(use.from_, TriggerSection) else nanoseconds(use.from_),
+            start=nanoseconds(start),
             end=None if use.to is None else nanoseconds(use.to),
             on_violation=use.on_violation,
             interval=use.interval and automaton is None,
             automaton=automaton,
+            offer=offer,
+        )
+
+    def _offer(self, use: OfferSection, each: str, path: Path) -> Offer | None:
+        """How a specification is offered; None after a problem."""
+        said = [each] if use.to is None else [use.to] if isinstance(use.to, str) else use.to
+        known = {name: group.ids for name, group in self._groups.items()} | {id: (id,) for id in self._ids}
+        if each not in self._groups:
+            return None
+        wrong = False
+        for place, name in enumerate(said):
+            if name not in known:
+                wrong = True
+                whose = (*path, "to") if isinstance(use.to, str) else (*path, "to", place)
+                self._unknown(name, "agent or group", whose, known)
+        if wrong:
+            return None
+        told = tuple(dict.fromkeys(id for name in said for id in known[name]))
+        for id in told:
+            group, row = self._ids[id]
+            if group.knowledge[row].setdefault(OFFERS, {}):
+                said_of = f"`{OFFERS}` is the knowledge in which agents are told of what is offered"
+                self._report("invalid-value", said_of, ("agents", group.name, "knowledge", OFFERS), key=True)
+                return None
+        return Offer(
+            at=None if isinstance(use.at, TriggerSection) else nanoseconds(use.at),
+            open_for=None if use.open_for is None else nanoseconds(use.open_for),
+            epsilon=use.epsilon,
+            to=told,
+            knowledge=use.knowledge,
         )
 
     def _scope(self, use: SpecificationUse, path: Path) -> Scope | None:

@@ -39,6 +39,9 @@ AGENT_EVENTS = FAULT_EVENTS | {
 ENVIRONMENT_EVENTS = frozenset({"contact", "stepped", "stepping"})
 RUN_EVENTS = frozenset({"iterated", "iterating", "started"})
 
+#: Events of specifications, and of those that are offered.
+SPECIFICATION_EVENTS = frozenset({"satisfied", "violated", "offered", "accepted", "released", "rejected"})
+
 #: Events of the topology.
 TOPOLOGY_EVENTS = frozenset({"links-changed"})
 
@@ -235,6 +238,8 @@ class TimingCheck:
             fired |= TOPOLOGY_EVENTS
         if any(pattern.match(each) for each in ("exchange", "faults")):
             fired |= FAULT_EVENTS
+        if any(pattern.match(f"specifications.{each}") for each in self._specifications):
+            fired |= SPECIFICATION_EVENTS
         for entry in entries:
             paths = [entry.path, *(f"agents.{id}.{entry.name}" for id in entry.group.ids)]
             if any(pattern.match(each) for each in paths):

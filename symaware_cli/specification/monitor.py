@@ -126,6 +126,18 @@ class Monitor:
             return None
         return self._signals(np.arange(self.rows), self.instants) if self.instants else []
 
+    @property
+    def kept(self) -> list[Array]:
+        """The robustness of each predicate at the instants that are kept, from the first on [instants, rows]."""
+        samples = len(self._samples)
+        none = [np.empty((0, self.rows))] * _predicates(self.formula)
+        return self._signals(np.arange(self.rows), samples) if samples else none
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the exact robustness at the first instant is known."""
+        return self.ended or (self.horizon is not None and self.instants > self.horizon)
+
     def exact(self) -> tuple[int, Array]:
         """Return the exact robustness that became known since the last call.
 

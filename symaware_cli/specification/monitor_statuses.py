@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from symaware_cli.core import Clock
 from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.specification.specification import Specification, SpecificationMonitor
 
@@ -15,8 +16,9 @@ class MonitorStatuses:
         monitor: Its monitor.
     """
 
-    def __init__(self, monitor: SpecificationMonitor) -> None:
+    def __init__(self, monitor: SpecificationMonitor, clock: Clock) -> None:
         self.monitor = monitor
+        self._clock = clock
         self._rows: dict[str, list[int]] = {}
         scope = monitor.specification.scope
         for row in range(scope.rows):
@@ -27,7 +29,13 @@ class MonitorStatuses:
     def of(self, agent: str) -> SpecificationStatus | None:
         """The status for an agent; the worst, where it has several pairs."""
         rows = [0] if self._is_world else self._rows.get(agent)
-        return None if rows is None else self.monitor.status(rows)
+        if rows is None or (self.monitor.specification.offer is not None and not self.monitor.begun[rows].any()):
+            return None
+        return self.monitor.status(rows)
+
+    def measured(self, agent: str) -> float:
+        """The robustness on what was measured of an agent so far; see `SpecificationMonitor.measured`."""
+        return min(self.monitor.measured(row, self._clock.now) for row in self._rows.get(agent, [0]))
 
     @property
     def specification(self) -> Specification:

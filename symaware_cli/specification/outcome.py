@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,9 @@ from symaware_cli.specification.formula import Array
 
 #: Names of the verdicts, from the worst to the best.
 VERDICTS: Mapping[int, str] = {-1: "violated", 0: "undecided", 1: "satisfied"}
+
+#: What becomes of a specification that was offered and that nobody took.
+REJECTED = "rejected"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +97,8 @@ class Outcome:
     Attributes:
         name: Name of the specification.
         formula: Its formula.
-        verdict: ``satisfied``, ``violated`` or ``undecided``: the worst of all agents or pairs that it is about.
+        verdict: ``satisfied``, ``violated`` or ``undecided``: the worst of all agents or pairs that it is about; or
+            ``rejected``, if it was offered and nobody took it.
         counts: The number of agents or pairs with each verdict.
         robustness: The least exact robustness, or an upper bound of it; None where neither is known.
         is_exact: Whether `robustness` is exact rather than an upper bound.
@@ -120,9 +124,15 @@ class Outcome:
         """Return the outcome as plain data."""
         return asdict(self)
 
+    def rejected(self, reason: str) -> Outcome:
+        """Return the outcome of a specification that was offered and that nobody took."""
+        return replace(self, verdict=REJECTED, reason=reason)
+
     def __str__(self) -> str:
+        if self.verdict == REJECTED:
+            return f"{self.name}: {self.reason}"
         count, several = self.counts[self.verdict], sum(self.counts.values())
-        told = self.name if several == 1 else f"{self.name} by {count:,} of {several:,}"
+        told = self.name if several <= 1 else f"{self.name} by {count:,} of {several:,}"
         if self.robustness is not None:
             told += f", robustness {'' if self.is_exact else 'at most '}{self.robustness:.6g}"
         if self.presumably:

@@ -15,7 +15,9 @@ from symaware_cli.specification.cohort import Cohort, Worst
 from symaware_cli.specification.columns import KindError, Lookup
 from symaware_cli.specification.formula import Array, plain
 from symaware_cli.specification.formulation import Formulation, subformula
+from symaware_cli.specification.measured import measured
 from symaware_cli.specification.monitor import Monitor
+from symaware_cli.specification.offer import Offer
 from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.scope import Scope
@@ -42,6 +44,7 @@ class Specification:
         end: The last instant that counts, in nanoseconds; None for the end of the run.
         on_violation: The effect of a violation on the run.
         automaton: The automaton of a formula of linear temporal logic; None for signal temporal logic.
+        offer: How it is offered to agents while the run goes on; None for one that is in force by itself.
         explains: Whether verdicts are explained by what decided them, in `SpecificationMonitor.decisions`.
         interval: Whether the robust satisfaction interval is computed before the verdict.
     """
@@ -57,6 +60,7 @@ class Specification:
     interval: bool = True
     automaton: Automaton | None = None
     explains: bool = True
+    offer: Offer | None = None
 
     def monitor(self, rows: int, arrays: bool = False) -> Monitor | AutomatonMonitor:
         """Create a monitor for some rows, starting now; `arrays` as for `Monitor`."""
@@ -132,7 +136,8 @@ class SpecificationMonitor:
     """Monitors a specification during a run.
 
     The formula must hold for each row from `Specification.start` on, or from when the row becomes present; or from
-    several instants on, the *instances*, of which the worst counts.
+    several instants on, the *instances*, of which the worst counts. One that is offered is evaluated for all rows that
+    are there when it begins, and counts for the row that has accepted it, whenever that was.
 
     Attributes:
         specification: The specification.
@@ -141,7 +146,8 @@ class SpecificationMonitor:
         upper: Upper bound of the robustness of each row; infinity without intervals.
         robustness: The exact robustness of each row at the latest instant where it is known; NaN before the first.
         settled: The exact robustness that the verdict of each row is about; NaN while it is unknown.
-        begun: Which rows have ever been present; shape (rows,).
+        begun: Which rows count: those that have ever been present, or that have accepted it; shape (rows,).
+        rejection: Why nobody has accepted it; empty if that is open, or if it is not offered.
         decisions: The decisions in the order in which they were made.
         cohorts: The rows that are evaluated, by the instant at which their evaluation began.
         is_over: Whether further values are ignored.
@@ -168,7 +174,9 @@ class SpecificationMonitor:
         self.is_over = False
         self.is_continued = False
         self._time_step = time_step
-        self._begins = begins
+        self._is_offered = specification.offer is not None
+        self._begins = begins and not self._is_offered
+        self.rejection = ""
         self._now = 0
         self._due: list[NDArray[np.intp]] = []
         self.cohorts: list[Cohort] = []
@@ -195,12 +203,15 @@ class SpecificationMonitor:
             self._leave(present, decisions)
         self._arrive(present, now)
         if self.cohorts:
-            values = specification.values(specification.scope.look_up, specification.scope.rows, present)
-            if agents := specification.scope.momentary_agents:
-                self._momentary_agents[now] = agents
-            for cohort in self.cohorts:
+            open_cohorts = [cohort for cohort in self.cohorts if not self._is_complete(cohort)]
+            if open_cohorts:
+                values = specification.values(specification.scope.look_up, specification.scope.rows, present)
+                if agents := specification.scope.momentary_agents:
+                    self._momentary_agents[now] = agents
+            for cohort in open_cohorts:
                 whole = len(cohort.rows) == specification.scope.rows
                 cohort.monitor.update(values if whole else [each[cohort.rows] for each in values])
+            for cohort in self.cohorts:
                 self._take(cohort, decisions)
             self._combine()
         return decisions
@@ -208,6 +219,55 @@ class SpecificationMonitor:
     def begin(self, rows: Sequence[int]) -> None:
         """Begin an instance with the next step, for those of the rows that are present then."""
         self._due.append(np.array(rows, np.intp))
+
+    def accept(self, row: int) -> None:
+        """Let what is offered count for a row, from its beginning."""
+        self.begun[row] = True
+        self._combine()
+
+    def release(self, row: int) -> None:
+        """Let what is offered no longer count for a row."""
+        self.begun[row] = False
+        self._combine()
+
+    def is_open_to(self, row: int) -> bool:
+        """Whether a row may accept what is offered: it is evaluated, or soon will be, and has not failed it."""
+        present = self.specification.scope.present
+        if self.is_over or (present is not None and not present[row]):
+            return False
+        for cohort in self.cohorts:
+            if len(places := np.flatnonzero(cohort.rows == row)):
+                return bool(cohort.monitor.verdict[places[0]] >= 0)
+        return any(row in rows for rows in self._due)
+
+    def measured(self, row: int, now: int) -> float:
+        """Return the robustness of a row on what was measured from its beginning to an instant; see `measured`.
+
+        Before its beginning, what is measured now counts as its first instant.
+
+        Args:
+            row: The row.
+            now: The present time, in nanoseconds.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
+        specification = self.specification
+        if specification.automaton is not None:
+            return np.nan
+        samples = [np.empty(0) for _ in specification.formulation.atoms]
+        is_known = False
+        for cohort in self.cohorts:
+            monitor = cohort.monitor
+            if isinstance(monitor, Monitor) and row in cohort.rows:
+                samples = [each[:, int(np.searchsorted(cohort.rows, row))] for each in monitor.kept]
+                is_known = self._is_complete(cohort) or now < self._now + self._time_step
+        if not is_known:
+            present = specification.values(specification.scope.look_up, specification.scope.rows, None)
+            samples = [np.append(each, value[row]) for each, value in zip(samples, present, strict=True)]
+        count = len(samples[0]) if samples else 1
+        found = measured(specification.formulation.formula, [each[:, None] for each in samples], count, 1)
+        return float(plain(found[0, 0]))
 
     @property
     def awaited(self) -> NDArray[np.bool_]:
@@ -260,7 +320,7 @@ class SpecificationMonitor:
     def outcome(self) -> Outcome:
         """The summary so far."""
         specification, begun = self.specification, np.flatnonzero(self.begun)
-        return outcome_of(
+        outcome = outcome_of(
             specification.name,
             specification.text,
             lambda place: specification.scope.agents(int(begun[place])),
@@ -270,6 +330,7 @@ class SpecificationMonitor:
             self.decisions,
             self.presumption,
         )
+        return outcome.rejected(self.rejection) if self.rejection else outcome
 
     def status(self, rows: Sequence[int]) -> SpecificationStatus:
         """Return the worst status of some rows."""
@@ -289,7 +350,7 @@ class SpecificationMonitor:
         for due in self._due:
             rows = due if present is None else due[present[due]]
             if len(rows):
-                self.begun[rows] = True
+                self.begun[rows] |= not self._is_offered
                 monitor = specification.monitor(len(rows), self.is_continued)
                 self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
         self._due.clear()
@@ -314,23 +375,32 @@ class SpecificationMonitor:
         first, exact = monitor.exact()
         if len(exact):
             values, times = plain(exact), cohort.start + (first + np.arange(len(exact))) * self._time_step
-            self._exact.append(Exact(times, rows, values))
-            self.robustness[rows] = values[-1]
+            if not self._is_offered:
+                self._exact.append(Exact(times, rows, values))
+                self.robustness[rows] = values[-1]
             if first == 0:
                 self.settled[rows] = np.fmin(self.settled[rows], values[0])
+        if self._is_offered:
+            # What is offered is about the instant at which it begins alone.
+            known = rows[self.begun[rows] & np.isnan(self.robustness[rows]) & ~np.isnan(self.settled[rows])]
+            if len(known):
+                self.robustness[known] = self.settled[known]
+                self._exact.append(Exact(np.array([cohort.start]), known, self.settled[known][None]))
         verdicts = monitor.verdict
         changed = verdicts != cohort.told
+        if self._is_offered:
+            changed &= self.begun[rows]
         if changed.any():
             if self.specification.explains:
                 found = [self._decision(cohort, place) for place in np.flatnonzero(changed).tolist()]
                 decisions += found
                 self.decisions += found
-            cohort.told = verdicts.copy()
+            cohort.told = np.where(changed, verdicts, cohort.told)
 
     def _combine(self) -> None:
         """Combine the results of all instances; decided instances are dropped."""
         interval = self.specification.interval
-        if not self._begins:
+        if not self._begins and not self._is_offered:
             for cohort in self.cohorts:
                 if cohort.told.all():
                     self._ended.add(cohort, interval)
@@ -341,7 +411,11 @@ class SpecificationMonitor:
         self.verdicts = np.where(self.begun, outcome.verdicts, 0).astype(np.int8)
         if interval:
             self.lower = np.where(self.begun, outcome.lower, -np.inf)
-            self.upper = outcome.upper
+            self.upper = np.where(self.begun, outcome.upper, np.inf)
+
+    def _is_complete(self, cohort: Cohort) -> bool:
+        """Whether the verdicts of an offered cohort, and their robustness, are known."""
+        return self._is_offered and isinstance(cohort.monitor, Monitor) and cohort.monitor.is_complete
 
     def _decision(self, cohort: Cohort, place: int) -> Decision:
         specification = self.specification

@@ -95,6 +95,8 @@ def _refusals(built: Built) -> Iterator[str]:
             yield f"the specification `{each.name}` is about single agents"
         elif each.on_violation == "end":
             yield f"the specification `{each.name}` ends runs at different steps"
+        elif each.offer is not None:
+            yield f"the specification `{each.name}` is offered while the run goes on"
         elif each.name in options.instances:
             yield f"instances of the specification `{each.name}` begin by events"
 

@@ -65,6 +65,7 @@ LINE = [[0, 0], [3, 0], [3, 3]]
 SEES = {"perception.range": {"range": 9.0}}
 ACTS = ["control", "intent"]
 CASES = {
+    "allocation.nearest": Case([]),
     "perception.self": Case(["state"]),
     "perception.omniscient": Case(["state", "world"]),
     "perception.range": Case(["observation", "seen", "state"], {"range": 9.0, "delay": 0.15, "position_noise": 0.1}),

@@ -1,0 +1,1 @@
+"""Components that distribute specifications which are offered while a run goes on."""

@@ -1,0 +1,92 @@
+"""The robustness of formulas on what has been measured so far, as if the run ended there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from symaware_cli.specification.formula import (
+    Always,
+    And,
+    Array,
+    Constant,
+    Eventually,
+    Formula,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Predicate,
+    Since,
+    Until,
+)
+from symaware_cli.specification.sliding import sliding
+
+
+def measured(formula: Formula, samples: Sequence[Array], instants: int, rows: int) -> Array:
+    """Return the robustness of a formula at each instant, with all windows cut to the instants that are known.
+
+    Of ``eventually`` this is the greatest so far and of ``always`` the least; where nothing of a window is known, they
+    are minus infinity and infinity.
+
+    Args:
+        formula: The formula.
+        samples: Robustness of each predicate [instants, rows].
+        instants: Number of instants.
+        rows: Number of rows.
+
+    Returns:
+        Shape [instants, rows].
+    """
+
+    def of(part: Formula) -> Array:
+        match part:
+            case Constant():
+                return np.full((instants, rows), np.inf if part.value else -np.inf)
+            case Predicate():
+                return samples[part.index][:instants]
+            case Not():
+                return -of(part.operand)
+            case And():
+                least: Array = np.minimum.reduce([of(each) for each in part.operands])
+                return least
+            case Or():
+                greatest: Array = np.maximum.reduce([of(each) for each in part.operands])
+                return greatest
+            case Always() | Historically():
+                return window(np.minimum, np.inf, part)
+            case Eventually() | Once():
+                return window(np.maximum, -np.inf, part)
+            case Until() | Since():
+                return chain(part)
+
+    def window(ufunc: np.ufunc, neutral: float, part: Always | Eventually | Historically | Once) -> Array:
+        values, first, last = of(part.operand), part.first, _last(part.last)
+        if first > last:
+            return np.full((instants, rows), neutral)
+        beyond = np.full((last, rows), neutral)
+        if isinstance(part, Always | Eventually):
+            return sliding(ufunc, np.concatenate([values[first:], beyond]), last - first + 1)
+        return sliding(ufunc, np.concatenate([beyond, values[: instants - first]]), last - first + 1)
+
+    def chain(part: Until | Since) -> Array:
+        left, right, last = of(part.left), of(part.right), _last(part.last)
+        if isinstance(part, Since):
+            left, right = left[::-1], right[::-1]
+        found, before = np.full((instants, rows), -np.inf), np.full((instants, rows), np.inf)
+        for ahead in range(last + 1):
+            known = instants - ahead
+            if isinstance(part, Since) and ahead:
+                # What is on the left holds after the instant of what is on the right, up to and including now.
+                before[:known] = np.minimum(before[:known], left[ahead - 1 : ahead - 1 + known])
+            if ahead >= part.first:
+                found[:known] = np.maximum(found[:known], np.minimum(right[ahead:], before[:known]))
+            if isinstance(part, Until):
+                before[:known] = np.minimum(before[:known], left[ahead:])
+        return found[::-1] if isinstance(part, Since) else found
+
+    def _last(last: int | None) -> int:
+        return instants - 1 if last is None else min(last, instants - 1)
+
+    return of(formula)
