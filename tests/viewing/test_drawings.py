@@ -14,7 +14,7 @@ from rerun_files import STEP, Recording, Script, group, saved
 from simulating import Team, simulate
 
 from symaware_cli import AwarenessVector, Component, Log, Shape, TimeSeries
-from symaware_cli.components.perception import SelfPerception
+from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY
@@ -328,3 +328,27 @@ def test_the_ways_that_an_agent_believes_others_to_mean_are_drawn_where_its_ghos
     assert not last
     assert "/as/robot.0/others/risk" not in recording.entities
     assert ("/as/robot.1/others/intent", "LineStrips3D:strips") not in recording.rows
+
+
+class Expects(Component):
+    """Expects another in regions that grow, for a while."""
+
+    def _compute(self) -> Any:
+        if self.now >= 2 * STEP:
+            return TimeSeries()
+        return TimeSeries({0.0: [1.0, 2.0, 0.0, 0.9], 1.0: [2.0, 2.0, 0.5, 0.9], 2.0: [3.0, 2.0, 1.0, 0.9]})
+
+    def _update(self, value: Any) -> None:
+        if self._agent.row == 0:
+            self._agent.awareness_database.set_part("region", "robot.1", value)
+
+
+def test_the_regions_in_which_an_agent_expects_others_are_rings_of_their_radii(tmp_path: Path) -> None:
+    simulate({"robot": Team({"see": OmniscientPerception, "expect": Expects}, count=2)}, 4, tmp_path / "log")
+    recording = saved(tmp_path / "log", tmp_path, ["robot"])
+    path = "/as/robot.0/others/region"
+    assert recording.times(path, "Cylinders3D:radii") == [0, 2 * STEP]
+    first, last = recording.values(path, "Cylinders3D:radii")
+    assert first == [0.5, 1.0]
+    assert not last
+    assert recording.values(path, "Cylinders3D:centers")[0] == [[2, 2, 0], [3, 2, 0]]

@@ -1,4 +1,4 @@
-"""Beliefs of the agents in focus about others: rings at believed positions, ellipses, and believed intents."""
+"""Beliefs of the agents in focus about others: rings at believed positions, ellipses, intents and regions."""
 
 from __future__ import annotations
 
@@ -28,6 +28,8 @@ _LOSS = 0.55
 _POINT = 0.2
 #: Rings are a little wider than the body, so that both are visible where they coincide.
 _RING = 1.3
+#: The part of awareness that consists of regions.
+_REGION = "region"
 #: Widths of lines [pixels].
 _THIN, _THICK = 1.0, 1.75
 
@@ -69,6 +71,8 @@ class BeliefsAboutOthers(Drawing):
             for name in self._paths:
                 for agent, row in agents:
                     yield from self._intents(name, agent, row, entries)
+            for agent, row in agents:
+                yield from self._regions(agent, row, entries)
             states = [(time, each) for time, each in entries if each.has_states]
             if states:
                 rows, dimension = [row for _, row in agents], len(group_view.position)
@@ -124,6 +128,41 @@ class BeliefsAboutOthers(Drawing):
                 who=np.array(owners, np.intp),
                 width=_THIN,
                 fades=True,
+            )
+
+    def _regions(self, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]) -> Iterator[Rings]:
+        """Yield the regions in which an agent expects others, fainter the later; see `uncertainty.conformal`."""
+        times, counts = [], []
+        places: list[Array] = []
+        owners: list[int] = []
+        for time, message in entries:
+            for told in message.series:
+                place = row_position(row, told.rows)
+                if told.part != _REGION or place is None:
+                    continue
+                before = len(owners)
+                for whose, who, _, values in told:
+                    if whose == place and len(values) > 1:
+                        # The first is where the other is now; after the centre come radius and coverage.
+                        centres = in_space(values[1:, :-2], self._heights[who])
+                        faintness = np.linspace(0.3, 0.8, len(centres))
+                        places.append(np.column_stack([centres, values[1:, -2], faintness]))
+                        owners += [who] * len(centres)
+                times.append(time)
+                counts.append(len(owners) - before)
+        if times:
+            circles = np.concatenate([np.empty((0, 5)), *places])
+            yield Rings(
+                path=f"as/{agent}/others/{_REGION}",
+                times=np.array(times, np.int64),
+                counts=counts,
+                centres=circles[:, :3],
+                radii=circles[:, 3],
+                transparency=circles[:, 4],
+                colours=self._colours[owners],
+                names=self.run_view.roster,
+                who=np.array(owners, np.intp),
+                width=_THIN,
             )
 
     def _way(self, part: str, who: int, values: Array) -> Array | None:
