@@ -105,7 +105,7 @@ class SpecificationControl(Component):
         Signal(
             "plan",
             columns=[Quantity("robustness", ""), Quantity("gap", "")],
-            description="the least robustness of the specifications in the plan, and how far from the best it may be",
+            description="the least robustness of the specifications in the plan, and the gap of the last search",
         ),
     )
     events: ClassVar = {
@@ -221,9 +221,8 @@ class SpecificationControl(Component):
             steps, is_whole = self._extent(instances)
             again = self._program(instances, state, steps, is_whole).solve_as_chosen(_fitted(rest, steps))
             if again.inputs is not None:
-                return StlDecision(
-                    again.inputs[0], self._followed(again, present, plan.searched, aims, is_whole), "followed"
-                )
+                followed = self._followed(again, present, plan.searched, aims, is_whole)
+                return StlDecision(again.inputs[0], followed._replace(gap=plan.gap), "followed")
         if self._failed is not None and self.now < self._failed + nanoseconds(self.parameters.interval):
             return self._without(plan, stage, "followed")
         steps, is_whole = self._extent(instances)
