@@ -14,6 +14,8 @@ from symaware_cli.version import __version__ as __version__
 processor.pin()
 
 if TYPE_CHECKING:
+    from symaware_cli.abstraction.knowledge_model import KnowledgeModel
+    from symaware_cli.abstraction.transition_system import TransitionSystem
     from symaware_cli.api.checking import CheckResult, check_log
     from symaware_cli.api.comparison import ComparisonResult, compare
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
@@ -118,6 +120,7 @@ __all__ = [
     "GroupComponent",
     "GroupOutline",
     "KnowledgeDatabase",
+    "KnowledgeModel",
     "Level",
     "Links",
     "Log",
@@ -165,6 +168,7 @@ __all__ = [
     "TopologyError",
     "TopologyParameters",
     "Tracks",
+    "TransitionSystem",
     "Transport",
     "TransportError",
     "TransportParameters",
@@ -190,6 +194,8 @@ __all__ = [
 
 #: The module that defines each public name that `symaware_cli.core` does not provide.
 _HOMES = {
+    "symaware_cli.abstraction.knowledge_model": ("KnowledgeModel",),
+    "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
     "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),

@@ -25,6 +25,7 @@ from symaware_cli.core.verdict import OFFERS, OfferBoard, SpecificationStatus, S
 from symaware_cli.geometry.region import Region
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.model import Model
+from symaware_cli.world.plugin import Plugin
 from symaware_cli.world.roster import Roster
 from symaware_cli.world.time import Clock
 
@@ -62,6 +63,7 @@ class AgentGroup(EntityGroup):
         surroundings: The objects that all agents of the run share.
         regions: The regions of the scenario, by name.
         folder: The folder of the scenario, below which the files that parameters name are.
+        knowledge_models: The knowledge models of the scenario, by name; None for one that could not be made.
         specifications: The statuses of the specifications of the run, by name.
         offers: Accepts specifications that are offered; None if the scenario has none.
     """
@@ -89,6 +91,7 @@ class AgentGroup(EntityGroup):
         self._known: dict[str, KnownColumn] = {}
         self.regions: Mapping[str, Region] = {}
         self.folder = Path()
+        self.knowledge_models: Mapping[str, Plugin | None] = {}
         self.specifications: Mapping[str, SpecificationStatuses] = {}
         self.offers: OfferBoard | None = None
         self.surroundings: Surroundings

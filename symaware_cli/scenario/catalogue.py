@@ -13,6 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from symaware_cli.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.core import Component, Environment, GroupComponent, Metric, Model
 from symaware_cli.distributed.transport import Transport
 from symaware_cli.network.topology.topology import Topology
@@ -21,6 +22,7 @@ from symaware_cli.scenario.problem import nearest, quoted
 
 #: The kinds of plugins, and the entry-point group of each.
 GROUPS = {
+    "abstraction": "symaware.abstractions",
     "component": "symaware.components",
     "environment": "symaware.environments",
     "metric": "symaware.metrics",
@@ -33,6 +35,7 @@ GROUPS = {
 PLURALS = {kind: group.rpartition(".")[2] for kind, group in GROUPS.items()}
 
 _BASES: Mapping[str, tuple[type, ...]] = {
+    "abstraction": (KnowledgeModel,),
     "component": (Component, GroupComponent),
     "environment": (Environment,),
     "metric": (Metric,),

@@ -99,6 +99,10 @@ class ModelUse(Use):
     """The dynamics of every agent of the group."""
 
 
+class KnowledgeModelUse(Use):
+    """A finite transition system over the workspace."""
+
+
 class EnvironmentUse(Use):
     """The world."""
 
@@ -418,6 +422,9 @@ class ScenarioDocument(Section):
     faults: dict[Name, FaultUse] = Field(default_factory=dict, description="What goes wrong, by name.")
     regions: dict[Identifier, Region] = Field(
         default_factory=dict, description="Sets of the workspace, by the names that formulas and conditions refer to."
+    )
+    knowledge_models: dict[Name, KnowledgeModelUse] = Field(
+        default_factory=dict, description="Finite transition systems over the workspace, by name."
     )
     specifications: dict[Name, SpecificationUse] = Field(default_factory=dict, description="What is to hold, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="The content of the log.")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Component, Entity, GroupComponent, Model, Quantity
+from symaware_cli.core import AgentGroup, Component, Entity, GroupComponent, Model, Plugin, Quantity
 from symaware_cli.models.conformity import faults_of
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.compose import Composition
@@ -19,6 +19,9 @@ from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.timing_check import expression_problem
+from symaware_cli.specification.token import ExpressionError
+from symaware_cli.world.plugin import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -29,6 +32,7 @@ class GroupBuilder:
     Attributes:
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         declared: The names of the parts of awareness and signals that components declare.
+        knowledge_models: The knowledge models, by name; None for one that could not be made.
     """
 
     def __init__(
@@ -61,6 +65,7 @@ class GroupBuilder:
         self._folder = folder
         self.uses: dict[str, dict[str, Any]] = {}
         self.declared: set[str] = set()
+        self.knowledge_models: Mapping[str, Plugin | None] = {}
 
     def build(self, name: str, entry: Mapping[str, Any]) -> tuple[AgentGroup | None, list[ComponentEntry]]:
         """Build a group and its component entries; None and no entries after a problem."""
@@ -102,6 +107,7 @@ class GroupBuilder:
             return None, []
         group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
         group.regions, group.folder = self._document.regions if self._document else {}, self._folder
+        group.knowledge_models = self.knowledge_models
         component_entries = [
             ComponentEntry(group, component, uses[component], instances[component])
             for component in capable
@@ -156,6 +162,15 @@ class GroupBuilder:
             name_columns(group, component)
         except KeyboardInterrupt:
             raise
+        except ParameterError as error:
+            where = (*path, "with", *error.place)
+            if error.is_consequence:
+                return False
+            if isinstance(error.__cause__, ExpressionError):
+                self._report_all([expression_problem(self._composition, str(error), where, error.__cause__)])
+            else:
+                self._report("unsuitable", f"{quoted(use)} cannot work here: {error}", where)
+            return False
         except BaseException as error:
             said = words(error)
             for name in component.knowledge:

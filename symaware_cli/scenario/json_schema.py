@@ -12,6 +12,7 @@ from symaware_cli.scenario.parts import declared_by, omittable, signals_of
 from symaware_cli.scenario.sampling import CirclePlacement, GridPlacement
 
 _USES = {
+    "abstraction": ("KnowledgeModelUse",),
     "component": ("ComponentUse",),
     "environment": ("EnvironmentUse",),
     "model": ("ModelUse",),

@@ -52,6 +52,8 @@ class PluginFactory:
         self._import("environment", data.get("environment"), ("environment",))
         for place, topology in topologies(data.get("topology")):
             self._import("topology", topology, place)
+        for name, model in mapping(data.get("knowledge_models")).items():
+            self._import("abstraction", model, ("knowledge_models", name))
         self._import("transport", data.get("transport"), ("transport",))
         for name, entry in mapping(data.get("agents")).items():
             path: Path = ("agents", name)

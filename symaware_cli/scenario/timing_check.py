@@ -105,15 +105,7 @@ class TimingCheck:
             error: The error.
             expected: What is valid there, if the error does not state it.
         """
-        suggestion = nearest(error.name, {*error.names, *RESERVED}) if error.name else None
-        problem = self._composition.problem(
-            "bad-expression",
-            f"{quoted(dotted(path))}: {error.problem}",
-            path,
-            expected=f"one of {', '.join(error.names)}" if error.names else expected,
-            suggestion=suggestion,
-        )
-        self._report(_with_position(problem, text, error))
+        self._report(expression_problem(self._composition, text, path, error, expected))
 
     def until(self, run: RunSection, groups: Sequence[AgentGroup]) -> Expression | None:
         """The condition that ends a run; None without one, or after a problem."""
@@ -285,6 +277,29 @@ def duration_of(latency: float | Drawn) -> Duration:
         return Duration("uniform", *latency.uniform)
     assert latency.normal is not None
     return Duration("normal", *latency.normal)
+
+
+def expression_problem(
+    composition: Composition, text: str, path: Path, error: ExpressionError, expected: str | None = None
+) -> Problem:
+    """Return the problem with an expression, at its position in the file.
+
+    Args:
+        composition: The document.
+        text: The expression.
+        path: The path of the expression.
+        error: The error.
+        expected: What is valid there, if the error does not state it.
+    """
+    suggestion = nearest(error.name, {*error.names, *RESERVED}) if error.name else None
+    problem = composition.problem(
+        "bad-expression",
+        f"{quoted(dotted(path))}: {error.problem}",
+        path,
+        expected=f"one of {', '.join(error.names)}" if error.names else expected,
+        suggestion=suggestion,
+    )
+    return _with_position(problem, text, error)
 
 
 def _with_position(problem: Problem, text: str, error: ExpressionError) -> Problem:

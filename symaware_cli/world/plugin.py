@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
@@ -15,6 +16,22 @@ class Parameters(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ParameterError(ValueError):
+    """A parameter of a plugin cannot be used; raised before a run, it is reported at its place in the scenario.
+
+    If its cause is an error in an expression, the message is the text of that expression.
+
+    Attributes:
+        place: The keys and indices of the parameter under ``with``, such as ``("guarantees", 0)``.
+        is_consequence: Whether it refers to something that is itself wrong, which is reported there.
+    """
+
+    def __init__(self, message: str, place: Sequence[str | int], is_consequence: bool = False) -> None:
+        super().__init__(message)
+        self.place = tuple(place)
+        self.is_consequence = is_consequence
 
 
 class Plugin:

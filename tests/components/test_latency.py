@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from simulating import STEP, Team, execute, simulation, untyped
 
 from symaware_cli import Entity, Environment, GroupComponent, Model
+from symaware_cli.abstraction.grid_cells import GridCells
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.core import Agent, AgentGroup, Frame, Parameters, Snapshot, Subscription, Surroundings, Tracks
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.geometry.region import Region
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.quadrotor import Quadrotor
@@ -58,12 +60,15 @@ class Case:
     others: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     model: Model = field(default_factory=Unicycle)
     specification: str | None = None
+    regions: Mapping[str, Region] = field(default_factory=dict)
     world: Any = kinematic
 
 
 LINE = [[0, 0], [3, 0], [3, 3]]
 SEES = {"perception.range": {"range": 9.0}}
 ACTS = ["control", "intent"]
+REGIONS = {"floor": Region(box=(-1, 4, -1, 4)), "right": Region(box=(2, 4, -1, 4)), "left": Region(box=(-1, 0, -1, 4))}
+PATROL = {"model": "floor", "guarantees": ["always eventually right", "always eventually left"]}
 CASES = {
     "allocation.nearest": Case([]),
     "perception.self": Case(["state"]),
@@ -101,6 +106,13 @@ CASES = {
         specification="always (x > -9 and y < 9)",
     ),
     "control.quadrotor-velocity": Case(ACTS, knowledge={"velocity": [1, 0, 0]}, model=Quadrotor()),
+    "control.cells": Case(
+        ["control", "intent"],
+        {"strategy": "knowledge-strategy", "model": "floor"},
+        before={"knowledge.strategy": PATROL},
+        regions=REGIONS,
+    ),
+    "knowledge.strategy": Case(["signals"], PATROL, regions=REGIONS),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
@@ -269,6 +281,10 @@ def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, An
     )
     ready = simulation({"robot": robots, "other": other}, environment=case.world())
     options = RunOptions()
+    if case.regions:
+        floor = GridCells(GridCells.Parameters(cell=1.0, region="floor"))
+        floor.prepare(case.regions)
+        ready.groups[1].knowledge_models = {"floor": floor}
     if case.specification is not None:
         scope = AgentScope(ready.groups[1], ready.environment, ready.groups, {})
         formulation = formulate(parse(case.specification, scope.names, {}), STEP)

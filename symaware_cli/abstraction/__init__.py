@@ -1,0 +1,1 @@
+"""Finite abstractions of the workspace: transition systems, and knowledge models that make them."""

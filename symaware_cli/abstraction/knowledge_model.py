@@ -1,0 +1,80 @@
+"""Knowledge models: finite transition systems over cells of the workspace, as a scenario declares them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.abstraction.transition_system import TransitionSystem
+from symaware_cli.geometry.region import Region
+from symaware_cli.world.plugin import ParameterError, Plugin
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class KnowledgeModel(Plugin):
+    """A transition system whose states are boxes in the plane that touch where there is a transition.
+
+    Attributes:
+        system: The transition system; a box is labelled with the regions that contain all of it.
+        bounds: The least and the greatest coordinates of each box [m]; shape (n, 2, 2), as [cell, axis, which].
+    """
+
+    system: TransitionSystem
+    bounds: Array
+
+    @abstractmethod
+    def prepare(self, regions: Mapping[str, Region]) -> None:
+        """Make `system` and `bounds`; called before a run.
+
+        Args:
+            regions: The regions of the scenario, by name.
+
+        Raises:
+            ValueError: That is not possible; the message explains the reason to the author of the scenario.
+        """
+
+    def cells(self, points: Array) -> Indices:
+        """Return the cell that each point lies in, -1 for none; of two that touch there, the latter.
+
+        Args:
+            points: Shape (n, d); the first two coordinates count.
+        """
+        found = np.full(len(points), -1, np.intp)
+        for row, point in enumerate(points[:, :2]):
+            inside = ((self.bounds[:, :, 0] <= point) & (point <= self.bounds[:, :, 1])).all(axis=1)
+            if inside.any():
+                found[row] = np.flatnonzero(inside)[-1]
+        return found
+
+    def contains(self, cell: int, point: Array) -> bool:
+        """Whether a cell, with its boundary, contains a point; shape (d,)."""
+        low, high = self.bounds[cell, :, 0], self.bounds[cell, :, 1]
+        return bool(((low <= point[:2]) & (point[:2] <= high)).all())
+
+    def centre(self, cell: int) -> Array:
+        """Return the centre of a cell [m]; shape (2,)."""
+        return np.asarray(self.bounds[cell].mean(axis=1))
+
+    def gate(self, cell: int, following: int) -> Array:
+        """Return the middle of what two cells share [m]; shape (2,)."""
+        low = np.maximum(self.bounds[cell, :, 0], self.bounds[following, :, 0])
+        high = np.minimum(self.bounds[cell, :, 1], self.bounds[following, :, 1])
+        return np.asarray(0.5 * (low + high))
+
+
+def model_named(name: str, models: Mapping[str, Plugin | None]) -> KnowledgeModel:
+    """Return the knowledge model that the parameter `model` of a component names.
+
+    Raises:
+        ParameterError: There is none.
+    """
+    found = models.get(name)
+    if isinstance(found, KnowledgeModel):
+        return found
+    known = ", ".join(sorted(models)) or "none"
+    raise ParameterError(f"there is no knowledge model `{name}`; there are: {known}", ("model",), name in models)

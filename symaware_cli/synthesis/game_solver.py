@@ -1,0 +1,141 @@
+"""Solves games with GR(1) objectives: which states the agent wins from, and how.
+
+The winning states are the greatest Z that is, for each goal j of the agent, the least Y with: the states where j holds
+and from which the agent can go on in Z; those from which it can reach Y; and, for any goal i of the environment, those
+where i does not hold and the agent can wait within them, or reach Y (Piterman, Pnueli and Sa'ar, Synthesis of
+Reactive(1) Designs, VMCAI 2006; Bloem et al., JCSS 78, 2012). States are bits of arrays, and a state is looked at again
+only if one that may follow it has changed. Of several choices that do equally well the first one of the transition
+system is taken, so that a strategy depends on nothing but the game.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from symaware_cli.synthesis.game import Game
+
+Truth = NDArray[np.bool_]
+Indices = NDArray[np.int32]
+
+#: How many states are looked at together, to limit the memory.
+_BLOCK = 200_000
+
+
+@dataclass(frozen=True)
+class GameSolution:
+    """The solution of a game.
+
+    Attributes:
+        winning: Whether the agent wins from each state; shape (size,).
+        choices: For each goal of the agent and each state, the cell to choose; -1 where it does not win.
+        reached: For each goal of the agent and each state, whether the goal is reached, so that the next one comes.
+    """
+
+    winning: Truth
+    choices: Indices
+    reached: Truth
+
+
+def solve(game: Game) -> GameSolution:
+    """Solve a game."""
+    return _Solver(game).solve()
+
+
+class _Solver:
+    def __init__(self, game: Game) -> None:
+        self._size = game.size
+        self._moves = game.moves
+        always = np.ones(self._size, bool)
+        self._goals = game.goals(game.guarantees) or (always,)
+        # An assumption that holds everywhere never lets the agent wait.
+        self._waiting = [~goal for goal in game.goals(game.assumptions) if not goal.all()]
+        cells = game.values["cell"]
+        longest = len(self._moves)
+        table = np.full((game.vocabulary.cell.size, longest), -1, np.int32)
+        for cell, after in enumerate(game.vocabulary.cell.following):
+            table[cell, : len(after)] = after
+        self._chosen = table[cells]  # the cell of each choice in each state; shape (size, choices)
+        flat = self._moves.reshape(-1, self._size)
+        inner = flat < self._size
+        sources = np.broadcast_to(np.arange(self._size, dtype=np.int32), flat.shape)[inner]
+        shape = (self._size, self._size)
+        self._before = csr_array((np.ones(len(sources), np.bool_), (flat[inner], sources)), shape=shape)
+
+    def solve(self) -> GameSolution:
+        winning = np.ones(self._size, bool)
+        choices = np.full((len(self._goals), self._size), -1, np.int32)
+        while True:
+            before = winning
+            for number, goal in enumerate(self._goals):
+                reached, choices[number] = self._reaching(goal, winning)
+                winning = reached
+            if (winning == before).all():
+                break
+        return GameSolution(winning, choices, np.array(self._goals) & winning)
+
+    def _reaching(self, goal: Truth, winning: Truth) -> tuple[Truth, Indices]:
+        """Return from which states the agent reaches a goal within `winning`, or waits for ever; and its choices."""
+        choices = np.full(self._size, -1, np.int32)
+        reached = np.zeros(self._size, bool)
+        fresh = self._forced(np.flatnonzero(goal & winning), winning, choices)
+        reached[fresh] = True
+        # Where the environment has no answer, nothing is to be done.
+        stuck = self._forced(np.flatnonzero(winning & ~reached), np.zeros_like(reached), choices)
+        reached[stuck] = True
+        fresh = np.concatenate([fresh, stuck])
+        while True:
+            while len(fresh):
+                fresh = self._forced(self._preceding(fresh, winning & ~reached), reached, choices)
+                reached[fresh] = True
+            waiting = np.zeros(self._size, bool)
+            for idle in self._waiting:
+                within = self._kept(idle & winning & ~reached, reached)
+                new = np.flatnonzero(within & ~reached & ~waiting)
+                self._forced(new, within, choices)
+                waiting[new] = True
+            fresh = np.flatnonzero(waiting)
+            if not len(fresh):
+                return reached, choices
+            reached |= waiting
+
+    def _kept(self, candidates: Truth, reached: Truth) -> Truth:
+        """Return the greatest set of candidates, with `reached`, that the agent can stay within until it is there."""
+        within = candidates | reached
+        suspects = np.flatnonzero(candidates)
+        while len(suspects):
+            good = self._forced(suspects, within)
+            lost = np.setdiff1d(suspects, good, assume_unique=True)
+            within[lost] = False
+            suspects = self._preceding(lost, candidates & within)
+        return within
+
+    def _preceding(self, states: NDArray[np.intp], among: Truth) -> NDArray[np.intp]:
+        """Return the states among some from which a move may lead to any of these states, ascending."""
+        if not len(states):
+            return states
+        marked = np.zeros(self._size, bool)
+        marked[self._before[states].indices] = True
+        return np.flatnonzero(marked & among)
+
+    def _forced(self, states: NDArray[np.intp], target: Truth, choices: Indices | None = None) -> NDArray[np.intp]:
+        """Return those states from which the agent has a choice after which every move leads to a target.
+
+        The first such choice is noted in `choices`.
+        """
+        extended = np.append(target, [True, False])
+        found = []
+        for start in range(0, len(states), _BLOCK):
+            some = states[start : start + _BLOCK]
+            good = np.ones((len(self._moves), len(some)), bool)
+            for option, answers in enumerate(self._moves):
+                for answer in answers:
+                    good[option] &= extended[answer[some]]
+            forced = good.any(axis=0)
+            if choices is not None:
+                choices[some[forced]] = self._chosen[some[forced], good[:, forced].argmax(axis=0)]
+            found.append(some[forced])
+        return np.concatenate(found) if found else states

@@ -1,0 +1,125 @@
+import itertools
+import os
+import runpy
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from symaware_cli import load, open_log
+from symaware_cli.synthesis.game import Game
+from symaware_cli.synthesis.strategy import synthesise
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+
+def events(log: Path, *names: str) -> list[tuple[float, str]]:
+    return [(each.time / 1e9, each.name) for each in open_log(log).events() if each.name in names]
+
+
+def run(name: str, log: Path, changes: Mapping[str, Any] | None = None) -> Path:
+    assert load(SCENARIOS / name, changes).run(output=log).status == "finished"
+    return log
+
+
+def cells(points: np.ndarray) -> list[tuple[int, int]]:
+    """The cells of side 1 that a path passes, without those that it only touches."""
+    inner = points[(np.abs(points - np.round(points)) > 1e-5).all(axis=1)]
+    found = [tuple(each) for each in np.floor(inner).astype(int).tolist()]
+    return [each for place, each in enumerate(found) if not place or each != found[place - 1]]
+
+
+def test_a_robot_passes_a_door_only_while_it_is_open_and_from_cell_to_cell(tmp_path: Path) -> None:
+    log = run("door.yaml", tmp_path / "a.mcap")
+    path = cells(open_log(log).series("robot", "state").values[:, :2])
+    assert all(abs(a - c) + abs(b - d) == 1 for (a, b), (c, d) in itertools.pairwise(path))
+    assert path.count((3, 2)) >= 3  # through the passage
+    assert len(events(log, "goal-met")) >= 4
+    assert not events(log, "assumption-broken", "cells-left")
+
+
+def test_a_door_that_never_opens_is_reported_as_overdue_and_keeps_the_robot_out(tmp_path: Path) -> None:
+    log = run("locked.yaml", tmp_path / "a.mcap")
+    assert [name for _, name in events(log, "assumption-overdue", "assumption-broken")] == ["assumption-overdue"]
+    assert (3, 2) not in cells(open_log(log).series("robot", "state").values[:, :2])
+
+
+def test_two_robots_share_a_crossing_and_neither_breaks_what_the_other_assumes(tmp_path: Path) -> None:
+    log = run("corridor.yaml", tmp_path / "a.mcap")
+    assert not events(log, "assumption-broken", "cells-left")
+    by_both = [each.source for each in open_log(log).events() if each.name == "goal-met"]
+    assert min(by_both.count(f"agents.{each}.decide") for each in ("courier", "loader")) >= 4
+
+
+def test_every_request_is_answered(tmp_path: Path) -> None:
+    log = open_log(run("deliver.yaml", tmp_path / "a.mcap"))
+    customer = log.series("customer", "state").values
+    robot = log.series("robot", "state").values
+    here = np.asarray(np.abs(customer - [5.5, 4.7]).max(axis=1) <= 0.5)
+    at_hatch = np.asarray((robot[:, :2] - [5.0, 3.0]).min(axis=1) >= -1e-6)
+    begins = np.flatnonzero(here[1:] & ~here[:-1]) + 1
+    assert len(begins) >= 2
+    assert all(at_hatch[each : each + 250].any() for each in begins[:2])
+
+
+@pytest.mark.parametrize("fallback", ["stop", "resume"])
+def test_a_broken_assumption_is_reported_at_that_step_and_the_agent_stays_or_goes_on(
+    tmp_path: Path, fallback: str
+) -> None:
+    decide = "agents.robot.components.decide.with"
+    changes = {
+        f"{decide}.assumptions": ["always not open"],  # a lie
+        f"{decide}.guarantees": ["always eventually desk", "always eventually door_side"],
+        f"{decide}.on_violation": fallback,
+        "regions.door_side": {"box": [2, 3, 0, 1]},
+    }
+    log = run("door.yaml", tmp_path / "a.mcap", changes)
+    found = events(log, "assumption-broken", "goal-met")
+    broken = next(when for when, name in found if name == "assumption-broken")
+    door = open_log(log).series("door", "state")
+    opened = next(when / 1e9 for when, at in zip(door.times.tolist(), door.values, strict=True) if at[1] - 3.2 >= 0)
+    assert opened <= broken <= opened + 2.0  # at the next turn at which the robot is in its next cell
+    goes_on = any(when > broken for when, name in found if name == "goal-met")
+    assert goes_on == (fallback == "resume")
+
+
+SCRIPT = """
+import runpy, sys
+from symaware_cli.synthesis.strategy import synthesise
+print(synthesise(runpy.run_path(sys.argv[1])["game"](10), [0]).digest)
+"""
+
+
+def test_strategies_do_not_depend_on_hash_seeds() -> None:
+    found = set()
+    for seed in ("1", "2", "3"):
+        command = [sys.executable, "-c", SCRIPT, str(SCENARIOS.parent / "benchmarks" / "synthesis.py")]
+        environment = {**os.environ, "PYTHONHASHSEED": seed}
+        found.add(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
+    assert [len(each.strip()) for each in found] == [64]
+
+
+def test_random_legal_environments_never_lead_to_a_violation() -> None:
+    game: Game = runpy.run_path(str(SCENARIOS.parent / "benchmarks" / "synthesis.py"))["game"](10)
+    strategy = synthesise(game, [0])
+    draw = np.random.default_rng(1)
+    goals = game.goals(game.guarantees)
+    fair = game.goals(game.assumptions)
+    values, possible = game.starts([0])
+    state, goal, met = int(game.starting(values)[np.flatnonzero(possible)[0]]), 0, [0, 0]
+    following = game.vocabulary.cell.following
+    for _ in range(10_000):
+        cell, after = strategy.choice(state, goal)
+        choice = following[game.values["cell"][state]].index(cell)
+        answers = game.moves[choice][:, state]
+        assert (answers != game.size + 1).all()
+        legal = answers[answers < game.size]
+        met = [number + bool(each[state]) for number, each in zip(met, goals, strict=True)]
+        # A random environment is fair, as it meets each assumption again and again.
+        state, goal = int(legal[draw.integers(len(legal))]), after
+    assert min(met) > 100
+    assert fair[0].any()
