@@ -309,7 +309,7 @@ class BarrierController(CommunicationReceiver):
 
     def _follow(self, current: _Round) -> None:
         """Determine the share of the inputs that is left, and tell the leaders what it means for them."""
-        wanted, margin = 1.0, self.margins[1]
+        wanted, margin = math.inf, self.margins[1]
         worst: dict[str, float] = {}
         for id in self._children:
             best, sample = self._last(id, BEST, current.number, "unheard"), current.edges.get(id)
@@ -319,7 +319,8 @@ class BarrierController(CommunicationReceiver):
             if worst[id] < -_FLAT * self.parameters.speed:
                 share = -(best + self._alpha(sample.value) + sample.rate - margin) / worst[id]
                 wanted = min(wanted, share)
-        current.wanted, current.gamma = wanted, min(max(wanted, 0.0), 1.0)
+        current.gamma = min(max(wanted, 0.0), 1.0)
+        current.wanted = wanted if math.isfinite(wanted) else 1.0
         for id, each in worst.items():
             self._say(id, EPSILON, current.number, current.gamma * each)
         if self._parent is not None:
