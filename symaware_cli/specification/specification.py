@@ -223,7 +223,8 @@ class SpecificationMonitor:
     def accept(self, row: int) -> None:
         """Let what is offered count for a row, from its beginning."""
         self.begun[row] = True
-        self._combine()
+        if not self._due:  # otherwise its evaluation has not begun, and there is nothing to combine
+            self._combine()
 
     def release(self, row: int) -> None:
         """Let what is offered no longer count for a row."""

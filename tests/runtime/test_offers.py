@@ -8,12 +8,14 @@ from typing import Any
 import pytest
 import yaml
 
-from symaware_cli import check_log, open_log
+from symaware_cli import SimulationState, check_log, load, open_log, sweep
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.reader import Log
 from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.scenario.build import build
+from symaware_cli.scenario.distribution import participant
 from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.place import DistributionError, Place
 
 Ran = Callable[..., tuple[RunSummary, Log]]
 
@@ -181,3 +183,51 @@ def test_the_log_tells_who_accepted_what_with_which_risk(ran: Ran) -> None:
     _, log = ran({"east": EAST})
     (event,) = (event for event in log.events() if event.name == "accepted")
     assert event.data == {"agent": "robot.1", "by": "agents.robot.1.take", "epsilon": 0.1, "specification": "east"}
+
+
+@pytest.mark.parametrize("steps", [5, 7, 13])
+def test_a_state_has_what_was_offered_and_who_accepted_it(tmp_path: Path, steps: int) -> None:
+    document = {**SCENARIO, "specifications": {"east": EAST, "west": WEST}, "run": {"duration": 10.0}}
+    (tmp_path / "errands.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
+    scenario = load(tmp_path / "errands.yaml")
+    with scenario.start() as simulation:
+        simulation.step(steps)
+        data = simulation.capture().to_bytes()
+        simulation.step(20)
+        expected = simulation.result.summary.specifications
+    with scenario.start() as other:
+        other.restore(SimulationState.from_bytes(data))
+        other.step(20)
+        assert other.result.summary.specifications == expected
+    assert [each.verdict for each in expected] == ["satisfied", "satisfied"]
+
+
+def test_a_component_in_a_worker_process_has_what_the_run_tells_its_agent(ran: Ran) -> None:
+    agents = json.loads(json.dumps(SCENARIO["agents"]))
+    here, _ = ran({"west": WEST}, agents=agents)
+    agents["robot"]["components"]["take"]["run_in"] = "process"
+    there, log = ran({"west": WEST}, "process", agents=agents)
+    assert there.specifications == here.specifications
+    assert check_log(log.path).specifications == there.specifications
+
+
+def test_what_is_offered_is_refused_in_several_processes(tmp_path: Path) -> None:
+    (tmp_path / "errands.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": {"west": WEST}}))
+    place = Place("host", "127.0.0.1:0", only=("agents.robot",))
+    with pytest.raises(DistributionError, match="the specification `west` is offered while the run goes on"):
+        participant(build(tmp_path / "errands.yaml"), place)
+
+
+def test_a_sweep_tells_the_verdict_of_those_who_accepted(tmp_path: Path) -> None:
+    document = {**SCENARIO, "specifications": {"east": EAST, "far": {**EAST, "formula": "eventually x > 50"}}}
+    (tmp_path / "errands.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
+    (row,) = sweep(tmp_path / "errands.yaml", tmp_path / "sweep", runs=1, jobs=1).to_pylist()
+    assert (row["verdict.east"], row["verdict.far"]) == ("satisfied", "rejected")
+    assert row["robustness.east"] == pytest.approx(1.0)
+    assert [each["agent"] for each in row["by_agent.east"]] == ["robot.1"]
+
+
+def test_it_is_undecided_in_the_instant_of_its_acceptance(ran: Ran) -> None:
+    summary, _ = ran({"west": WEST}, run={"duration": 10.0, "until": "satisfied.west or time >= 2"})
+    assert summary.simulated_time == 2.0
+    assert summary.specifications[0].verdict == "violated"

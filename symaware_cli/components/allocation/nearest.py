@@ -45,8 +45,8 @@ class NearestOffer(Component):
         #: What the agent could not accept, with the time from which it was open [s].
         self._refused: dict[str, float] = {}
 
-    def _compute(self) -> list[str]:
-        """Return the names of what is offered, the nearest first, if the agent can accept something."""
+    def _compute(self) -> Mapping[str, Any]:
+        """Return the terms of what is offered, the nearest first, if the agent can accept something."""
         agent = self._agent
         status = agent.specifications
         held = [name for name in self._accepted if name in status and status[name].verdict is None]
@@ -56,17 +56,16 @@ class NearestOffer(Component):
             if self._refused.get(name) != terms["since"] and name not in self._accepted
         }
         if len(held) >= self.parameters.most or not offers:
-            return []
+            return {}
         least = -math.inf if self.parameters.least is None else self.parameters.least
         near = {name: near for name in offers if (near := agent.measured_robustness(name)) >= least}
-        return sorted(near, key=lambda name: (-near[name], name))
+        return {name: offers[name] for name in sorted(near, key=lambda name: (-near[name], name))}
 
-    def _update(self, value: list[str]) -> None:
-        offers: Mapping[str, Any] = self._agent.offers
-        for name in value:
+    def _update(self, value: Mapping[str, Any]) -> None:
+        for name, terms in value.items():
             if self.accept(name):
                 self._accepted.append(name)
-                self._agent.self_knowledge.update(offers[name]["knowledge"])
+                self._agent.self_knowledge.update(terms["knowledge"])
                 return
-            self._refused[name] = offers[name]["since"]
+            self._refused[name] = terms["since"]
             self.emit("too-late", f"`{name}` is not open", specification=name)
