@@ -13,6 +13,7 @@ from symaware_cli.cli.terminal import Json, bold, print_json
 class Kind(enum.StrEnum):
     """The kinds of plugins that can be listed."""
 
+    abstractions = "abstractions"
     components = "components"
     environments = "environments"
     metrics = "metrics"
