@@ -51,6 +51,7 @@ _EXTRAS = {
     "pybullet_data": "pybullet",
     "pymunk": "pymunk",
     "casadi": "casadi",
+    "daqp": "qp",
     "zenoh": "zenoh",
 }
 

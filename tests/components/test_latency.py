@@ -114,6 +114,7 @@ CASES = {
     ),
     "knowledge.strategy": Case(["signals"], PATROL, regions=REGIONS),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
+    "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
     "communication.gossip": Case([], knowledge={"rumour": 1}),
@@ -248,6 +249,8 @@ def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, An
         pytest.importorskip("highspy", reason="HiGHS is an extra")
     if use == "control.mpc":
         pytest.importorskip("casadi", reason="CasADi is an extra")
+    if use == "control.barrier-filter":
+        pytest.importorskip("daqp", reason="DAQP is an extra")
 
     def make(
         name: str, parameters: Mapping[str, Any], wrap: Callable[..., Any] = lambda kind: kind

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from symaware_cli.components.control.request_filter import RequestFilter
 from symaware_cli.components.control.speed_risk import FACTORS, RiskOfSpeeds, SpeedRisk
 from symaware_cli.components.risk.failure_bound import is_linear
 from symaware_cli.components.risk.invariants import invariants
-from symaware_cli.core import AgentGroup, GroupComponent, Level, Parameters, Quantity, Signal
+from symaware_cli.core import AgentGroup, Level, Parameters, Quantity, Signal
 from symaware_cli.specification.specification import Specification
 from symaware_cli.world.time import SECOND
 
@@ -37,7 +38,7 @@ class KeptRisk(NamedTuple):
     next: Array
 
 
-class RiskAware(GroupComponent):
+class RiskAware(RequestFilter):
     """Slows down the motion requested by the preceding controller where the risk is high.
 
     Declare it after a controller and a risk estimator. The speed is unchanged up to the risk ``caution``, decreases
@@ -139,17 +140,12 @@ class RiskAware(GroupComponent):
         self._factor = np.ones(len(group))
         self._stopped = np.zeros(len(group), bool)
         self._last: int | None = None
-        self._requested: Array | None = None
-        self._written: int | None = None
 
     def _compute(self) -> tuple[Array, Array, Array, KeptRisk | None]:
         group, parameters = self._group, self.parameters
         elapsed = 0.0 if self._last is None else (self.now - self._last) / SECOND
         fastest = self._factor + parameters.recovery * elapsed
-        requested = group.control_input
-        if group.control_column.writes == self._written and self._requested is not None:
-            # No new request since the last turn: slow down the original one, not the one already slowed.
-            requested = self._requested
+        requested = self._request()
         if self._speeds is None:
             kept, risk = None, self._risk()
             wanted = np.clip((parameters.bound - risk) / (parameters.bound - parameters.caution), 0.0, 1.0)
@@ -175,9 +171,8 @@ class RiskAware(GroupComponent):
         return KeptRisk(found, choice, allowed, total[rows, choice], found.next[rows, choice])
 
     def _update(self, value: tuple[Array, Array, Array, KeptRisk | None]) -> None:
-        self._requested, slowed, factor, kept = value
-        self._group.control_input = slowed
-        self._written = self._group.control_column.writes
+        requested, slowed, factor, kept = value
+        self._replace(requested, slowed)
         self._last = self.computed_at
         self._emit_changes(factor, None if kept is None else kept.of.total[:, -1])
         self._factor = factor
