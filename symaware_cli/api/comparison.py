@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.api.verification import VersionDifference, version_differences
+from symaware_cli.api.verification import VersionDifference, logged_versions, version_differences
 from symaware_cli.recording.log_comparison import (
     ChannelDifference,
     LogDifference,
@@ -88,9 +88,6 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> Compa
     if not (one.suffix == other.suffix == ".mcap"):
         return ComparisonResult((one, other), changes)
     logs = open_log(one), open_log(other)
-    then, now = (version_differences(log) for log in logs)
-    versions = {each.name: each.then for each in then}, {each.name: each.then for each in now}
-    here = {each.name: each.now for each in (*then, *now)}
     return ComparisonResult(
         (one, other),
         changes,
@@ -98,11 +95,7 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> Compa
         channel_differences(*logs),
         attachment_differences(*logs),
         _events(*logs),
-        [
-            VersionDifference(name, *said)
-            for name in sorted(here)
-            if (said := [each.get(name, here[name]) for each in versions])[0] != said[1]
-        ],
+        version_differences(*map(logged_versions, logs)),
     )
 
 

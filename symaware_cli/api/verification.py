@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -33,8 +33,8 @@ class VersionDifference:
 
     Attributes:
         name: What it is.
-        then: The version in the log; None if it was not installed.
-        now: The version here; None if it is not installed.
+        then: The version in the log, or in the first of two; None if it was not installed.
+        now: The version here, or in the second log; None if it is not installed.
     """
 
     name: str
@@ -124,14 +124,17 @@ def verify_log(path: Path, on_progress: Callable[[int, int], object] | None = No
         difference,
         writer,
         attachments,
-        version_differences(log),
+        version_differences(logged_versions(log), counting(versions())),
     )
 
 
-def version_differences(log: Log) -> Sequence[VersionDifference]:
-    """Return what differs in versions and machine from when a log was written."""
-    then = counting(json.loads(log.attachments.get("versions.json", b"{}")))
-    now = counting(versions())
+def logged_versions(log: Log) -> dict[str, str]:
+    """Return the versions that count of when a log was written."""
+    return counting(json.loads(log.attachments.get("versions.json", b"{}")))
+
+
+def version_differences(then: Mapping[str, str], now: Mapping[str, str]) -> Sequence[VersionDifference]:
+    """Return what differs between two sets of versions."""
     return [
         VersionDifference(name, then.get(name), now.get(name))
         for name in sorted({*then, *now})

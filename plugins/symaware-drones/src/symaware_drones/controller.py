@@ -26,9 +26,9 @@ from symaware_cli import (
 from symaware_cli.formulas import Specification
 from symaware_drones.barrier import Barrier, BarrierSample
 from symaware_drones.program import Constraint, Inputs
-from symaware_drones.schedule import Activation, Beginning, Schedule, check_links, task_graph
+from symaware_drones.schedule import Activation, Beginning, Schedule
 from symaware_drones.task import Task
-from symaware_drones.team import order_of, reached_by, tasks_in, tasks_of_run
+from symaware_drones.team import checked_tasks, order_of, tasks_in, tasks_of_run
 
 #: The kinds of messages: the fastest growth that a leader can bring about, and what a follower leaves to it.
 BEST, EPSILON = "best", "epsilon"
@@ -151,10 +151,7 @@ class BarrierController(CommunicationReceiver):
         self, specifications: Mapping[str, Specification], groups: Sequence[AgentGroup], links: Links | None
     ) -> None:
         """Check that tasks can be met, alone and together, and that the task graph has links and no cycle."""
-        order = order_of(groups)
-        tasks = [task for each in specifications.values() for task in tasks_in(each, order)]
-        task_graph(tasks, order)
-        check_links(tasks, reached_by(list(order), links))
+        tasks = checked_tasks(specifications, order_of(groups), links)
         positions = {
             id: (float(place[0]), float(place[1]))
             for group in groups

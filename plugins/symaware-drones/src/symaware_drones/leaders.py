@@ -20,8 +20,8 @@ from symaware_cli import (
     nanoseconds,
 )
 from symaware_cli.formulas import Specification
-from symaware_drones.schedule import check_links, task_graph
-from symaware_drones.team import order_of, reached_by, tasks_in, tasks_of_run
+from symaware_drones.schedule import task_graph
+from symaware_drones.team import checked_tasks, order_of, tasks_in, tasks_of_run
 
 #: The kind of the messages.
 LEADER = "leader"
@@ -64,10 +64,7 @@ class Leaders(CommunicationReceiver):
         self, specifications: Mapping[str, Specification], groups: Sequence[AgentGroup], links: Links | None
     ) -> None:
         """Check that the task graph has no cycle, and that there is a link for each of its edges."""
-        order = order_of(groups)
-        tasks = [task for each in specifications.values() for task in tasks_in(each, order)]
-        task_graph(tasks, order)
-        check_links(tasks, reached_by(list(order), links))
+        checked_tasks(specifications, order_of(groups), links)
 
     def initialise_component(
         self,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from symaware_cli import AgentGroup, EntityGroup, Links
 from symaware_cli.formulas import Specification
+from symaware_drones.schedule import check_links, task_graph
 from symaware_drones.task import Task, tasks_of
 
 
@@ -29,12 +30,26 @@ def tasks_in(specification: Specification, order: Mapping[str, int] | None = Non
     return list(tasks_of(specification, order))
 
 
+def checked_tasks(
+    specifications: Mapping[str, Specification], order: Mapping[str, int], links: Links | None
+) -> list[Task]:
+    """Return the tasks of all specifications.
+
+    Raises:
+        ValueError: Two drones of a task have no link, or the graph of tasks has a cycle.
+    """
+    tasks = [task for each in specifications.values() for task in tasks_in(each, order)]
+    task_graph(tasks, order)
+    check_links(tasks, _reached_by(list(order), links))
+    return tasks
+
+
 def tasks_of_run(group: AgentGroup, names: Sequence[str], order: Mapping[str, int]) -> list[Task]:
     """Return the tasks that the specifications of a run consist of."""
     return [task for name in names for task in tasks_in(group.specifications[name].specification, order)]
 
 
-def reached_by(ids: Sequence[str], links: Links | None) -> Mapping[str, Sequence[str]]:
+def _reached_by(ids: Sequence[str], links: Links | None) -> Mapping[str, Sequence[str]]:
     """Return the agents that each agent reaches; all if it is not known."""
     if links is None:
         return dict.fromkeys(ids, ids)
