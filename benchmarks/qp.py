@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.optimal_control.qp import solve_qp
 
@@ -44,7 +45,7 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "programs.npz")
-        np.savez(path, **data, solutions=solutions)
+        np.savez(path, H=data["H"], f=data["f"], A=data["A"], upper=data["upper"], solutions=solutions)
         command = [arguments.qpsolvers, str(HERE / "peers" / "qpsolvers_programs.py"), str(path)]
         said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     for each in json.loads(said):
@@ -54,7 +55,7 @@ def main() -> None:
         )
 
 
-def programs(count: int) -> dict[str, np.ndarray]:
+def programs(count: int) -> dict[str, NDArray[np.float64]]:
     """Return random programs: the closest input to a requested one, of a 20-gon and within some half planes."""
     chance = np.random.default_rng(1)
     angles = np.arange(FACES) * 2 * np.pi / FACES
