@@ -75,6 +75,14 @@ def awaited(count: int) -> dict[int, int]:
     return found
 
 
+def assert_no_workers_remain() -> None:
+    """Processes need a moment to end."""
+    patience = time.monotonic() + 20
+    while found := workers():
+        assert time.monotonic() < patience, found
+        time.sleep(0.1)
+
+
 def test_one_node_and_two_nodes_make_the_table_of_one_process(
     nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path
 ) -> None:
@@ -87,7 +95,7 @@ def test_one_node_and_two_nodes_make_the_table_of_one_process(
     finally:
         nodes.kill(second)
     assert table_digest(tmp_path / "one") == table_digest(tmp_path / "two") == digest
-    assert not workers()
+    assert_no_workers_remain()
 
 
 def test_a_worker_and_a_node_that_are_killed_cost_nothing(
@@ -115,10 +123,7 @@ def test_ctrl_c_leaves_nothing_behind(nodes: RayNodes, expected: tuple[Path, str
         sweep.send_signal(signal.SIGINT)
         said, _ = sweep.communicate(timeout=60)
     assert sweep.returncode == 130, said
-    patience = time.monotonic() + 20
-    while workers():
-        assert time.monotonic() < patience
-        time.sleep(0.1)
+    assert_no_workers_remain()
     assert {*nodes.folder.iterdir()} <= before
     symaware("sweep", tmp_path / "out", "--jobs", 0)
     assert table_digest(tmp_path / "out") == digest
