@@ -36,6 +36,10 @@ class SpecificationStatuses(Protocol):
         """The robustness on what was measured of an agent so far, with windows cut to that."""
 
     @property
+    def began(self) -> int | None:
+        """When its evaluation began, in nanoseconds; None before, and in a worker process."""
+
+    @property
     def worst(self) -> SpecificationStatus:
         """The worst of all."""
 

@@ -108,6 +108,7 @@ class ReceivedStatuses:
         self, worst: tuple[Any, ...], by_agent: Mapping[str, tuple[Any, ...]], measured: Mapping[str, float]
     ) -> None:
         self.specification = None
+        self.began: int | None = None
         self.worst = SpecificationStatus(*worst)
         self._by_agent = by_agent
         self._measured = measured

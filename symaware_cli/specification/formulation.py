@@ -49,6 +49,11 @@ class Formulation:
     tree: Node
     time_step: int
 
+    @property
+    def horizon(self) -> int | None:
+        """After how many steps the robustness is known; None if only at the end of the run."""
+        return stl.horizon(self.formula)
+
 
 def formulate(tree: Node, time_step: int) -> Formulation:
     """Translate the syntax tree of a specification into a formula.

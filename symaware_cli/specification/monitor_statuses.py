@@ -43,6 +43,11 @@ class MonitorStatuses:
         return self.monitor.specification
 
     @property
+    def began(self) -> int | None:
+        """When its evaluation began, in nanoseconds; None before."""
+        return min((cohort.start for cohort in self.monitor.cohorts), default=None)
+
+    @property
     def worst(self) -> SpecificationStatus:
         """The worst of all that were ever there."""
         begun = np.flatnonzero(self.monitor.begun).tolist()

@@ -1,0 +1,336 @@
+"""The controller: it plans, follows its plan, and says what more specifications would cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli import (
+    Agent,
+    AgentGroup,
+    AwarenessDatabase,
+    Component,
+    KnowledgeDatabase,
+    Level,
+    Parameters,
+    Quantity,
+    Signal,
+    TimeSeries,
+    nanoseconds,
+    seconds,
+)
+from symaware_cli.formulas import Specification
+from symaware_cli.optimal_control import LinearDynamics
+from symaware_warehouse.planner import Bid, Commitment, PlannedTube, Planner, Progress
+from symaware_warehouse.tube import Tube, TubeKind
+
+Array = NDArray[np.float64]
+
+#: The probability of the ellipse that is drawn of a covariance in the plane, as the square of its radius in deviations.
+_ELLIPSE = 5.991464547107979
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TubeDecision:
+    """The result of a turn.
+
+    Attributes:
+        control_input: The control input to request; shape (2,).
+        progress: What was done so far, the present included.
+        plan: The plan to follow; None if there is none.
+        is_new: Whether it was made in this turn.
+        starts: The steps at which the specifications begin that the robot has to satisfy, by name.
+        required: Those of them that are not decided.
+        asked: What was asked for, if bids were made.
+        bids: What each specification would cost, by name.
+        risk: The risk of all that was accepted.
+    """
+
+    control_input: Array
+    progress: Progress
+    plan: PlannedTube | None
+    is_new: bool
+    starts: Mapping[str, int]
+    required: tuple[str, ...]
+    asked: tuple[str, ...]
+    bids: Mapping[str, Bid]
+    risk: float
+
+
+class TubeControl(Component):
+    """Satisfies the specifications that a robot has accepted, each with a probability of at least 1 - epsilon.
+
+    The robot is x+ = x + u + w with normal w. A plan up to the end of the horizon has a tube: at each step to come the
+    robot is with some probability within a radius of it, and whatever a specification needs holds everywhere in there
+    (`symaware_warehouse.Planner`). The plan is a mixed-integer program. Its alternatives (which region when, on which
+    side of a wall) are searched for when the robot has accepted something or something is decided, and otherwise kept:
+    the plan begins anew at each step, where the robot is. If there is no plan, the last one is followed with the
+    feedback that the tube is made for.
+
+    The specifications are those of the scenario that are in force by themselves, and those that are offered and that a
+    component such as `allocation.nearest` or an auction accepts. One that is offered is bound to its epsilon.
+
+    Its risk is the sum of the risks of all that it has accepted, each over its steps so far and to come. The plan is
+    the intent, and the tube is its uncertainty: the `radius`, and the covariance of which a replay draws that circle.
+
+    The knowledge `asked`, a list of names, asks it for bids. The answer is the knowledge `bids`: by name the `cost`,
+    the least risk to come of all that the robot would have then, or null if there is no plan with it; and `at`, the
+    time [s]. A bid is made once, and again when it is asked for again: by another list.
+    """
+
+    specifications = "specifications"
+    signals = (
+        Signal(
+            "tube",
+            columns=[Quantity("cost", "1"), Quantity("energy", "1"), Quantity("radius", "m")],
+            description="the cost of the plan from the present on, its energy, and the radius of the next step",
+        ),
+    )
+    events: ClassVar[Mapping[str, str]] = {
+        "planned": "A search has found a plan: its `cost`, and by how much the best may be better, `gap`.",
+        "bid": "The robot says what specifications would cost: `bids`, null where there is no plan.",
+        "infeasible": "There is no plan; the last one is followed, with feedback. Once until there is a plan again.",
+    }
+
+    class Parameters(Parameters):
+        """What to plan for, and how."""
+
+        specifications: list[str] = Field(
+            min_length=1, description="The specifications to satisfy: those in force, and those that may be accepted."
+        )
+        horizon: float = Field(40.0, gt=0, description="The instant up to which is planned [s].")
+        tube: TubeKind = Field(
+            "chebyshev", description="The bound of the risk of a radius: `chebyshev` for any error, or `gaussian`."
+        )
+        least_risk: float = Field(0.01, gt=0, lt=0.6, description="beta: the risk that each step has at least.")
+        chords: int = Field(1, ge=1, le=20, description="How many chords approximate the bound of the risk from above.")
+        feedback: float = Field(
+            0.6180339887498949, gt=0, lt=2, description="K: the error e of a plan becomes (1 - K) e + w in a step."
+        )
+        variance: float | None = Field(
+            None, gt=0, description="Variance of w along each axis [m^2]; that of the model's noise if null."
+        )
+        max_input: float | None = Field(
+            None, gt=0, description="Greatest magnitude of each element of u [m]; that of the model if null."
+        )
+        energy: float = Field(0.001, ge=0, description="Cost of the square of each element of u [1/m^2].")
+        tangents: int = Field(5, ge=3, le=101, description="Of how many tangents these squares consist in a search.")
+        gap: float = Field(0.05, ge=0, description="By how much a plan may cost more than the best.")
+        nodes: int = Field(5_000, ge=1, description="Limit of a search: the nodes of its tree.")
+        bids: Literal["asked", "offers", "none"] = Field(
+            "asked", description="Whether to bid on what the knowledge `asked` lists, on all that is offered, or never."
+        )
+
+    def check(self, group: AgentGroup) -> None:
+        """Check that the model is x+ = x + u + w with limited u and known noise."""
+        self._planner_of(group, group.model.time_step or 1.0, 0)
+
+    def check_specification(self, specification: Specification, group: AgentGroup) -> None:
+        """Check that a specification is linear in the state."""
+        if specification.each is None:
+            raise ValueError("it is about pairs or the world, which one robot does not plan for")
+        if specification.automaton is not None:
+            raise ValueError("it is in linear temporal logic")
+        Commitment.of(specification, group.model, group.regions, 0, None)
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """Declare the intent as positions, and the uncertainty as covariances and radii."""
+        x, y = (group.model.state[index] for index in group.model.position)
+        covariance = [Quantity(f"cov_{one.name}_{other.name}", "m*m") for one in (x, y) for other in (x, y)]
+        return {
+            "intent": [x, y],
+            "uncertainty": [*covariance, Quantity("radius", "m")],
+            "risk": [Quantity("risk", "1")],
+        }
+
+    def initialise_component(
+        self,
+        agent: Agent,
+        initial_awareness_database: AwarenessDatabase,
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
+    ) -> None:
+        """Start without a plan."""
+        super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
+        self._step = self.environment.time_step
+        #: The step of the world at which the robot begins; its own steps count from there.
+        self._origin = -(-self.now // self._step)
+        self._planner = self._planner_of(agent.group, seconds(self._step), self._origin)
+        self._progress: Progress | None = None
+        self._plan: PlannedTube | None = None
+        self._starts: Mapping[str, int] = {}
+        self._required: tuple[str, ...] = ()
+        self._asked: tuple[str, ...] = ()
+        self._is_lost = False
+
+    # A turn
+
+    def _compute(self) -> TubeDecision:
+        state, planner = self._agent.self_state, self._planner
+        before, plan = self._progress, self._plan
+        if before is None:
+            progress = Progress.beginning(state)
+        else:
+            progress = before.after(state, 1.0 if plan is None else plan.risk_at(before.step + 1))
+        starts = self._all_starts(progress.step)
+        accepted, required = self._commitments(starts, progress.step)
+        asked, names = self._questions()
+        bids = {name: self._bid(name, required, progress) for name in names}
+        found, control_input = None, np.zeros(2)
+        if progress.step < planner.steps:
+            event = plan is None or not {each.name for each in required} <= {*self._required}
+            found = planner.solve(required, progress, plan, event=event)
+            if found is not None:
+                plan, control_input = found, found.inputs[0]
+            elif plan is not None:
+                control_input = plan.input_at(progress.step, state, self.parameters.feedback)
+        risk = planner.risk(accepted, progress, plan)
+        names_required = tuple(each.name for each in required)
+        return TubeDecision(control_input, progress, plan, found is not None, starts, names_required, asked, bids, risk)
+
+    def _update(self, value: TubeDecision) -> None:
+        agent, awareness, now = self._agent, self._agent.self_awareness, self.computed_at
+        agent.model.control_input = value.control_input
+        self._progress, self._plan = value.progress, value.plan
+        self._starts, self._required, self._asked = value.starts, value.required, value.asked
+        awareness.risk = TimeSeries.sampled([now], [value.risk])
+        if value.bids:
+            self._tell(value.bids)
+        plan = value.plan
+        if value.progress.step >= self._planner.steps:
+            return
+        if not value.is_new or plan is None:
+            if not self._is_lost:
+                self._is_lost = True
+                names = ", ".join(value.required)
+                instead = "stands still" if plan is None else "follows its last plan"
+                self.emit(
+                    "infeasible", f"no plan for {names}; {instead}", level=Level.WARNING, left=list(value.required)
+                )
+            return
+        self._is_lost = False
+        times = now + np.arange(len(plan.positions), dtype=np.int64) * self._step
+        awareness.intent = TimeSeries.sampled(times, plan.positions)
+        variances = np.square(plan.radii) / _ELLIPSE
+        none = np.zeros(len(variances))
+        awareness.uncertainty = TimeSeries.sampled(
+            times, np.column_stack([variances, none, none, variances, plan.radii])
+        )
+        energy = self.parameters.energy * float(np.square(plan.inputs).sum())
+        self.record(self.signals[0], np.array([plan.cost, energy, plan.radii[1]]))
+        if plan.status == "searched":
+            gap = max(0.0, plan.cost - plan.bound)
+            text = f"a plan for {', '.join(value.required)} costs {plan.cost:.4g}"
+            self.emit("planned", text, cost=plan.cost, gap=gap, specifications=list(value.required))
+
+    def _tell(self, bids: Mapping[str, Bid]) -> None:
+        """Write bids as knowledge."""
+        knowledge = self._agent.self_knowledge
+        at = seconds(self.computed_at)
+        said = {name: {"cost": bid.cost, "at": at} for name, bid in bids.items()}
+        knowledge["bids"] = {**knowledge.get("bids", {}), **said}
+        text = ", ".join(f"{name}: {'no plan' if bid.cost is None else f'{bid.cost:g}'}" for name, bid in bids.items())
+        self.emit("bid", text, bids={name: bid.cost for name, bid in bids.items()})
+
+    # Specifications
+
+    def _all_starts(self, step: int) -> dict[str, int]:
+        """Return when the specifications begin that are in force for the robot; steps count from its own beginning."""
+        agent = self._agent
+        statuses = agent.specifications
+        names = [name for name in self.parameters.specifications if name in statuses]
+        return {name: self._starts.get(name, self._start(name, step)) for name in names}
+
+    def _start(self, name: str, step: int) -> int:
+        """Return the step at which a specification began, or begins."""
+        statuses = self._agent.group.specifications[name]
+        began = statuses.began
+        if began is None:
+            began = max(self.now, statuses.specification.start)
+        return max(0, -(-began // self._step) - self._origin)
+
+    def _commitments(self, starts: Mapping[str, int], step: int) -> tuple[list[Commitment], list[Commitment]]:
+        """Return all that the robot has to satisfy, and what is not decided of it.
+
+        One that is violated already, and was not offered, is required again from the present on: a robot that was in a
+        wall goes on to avoid walls.
+        """
+        statuses = self._agent.specifications
+        accepted, required = [], []
+        for name, start in starts.items():
+            commitment = self._commitment(name, start)
+            accepted.append(commitment)
+            verdict = statuses[name].verdict
+            if verdict is None:
+                required.append(commitment)
+            elif verdict is False and commitment.epsilon is None:
+                required.append(commitment._replace(start=step))
+        return accepted, required
+
+    def _commitment(self, name: str, start: int) -> Commitment:
+        group = self._agent.group
+        specification = group.specifications[name].specification
+        if specification is None:
+            raise ValueError("a plan needs the specifications themselves, which a process of its own does not have")
+        epsilon = None
+        if specification.offer is not None:
+            epsilon = math.inf if specification.offer.epsilon is None else specification.offer.epsilon
+        return Commitment.of(specification, group.model, group.regions, start, epsilon)
+
+    # Bids
+
+    def _questions(self) -> tuple[tuple[str, ...], list[str]]:
+        """Return what was asked, and the names of it that bids are to be made for now."""
+        agent = self._agent
+        if self.parameters.bids == "none":
+            return (), []
+        if self.parameters.bids == "asked":
+            asked = tuple(agent.self_knowledge.get("asked", ()))
+            return asked, list(asked) if asked != self._asked else []
+        offers = {f"{name} {terms['since']}": name for name, terms in sorted(agent.offers.items())}
+        return tuple(offers), [name for key, name in offers.items() if key not in self._asked]
+
+    def _bid(self, name: str, required: Sequence[Commitment], progress: Progress) -> Bid:
+        if name not in self.parameters.specifications or name not in self._agent.group.specifications:
+            return Bid(None, "unknown")
+        held = [each for each in required if each.name != name]
+        if progress.step >= self._planner.steps:
+            return Bid(None, "infeasible")
+        return self._planner.bid(self._commitment(name, self._start(name, progress.step)), held, progress)
+
+    # The planner
+
+    def _planner_of(self, group: AgentGroup, step: float, origin: int) -> Planner:
+        """Return the planner of the robots of a group.
+
+        Raises:
+            ValueError: The model is not x+ = x + u + w, or limits or noise are not known.
+        """
+        given = self.parameters
+        model = group.model
+        dynamics = LinearDynamics.of(model, step)
+        unit = np.eye(2)
+        if dynamics.A.shape != (2, 2) or dynamics.B.shape != (2, 2) or dynamics.c.any():
+            raise ValueError("the model must be x+ = x + u + w in the plane")
+        if not (np.array_equal(dynamics.A, unit) and np.array_equal(dynamics.B, unit)) or len(dynamics.normals):
+            raise ValueError("the model must be x+ = x + u + w, with a limit of each element of u")
+        if given.max_input is not None:
+            least = np.maximum(dynamics.least, -given.max_input)
+            greatest = np.minimum(dynamics.greatest, given.max_input)
+            dynamics = replace(dynamics, least=least, greatest=greatest)
+        if not np.isfinite([*dynamics.least, *dynamics.greatest]).all():
+            raise ValueError("a plan needs a limit of u: that of the model, or `max_input`")
+        variance = given.variance
+        if variance is None:
+            noise = model.noise_covariance(step)
+            if noise is None or not noise.any():
+                raise ValueError("a tube needs noise: that of the model, or its `variance`")
+            variance = float(np.linalg.eigvalsh(noise).max())
+        tube = Tube.of(given.tube, variance / (1.0 - (1.0 - given.feedback) ** 2), given.least_risk, given.chords)
+        last = round(nanoseconds(given.horizon) / nanoseconds(step)) - origin
+        return Planner(dynamics, tube, last, given.energy, given.tangents, given.gap, given.nodes)

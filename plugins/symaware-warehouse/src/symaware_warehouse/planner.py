@@ -1,0 +1,287 @@
+"""Planners: robust plans of one robot for the specifications that it has accepted, and what one more would cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli import Model
+from symaware_cli.formulas import Region, Specification
+from symaware_cli.optimal_control import (
+    LinearDynamics,
+    SpecificationPlan,
+    SpecificationProgram,
+    margins,
+    predicate_sets,
+    state_names,
+)
+from symaware_warehouse.tube import Tube
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: How a plan came about: by a search, with the alternatives of the last plan, or not at all.
+PlanStatus = Literal["searched", "followed", "infeasible", "node limit", "failed"]
+
+
+class Commitment(NamedTuple):
+    """A specification that a robot has accepted, or may accept.
+
+    Attributes:
+        name: The name of the specification.
+        formulation: Its formula.
+        sets: Of each predicate the states in which it holds, and those in which its negation does.
+        start: The step at which it begins.
+        epsilon: The most that the risk of its steps may add up to; None for no limit.
+    """
+
+    name: str
+    formulation: Any
+    sets: Sequence[Any]
+    start: int
+    epsilon: float | None
+
+    @classmethod
+    def of(
+        cls,
+        specification: Specification,
+        model: Model,
+        regions: Mapping[str, Region],
+        start: int,
+        epsilon: float | None,
+    ) -> Commitment:
+        """Return what a specification commits an agent to, from a step on.
+
+        Raises:
+            ValueError: A predicate is not linear in the state of the model.
+        """
+        formulation = specification.formulation
+        sets = predicate_sets(formulation, state_names(model), regions)
+        return cls(specification.name, formulation, sets, start, epsilon)
+
+    def steps(self, last: int) -> range:
+        """Return the steps whose risk counts: those after its start, up to its end or a last step."""
+        horizon = self.formulation.horizon
+        end = last if horizon is None else min(last, self.start + horizon)
+        return range(self.start + 1, end + 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Progress:
+    """What a robot has done so far.
+
+    Attributes:
+        states: The measured states at the steps 0 to k; shape (k + 1, 2).
+        risks: The risks that it has taken at these; 0 at step 0. Shape (k + 1,).
+    """
+
+    states: Array
+    risks: Array
+
+    @classmethod
+    def beginning(cls, state: Array) -> Progress:
+        """Return the progress at step 0."""
+        return cls(np.array(state, float)[None], np.zeros(1))
+
+    @property
+    def step(self) -> int:
+        """The present step, k."""
+        return len(self.states) - 1
+
+    def after(self, state: Array, risk: float) -> Progress:
+        """Return the progress one step later, with the state that was measured then and the risk that was taken."""
+        return Progress(np.concatenate([self.states, state[None]]), np.append(self.risks, risk))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedTube:
+    """A plan with its tube, from a step on.
+
+    Attributes:
+        status: How it came about.
+        start: The step k at which it begins.
+        positions: The positions at the steps from k to N; shape (N - k + 1, 2) [m].
+        inputs: The control inputs from k to N - 1; shape (N - k, 2) [m].
+        radii: The radii of the tube at the steps from k to N, 0 at k; shape (N - k + 1,) [m].
+        risks: The risks of the steps from k to N, 0 at k; shape (N - k + 1,).
+        cost: The sum of the risks and of the weighted squares of the control inputs.
+        bound: No plan costs less, as far as the search could tell.
+    """
+
+    status: PlanStatus
+    start: int
+    positions: Array
+    inputs: Array
+    radii: Array
+    risks: Array
+    cost: float
+    bound: float
+
+    def rest(self, step: int) -> Array:
+        """Return the positions from a later step on."""
+        return self.positions[step - self.start :]
+
+    def risk_at(self, step: int) -> float:
+        """Return the risk of a step."""
+        return float(self.risks[step - self.start])
+
+    def input_at(self, step: int, state: Array, feedback: float) -> Array:
+        """Return the control input at a later step, with feedback from the position that was planned for it."""
+        place = step - self.start
+        found: Array = self.inputs[place] - feedback * (state - self.positions[place])
+        return found
+
+
+class Bid(NamedTuple):
+    """What it would cost to accept a specification.
+
+    Attributes:
+        cost: The least risk to come of all that the robot would have accepted then; None if there is no plan.
+        status: As of `SpecificationPlan`.
+    """
+
+    cost: float | None
+    status: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planner:
+    """Plans for one robot, x+ = x + u + w, up to a last step; it keeps nothing between two calls.
+
+    A plan has a tube: at each step to come the robot may be anywhere within a radius, which is a variable of the
+    program, and each predicate in use holds everywhere in there. The risk of a step bounds the probability that the
+    robot is not in its tube (`Tube`). The risks of the steps of an accepted specification, so far and to come, add up
+    to at most its epsilon; then it fails with at most that probability. What past steps have used up leaves at least
+    the least risk for each step to come, so that it makes nothing infeasible; the excess is in the recorded risk.
+
+    Attributes:
+        dynamics: The dynamics of a step.
+        tube: The tube.
+        steps: The last step, N.
+        energy: The weight of the squares of the control inputs [1/m^2].
+        tangents: Of how many tangents these squares consist during a search.
+        gap: By how much a plan may cost more than the best.
+        nodes: The limit of a search: the nodes of its tree.
+    """
+
+    dynamics: LinearDynamics
+    tube: Tube
+    steps: int
+    energy: float = 0.001
+    tangents: int = 5
+    gap: float = 0.05
+    nodes: int = 5_000
+
+    def bid(self, offer: Commitment, accepted: Sequence[Commitment], progress: Progress) -> Bid:
+        """Return what it would cost to accept a specification.
+
+        The cost is the least sum of the risks of the specifications that the robot would have then, each over its own
+        steps, from the present on. It is rounded to six decimals, so that bids which are equal are equal to the bit.
+        """
+        program = _TubeProgram(self, [*accepted, offer], progress, energy=False)
+        found = program.specifications.solve(nodes=self.nodes, gap=1e-6)
+        return Bid(None if found.states is None else round(found.solution.cost, 6), found.status)
+
+    def solve(
+        self, accepted: Sequence[Commitment], progress: Progress, last: PlannedTube | None = None, event: bool = True
+    ) -> PlannedTube | None:
+        """Return a plan from the present step on; None if there is none.
+
+        Args:
+            accepted: The specifications to satisfy.
+            progress: What was done so far.
+            last: The last plan.
+            event: Whether to search for the best alternatives; otherwise those of the last plan are kept, and a search
+                follows only if that is impossible.
+        """
+        program = _TubeProgram(self, accepted, progress)
+        rest = None if last is None else last.rest(progress.step)
+        if not event and rest is not None:
+            again = program.specifications.solve_as_chosen(rest)
+            if again.states is not None:
+                return program.plan(again, "followed")
+        found = program.specifications.solve(nodes=self.nodes, gap=self.gap, guess=rest, refine=False)
+        if found.states is None:
+            return None
+        polished = program.specifications.solve_as_chosen(found.states)
+        if polished.states is None:
+            return program.plan(found, "searched")
+        return program.plan(polished, "searched", found.solution.bound)
+
+    def risk(self, accepted: Sequence[Commitment], progress: Progress, plan: PlannedTube | None) -> float:
+        """Return the sum of the risks of specifications with an epsilon, each over its steps so far and to come."""
+        taken = progress.risks
+        if plan is not None:
+            taken = np.append(taken, plan.risks[progress.step - plan.start + 1 :])
+        counted = [each.steps(len(taken) - 1) for each in accepted if each.epsilon is not None]
+        return float(sum(taken[steps.start : steps.stop].sum() for steps in counted))
+
+
+class _TubeProgram:
+    """The program of a plan with a tube."""
+
+    def __init__(
+        self,
+        planner: Planner,
+        accepted: Sequence[Commitment],
+        progress: Progress,
+        *,
+        energy: bool = True,
+    ) -> None:
+        self._planner = planner
+        self._progress = progress
+        tube, present = planner.tube, progress.step
+        count = planner.steps - present
+        self.specifications = SpecificationProgram(planner.dynamics, progress.states[-1], count)
+        program = self.specifications.program
+        limited = [each.steps(planner.steps) for each in accepted if each.epsilon is not None]
+        ahead = range(present + 1, planner.steps + 1)
+        # A plan has the risk of each step as its cost, a bid that of each step of each specification.
+        weights = [1.0 if energy else float(sum(step in steps for steps in limited)) for step in ahead]
+        self._radii = program.add_variables(count, tube.least, tube.greatest)
+        self._risks = program.add_variables(count, tube.least_risk, 1.0, weights)
+        for place, (radius, risk) in enumerate(zip(self._radii.tolist(), self._risks.tolist(), strict=True)):
+            for a, b in tube.chords:
+                program.add_row([risk, radius], [1.0, -b], lower=a)
+            self.specifications.add_radius(place + 1, radius, tube.least, tube.greatest)
+        for each in accepted:
+            self._require(each)
+        if energy:
+            self.specifications.add_effort(planner.energy, planner.tangents)
+
+    def _require(self, commitment: Commitment) -> None:
+        planner, present = self._planner, self._progress.step
+        first, sets = commitment.start - present, commitment.sets
+        past = margins(sets, self._progress.states[commitment.start : present]) if first < 0 else ()
+        self.specifications.require(commitment.name, commitment.formulation.formula, sets, first=first, past=past)
+        if commitment.epsilon is not None:
+            risks = [int(self._risks[step - present - 1]) for step in commitment.steps(planner.steps) if step > present]
+            left = max(commitment.epsilon - self.past_risk(commitment), len(risks) * planner.tube.least_risk)
+            self.specifications.program.add_row(risks, [1.0] * len(risks), upper=left)
+
+    def past_risk(self, commitment: Commitment) -> float:
+        """Return the risk of the steps of a specification so far."""
+        present = self._progress.step
+        past = [step for step in commitment.steps(self._planner.steps) if step <= present]
+        return float(self._progress.risks[past].sum())
+
+    def plan(self, found: SpecificationPlan, status: PlanStatus, bound: float | None = None) -> PlannedTube:
+        """Return a solution as a plan."""
+        assert found.states is not None
+        assert found.inputs is not None
+        assert found.solution.values is not None
+        risks = np.append(0.0, found.solution.values[self._risks])
+        cost = float(risks.sum() + self._planner.energy * np.square(found.inputs).sum())
+        return PlannedTube(
+            status=status,
+            start=self._progress.step,
+            positions=found.states,
+            inputs=found.inputs,
+            radii=np.append(0.0, found.solution.values[self._radii]),
+            risks=risks,
+            cost=cost,
+            bound=found.solution.bound if bound is None else bound,
+        )
