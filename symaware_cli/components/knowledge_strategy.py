@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, ClassVar, Literal, NamedTuple, cast
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.abstraction.knowledge_model import model_named
-from symaware_cli.core import AgentGroup, GroupComponent, Level, Parameters, Quantity, Signal
-from symaware_cli.specification import formula as stl
-from symaware_cli.specification.columns import COLUMN_FUNCTIONS
-from symaware_cli.specification.expression import FUNCTIONS
-from symaware_cli.specification.formulation import Formulation, formulate
-from symaware_cli.specification.node import Node, Temporal, walk
-from symaware_cli.specification.parser import RESERVED, parse
-from symaware_cli.specification.region import PlacedRegion
-from symaware_cli.specification.scope import BeliefScope, World
-from symaware_cli.specification.token import ExpressionError
+from symaware_cli.components.knowledge_game import GameParameters, KnowledgeGame
+from symaware_cli.core import AgentGroup, GroupComponent, Level, Quantity, Signal
+from symaware_cli.specification.scope import BeliefScope
+from symaware_cli.synthesis.attempt import attempt
 from symaware_cli.synthesis.conflict import conflict
-from symaware_cli.synthesis.fragment import clauses
-from symaware_cli.synthesis.game import Game, Statement
+from symaware_cli.synthesis.counterstrategy import Counterstrategy, oppose
+from symaware_cli.synthesis.game import Statement
 from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthesise
-from symaware_cli.synthesis.vocabulary import CELL, Variable, Vocabulary
+from symaware_cli.synthesis.vocabulary import CELL
 from symaware_cli.world.plugin import ParameterError
 from symaware_cli.world.time import SECOND
 
@@ -35,19 +28,6 @@ PLAN = Signal(
     columns=(Quantity("cell", ""), Quantity("next_cell", ""), Quantity("goal", "")),
     description="the cell that the agent came to, the one that it goes to, and the number of the goal that it pursues",
 )
-
-
-class AgentInRegion(Parameters):
-    """Whether another agent is in a region."""
-
-    agent: str = Field(description="The id of the agent, such as `door`.")
-    inside: str = Field(description="The name of the region.")
-
-
-class AgentCell(Parameters):
-    """The cell of another agent."""
-
-    cell_of: str = Field(description="The id of the agent, such as `robot.1`.")
 
 
 class StrategyMemory(NamedTuple):
@@ -61,6 +41,7 @@ class StrategyMemory(NamedTuple):
         values: The last known values of the environment's variables, in their order; -1 for none.
         met: When each goal of the environment was last met [ns].
         overdue: Whether each of these was reported to be overdue.
+        opposing: The goal that the environment pursues, if it plays a counterstrategy.
     """
 
     state: int
@@ -70,6 +51,7 @@ class StrategyMemory(NamedTuple):
     values: tuple[int, ...]
     met: tuple[int, ...]
     overdue: tuple[bool, ...]
+    opposing: int = 0
 
 
 class _Report(NamedTuple):
@@ -92,6 +74,9 @@ class KnowledgeStrategy(GroupComponent):
     signals = (PLAN,)
     events: ClassVar = {
         "strategy-made": "A strategy was made before the run; `digest` identifies it.",
+        "counterstrategy-made": "There is no strategy; the environment plays a counterstrategy.",
+        "environment-moved": "The environment took a step of its counterstrategy.",
+        "guarantee-broken": "The environment has won: the agent had no choice that keeps its guarantees.",
         "goal-met": "An agent came to meet the goal that it pursued; `number` counts goals from 0.",
         "assumption-broken": "The environment did what the assumptions exclude; `assumptions` lists those it broke.",
         "assumption-overdue": "What is assumed to happen again and again did not happen within the patience.",
@@ -100,19 +85,16 @@ class KnowledgeStrategy(GroupComponent):
         "cells-left": "An agent is neither in the cell that it came from nor in the one that it goes to.",
     }
     # Made from the parameters and the model before the run, and the same in each run of the scenario.
-    uncaptured: ClassVar[Collection[str]] = ("_model", "_game", "_strategy", "_propositions", "_goals", "_regions")
+    uncaptured: ClassVar[Collection[str]] = ("_knowledge", "_game", "_strategy", "_counterstrategy", "_goals")
 
-    class Parameters(Parameters):
-        """What is known about the environment, and what is to be achieved."""
+    class Parameters(GameParameters):
+        """What is known about the environment, what is to be achieved, and what to do otherwise."""
 
-        model: str = Field(description="The knowledge model, by its name under `knowledge_models`.")
-        labels: dict[str, str | AgentInRegion | AgentCell] = Field(
-            default_factory=dict,
-            description="What formulas say about the environment, by name: a condition on what the agent believes, such"
-            " as `knowledge.open > 0`; {agent: ID, inside: REGION}; or the cell of another agent, {cell_of: ID}.",
+        on_unrealisable: Literal["refuse", "counterstrategy"] = Field(
+            "refuse",
+            description="What to do if there is no strategy: refuse the scenario, with the reason; or run it with an"
+            " environment that plays a counterstrategy instead of what is believed, to watch how it wins.",
         )
-        assumptions: tuple[str, ...] = Field((), description="What the environment is known to do, as formulas.")
-        guarantees: tuple[str, ...] = Field(min_length=1, description="What the agent is to achieve, as formulas.")
         on_violation: Literal["stop", "resume"] = Field(
             "stop",
             description="What an agent does after the environment broke an assumption: it stays in its cell; or it goes"
@@ -135,11 +117,7 @@ class KnowledgeStrategy(GroupComponent):
         if not hasattr(self, "_strategy"):
             self._prepare(group)
         self._scope = BeliefScope(group, self.environment, [], {})
-        roster = self.environment.roster
-        for name, label in self.parameters.labels.items():
-            other = "" if isinstance(label, str) else label.agent if isinstance(label, AgentInRegion) else label.cell_of
-            if other and other not in roster:
-                raise ValueError(f"the label `{name}` is about `{other}`, which is no agent")
+        self._knowledge.check_others(self.environment.roster)
         count = len(self._goals)
         start = StrategyMemory(
             -1, 0, -1, False, (-1,) * len(self._game.vocabulary.environment), (self.now,) * count, (False,) * count
@@ -155,86 +133,43 @@ class KnowledgeStrategy(GroupComponent):
         Raises:
             ParameterError: A parameter is invalid.
         """
-        given = self.parameters
-        self._model = model = model_named(given.model, group.knowledge_models)
-        self._regions = {
-            name: PlacedRegion(name, group.regions, _nowhere)
-            for name, region in group.regions.items()
-            if region.around is None
-        }
-        self._propositions = {
-            name: self._proposition(name, label, group)
-            for name, label in given.labels.items()
-            if isinstance(label, str)
-        }
+        self._knowledge = KnowledgeGame(self.parameters, group)
+        self._game = game = self._knowledge.game
+        self._goals = game.goals(game.assumptions)
+        self._counterstrategy: Counterstrategy | None = None
         try:
-            vocabulary = Vocabulary(model.system, self._variables())
-            stated = [self._statements(section, vocabulary) for section in ("assumptions", "guarantees")]
-            self._game = Game(vocabulary, *stated)
-        except ParameterError:
-            raise
-        except ValueError as error:  # names that clash, or a game that is too large
-            raise ParameterError(str(error), ("labels",) if given.labels else ()) from None
-        positions = group.model.positions(group.initial_state)
-        cells = model.cells(positions)
-        if (cells < 0).any():
-            row = int(np.flatnonzero(cells < 0)[0])
-            raise ValueError(f"{group.ids[row]} begins at {positions[row].tolist()}, which is in no cell")
-        starts = sorted(set(cells.tolist()))
-        try:
-            self._strategy: Strategy = synthesise(self._game, starts)
+            self._strategy: Strategy = synthesise(game, self._knowledge.starts)
         except UnrealisableError as error:
-            raise self._unrealisable(error, starts) from None
-        self._goals = self._game.goals(self._game.assumptions)
+            if self.parameters.on_unrealisable == "refuse" or not game.starts(self._knowledge.starts)[1].any():
+                raise self._unrealisable(error) from None
+            self._counterstrategy, self._strategy = oppose(game), attempt(game)
 
-    def _variables(self) -> list[Variable]:
-        system = self._model.system
-        return [
-            Variable(name, system if isinstance(label, AgentCell) else None)
-            for name, label in self.parameters.labels.items()
-        ]
-
-    def _proposition(self, name: str, text: str, group: AgentGroup) -> Formulation:
-        """Parse a condition on what an agent believes."""
-        try:
-            if not name.isidentifier() or name in RESERVED or name in COLUMN_FUNCTIONS:
-                raise ParameterError(f"`{name}` cannot be a name in a formula", ("labels", name))
-            scope = BeliefScope(group, cast("World", None), [], {})
-            functions = {each: count for each, (count, _) in FUNCTIONS.items()}
-            tree = parse(text, {*scope.names, *self._regions}, functions)
-            _check_momentary(tree)
-            return formulate(tree, SECOND)
-        except ExpressionError as error:
-            raise ParameterError(text, ("labels", name)) from error
-
-    def _statements(self, section: Literal["assumptions", "guarantees"], vocabulary: Vocabulary) -> list[Statement]:
-        found = []
-        for number, text in enumerate(getattr(self.parameters, section)):
-            try:
-                found.append(Statement(text, clauses(text, vocabulary)))
-            except ExpressionError as error:
-                raise ParameterError(text, (section, number)) from error
-        return found
-
-    def _unrealisable(self, error: UnrealisableError, cells: Sequence[int]) -> ParameterError:
-        """Explain that there is no strategy, at the last of the guarantees that contradict each other."""
-        guilty = conflict(self._game, cells)
-        texts = [each.text for each in guilty]
-        if not texts:
+    def _unrealisable(self, error: UnrealisableError) -> ParameterError:
+        """Explain that there is no strategy, at each of the formulas that contradict each other."""
+        guilty = conflict(self._game, self._knowledge.starts)
+        if not guilty.guarantees:
             return ParameterError(f"there is no strategy: {error}", ("assumptions",))
-        place = max(number for number, each in enumerate(self._game.guarantees) if any(each is one for one in guilty))
-        said = " and ".join(f"`{text}`" for text in texts)
-        together = "cannot be met" if len(texts) == 1 else "cannot be met together, though each part of them can"
+        *others, last = [
+            *_places("assumptions", self._game.assumptions, guilty.assumptions),
+            *_places("guarantees", self._game.guarantees, guilty.guarantees),
+        ]
+        said = " and ".join(f"`{each.text}`" for each in guilty.guarantees)
+        together = "cannot be met" if not others else "cannot be met together, though each part of them can"
+        if guilty.assumptions:
+            under = " and ".join(f"`{each.text}`" for each in guilty.assumptions)
+            together = f"cannot be met under {under}, which the agent must not make impossible to keep"
         return ParameterError(
             f"there is no strategy: whatever the agent does, the environment can keep all assumptions and prevent it. "
-            f"{said} {together}, for example from: {error}",
-            ("guarantees", place),
+            f"{said} {together}, for example from: {error}. With `on_unrealisable: counterstrategy` the environment "
+            f"shows in a run how",
+            last,
+            related=[(place, "this is a part of the conflict") for place in others],
         )
 
     # During the run
 
     def _compute(self) -> tuple[list[StrategyMemory], list[_Report]]:
-        observed = self._observed()
+        observed = self._knowledge.observed(self._group, self._scope, self.environment.roster)
         positions = self._group.model.positions(self._group.awareness.state)
         reports: list[_Report] = []
         memories = [
@@ -248,8 +183,12 @@ class KnowledgeStrategy(GroupComponent):
         if not self._is_announced:
             self._is_announced = True
             shape = self._game.shape
-            text = f"made a strategy for {np.prod(shape):,} states and {len(self._strategy.choices)} goals"
-            self.emit("strategy-made", text, digest=self._strategy.digest)
+            size = f"for {np.prod(shape):,} states and {len(self._strategy.choices)} goals"
+            if self._counterstrategy is None:
+                self.emit("strategy-made", f"made a strategy {size}", digest=self._strategy.digest)
+            else:
+                text = f"there is no strategy; the environment plays a counterstrategy {size}"
+                self.emit("counterstrategy-made", text, level=Level.WARNING)
         for row, name, text, level, data in reports:
             self.emit_for(row, name, text, level=level, **data)
         cells = self._game.values[CELL]
@@ -262,52 +201,13 @@ class KnowledgeStrategy(GroupComponent):
         )
         self.record(PLAN, plan)
 
-    def _observed(self) -> list[NDArray[np.intp]]:
-        """Return what the agents believe about each variable of the environment; -1 where they believe nothing."""
-        found = []
-        for name, label in self.parameters.labels.items():
-            if isinstance(label, str):
-                formulation = self._propositions[name]
-                with np.errstate(all="ignore"):
-                    each = [np.asarray(atom.robustness(self._look_up)) for atom in formulation.atoms]
-                truth = _holds(formulation.formula, each)
-                found.append(np.broadcast_to(truth, (len(self._group),)).astype(np.intp))
-                continue
-            positions = self._believed(label.agent if isinstance(label, AgentInRegion) else label.cell_of)
-            known = np.isfinite(positions).all(axis=1)
-            values = np.full(len(positions), -1, np.intp)
-            if known.any():
-                if isinstance(label, AgentCell):
-                    values[known] = self._model.cells(positions[known])
-                else:
-                    values[known] = self._regions[label.inside].robustness(positions[known]) > 0.0
-            found.append(values)
-        return found
-
-    def _look_up(self, name: str) -> Any:
-        return self._regions[name] if name in self._regions else self._scope.look_up(name)
-
-    def _believed(self, other: str) -> Array:
-        """Return where each agent believes another one to be [m], NaN where it believes nothing; shape (n, d)."""
-        awareness, index = self._group.awareness, self.environment.roster.index(other)
-        tracks, world = awareness.tracks, awareness.world
-        positions = np.full((len(self._group), 2), np.nan)
-        if tracks is not None:
-            rows = np.flatnonzero(tracks.others == index)
-            positions[tracks.observers[rows]] = tracks.positions[rows, :2]
-        elif world is not None:
-            positions[:] = world.positions[index, :2]
-        return positions
-
     def _decided(
         self, row: int, memory: StrategyMemory, position: Array, observed: tuple[int, ...], reports: list[_Report]
     ) -> StrategyMemory:
         """Return the memory of an agent after its turn."""
         observed = tuple(last if new < 0 else new for new, last in zip(observed, memory.values, strict=True))
         memory = memory._replace(values=observed)
-        if min(observed, default=0) < 0:
-            return memory  # nothing can be decided until something is believed about everything
-        game, model = self._game, self._model
+        game, model = self._game, self._knowledge.model
         if memory.state < 0:
             cell = int(model.cells(position[None])[0])
         else:
@@ -316,6 +216,16 @@ class KnowledgeStrategy(GroupComponent):
                     reports.append(_Report(row, "cells-left", "left its cells", Level.WARNING, {}))
                 return memory
             cell = memory.following
+        if self._counterstrategy is not None and (memory.state < 0 or self._counterstrategy.covers(memory.state)):
+            if memory.stands:
+                return memory
+            played = self._played(row, self._counterstrategy, memory, cell, reports)
+            if played is None:
+                return memory._replace(state=max(memory.state, 0), following=cell, stands=True)
+            observed, opposing = played
+            memory = memory._replace(values=observed, opposing=opposing)
+        if min(observed, default=0) < 0:
+            return memory  # nothing can be decided until something is believed about everything
         names = [each.name for each in game.vocabulary.environment]
         after = {name: np.array([value]) for name, value in zip(names, observed, strict=True)}
         after[CELL] = np.array([cell])
@@ -384,28 +294,28 @@ class KnowledgeStrategy(GroupComponent):
                 reports.append(_Report(row, "assumption-kept", f"`{text}` was met", Level.INFO, {"assumption": text}))
         return memory._replace(met=met, overdue=overdue)
 
+    def _played(
+        self, row: int, counterstrategy: Counterstrategy, memory: StrategyMemory, cell: int, reports: list[_Report]
+    ) -> tuple[tuple[int, ...], int] | None:
+        """Return the values after a step of the counterstrategy, and the goal that the environment pursues then.
 
-def _holds(formula: stl.Formula, values: Sequence[Array]) -> Any:
-    """Return whether a formula about one instant holds, from the encoded robustness of its predicates."""
-    match formula:
-        case stl.Constant(value=value):
-            return np.bool_(value)
-        case stl.Predicate(index=index):
-            return values[index] > 0.0
-        case stl.Not(operand=operand):
-            return ~_holds(operand, values)
-        case stl.And(operands=operands):
-            return np.logical_and.reduce(np.broadcast_arrays(*(_holds(each, values) for each in operands)))
-        case stl.Or(operands=operands):
-            return np.logical_or.reduce(np.broadcast_arrays(*(_holds(each, values) for each in operands)))
-    raise TypeError(f"{type(formula).__name__} is not about one instant")
+        Returns:
+            None if the agent has broken a guarantee.
+        """
+        game, goal = self._game, memory.opposing
+        if memory.state < 0:
+            state, goal = counterstrategy.beginning(cell), 0
+        else:
+            state, goal = counterstrategy.answer(memory.state, goal, cell)
+        if state is None:
+            text = f"the environment has won: the guarantees cannot be kept in {game.vocabulary.cell.described(cell)}"
+            reports.append(_Report(row, "guarantee-broken", text, Level.WARNING, {}))
+            return None
+        values = {name: int(each[state]) for name, each in game.values.items()}
+        reports.append(_Report(row, "environment-moved", game.described(values), Level.INFO, {}))
+        return tuple(values[each.name] for each in game.vocabulary.environment), goal
 
 
-def _check_momentary(tree: Node) -> None:
-    for node in walk(tree):
-        if isinstance(node, Temporal):
-            raise ExpressionError(f"`{node.operator}` belongs in a formula: a label is about one instant", node.span)
-
-
-def _nowhere(agent: str) -> tuple[Array, float | None]:
-    raise ValueError(f"the region moves with `{agent}`")
+def _places(section: str, statements: Sequence[Statement], guilty: Sequence[Statement]) -> list[tuple[str, int]]:
+    """Return the places of some statements in a section of the parameters."""
+    return [(section, number) for number, each in enumerate(statements) if any(each is one for one in guilty)]

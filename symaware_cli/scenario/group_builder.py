@@ -170,6 +170,8 @@ class GroupBuilder:
                 self._report_all([expression_problem(self._composition, str(error), where, error.__cause__)])
             else:
                 self._report("unsuitable", f"{quoted(use)} cannot work here: {error}", where)
+                for place, said in error.related:
+                    self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", (*path, "with", *place))
             return False
         except BaseException as error:
             said = words(error)

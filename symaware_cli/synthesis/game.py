@@ -218,12 +218,7 @@ class Game:
     def described(self, values: Mapping[str, int]) -> str:
         """Describe one value of each variable, such as ``cell c0_1, open false``."""
         variables = (self.vocabulary.cell, *self.vocabulary.environment)
-        return ", ".join(
-            f"{each.name} {('false', 'true')[values[each.name]]}"
-            if each.system is None
-            else f"{each.name} {each.system.states[values[each.name]]}"
-            for each in variables
-        )
+        return ", ".join(f"{each.name} {each.described(values[each.name])}" for each in variables)
 
 
 def _clauses(statements: Sequence[Statement]) -> list[Clause]:

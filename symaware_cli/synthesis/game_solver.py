@@ -14,15 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from symaware_cli.synthesis.game import Game
+from symaware_cli.synthesis.move_graph import MoveGraph
 
 Truth = NDArray[np.bool_]
 Indices = NDArray[np.int32]
-
-#: How many states are looked at together, to limit the memory.
-_BLOCK = 200_000
 
 
 @dataclass(frozen=True)
@@ -48,22 +45,10 @@ def solve(game: Game) -> GameSolution:
 class _Solver:
     def __init__(self, game: Game) -> None:
         self._size = game.size
-        self._moves = game.moves
-        always = np.ones(self._size, bool)
-        self._goals = game.goals(game.guarantees) or (always,)
+        self._graph = MoveGraph(game)
+        self._goals = game.goals(game.guarantees) or (np.ones(self._size, bool),)
         # An assumption that holds everywhere never lets the agent wait.
         self._waiting = [~goal for goal in game.goals(game.assumptions) if not goal.all()]
-        cells = game.values["cell"]
-        longest = len(self._moves)
-        table = np.full((game.vocabulary.cell.size, longest), -1, np.int32)
-        for cell, after in enumerate(game.vocabulary.cell.following):
-            table[cell, : len(after)] = after
-        self._chosen = table[cells]  # the cell of each choice in each state; shape (size, choices)
-        flat = self._moves.reshape(-1, self._size)
-        inner = flat < self._size
-        sources = np.broadcast_to(np.arange(self._size, dtype=np.int32), flat.shape)[inner]
-        shape = (self._size, self._size)
-        self._before = csr_array((np.ones(len(sources), np.bool_), (flat[inner], sources)), shape=shape)
 
     def solve(self) -> GameSolution:
         winning = np.ones(self._size, bool)
@@ -81,21 +66,21 @@ class _Solver:
         """Return from which states the agent reaches a goal within `winning`, or waits for ever; and its choices."""
         choices = np.full(self._size, -1, np.int32)
         reached = np.zeros(self._size, bool)
-        fresh = self._forced(np.flatnonzero(goal & winning), winning, choices)
+        fresh = self._graph.forced(np.flatnonzero(goal & winning), winning, choices)
         reached[fresh] = True
         # Where the environment has no answer, nothing is to be done.
-        stuck = self._forced(np.flatnonzero(winning & ~reached), np.zeros_like(reached), choices)
+        stuck = self._graph.forced(np.flatnonzero(winning & ~reached), np.zeros_like(reached), choices)
         reached[stuck] = True
         fresh = np.concatenate([fresh, stuck])
         while True:
             while len(fresh):
-                fresh = self._forced(self._preceding(fresh, winning & ~reached), reached, choices)
+                fresh = self._graph.forced(self._graph.preceding(fresh, winning & ~reached), reached, choices)
                 reached[fresh] = True
             waiting = np.zeros(self._size, bool)
             for idle in self._waiting:
                 within = self._kept(idle & winning & ~reached, reached)
                 new = np.flatnonzero(within & ~reached & ~waiting)
-                self._forced(new, within, choices)
+                self._graph.forced(new, within, choices)
                 waiting[new] = True
             fresh = np.flatnonzero(waiting)
             if not len(fresh):
@@ -107,35 +92,8 @@ class _Solver:
         within = candidates | reached
         suspects = np.flatnonzero(candidates)
         while len(suspects):
-            good = self._forced(suspects, within)
+            good = self._graph.forced(suspects, within)
             lost = np.setdiff1d(suspects, good, assume_unique=True)
             within[lost] = False
-            suspects = self._preceding(lost, candidates & within)
+            suspects = self._graph.preceding(lost, candidates & within)
         return within
-
-    def _preceding(self, states: NDArray[np.intp], among: Truth) -> NDArray[np.intp]:
-        """Return the states among some from which a move may lead to any of these states, ascending."""
-        if not len(states):
-            return states
-        marked = np.zeros(self._size, bool)
-        marked[self._before[states].indices] = True
-        return np.flatnonzero(marked & among)
-
-    def _forced(self, states: NDArray[np.intp], target: Truth, choices: Indices | None = None) -> NDArray[np.intp]:
-        """Return those states from which the agent has a choice after which every move leads to a target.
-
-        The first such choice is noted in `choices`.
-        """
-        extended = np.append(target, [True, False])
-        found = []
-        for start in range(0, len(states), _BLOCK):
-            some = states[start : start + _BLOCK]
-            good = np.ones((len(self._moves), len(some)), bool)
-            for option, answers in enumerate(self._moves):
-                for answer in answers:
-                    good[option] &= extended[answer[some]]
-            forced = good.any(axis=0)
-            if choices is not None:
-                choices[some[forced]] = self._chosen[some[forced], good[:, forced].argmax(axis=0)]
-            found.append(some[forced])
-        return np.concatenate(found) if found else states

@@ -56,6 +56,10 @@ class Variable:
         """The values that may follow each value."""
         return ((0, 1), (0, 1)) if self.system is None else self.system.successors
 
+    def described(self, value: int) -> str:
+        """Return a value in words, such as ``c0_1`` or ``false``."""
+        return ("false", "true")[value] if self.system is None else self.system.states[value]
+
 
 class Vocabulary:
     """What formulas may refer to: propositions, cells, and the labels of the agent's own cell.

@@ -26,12 +26,20 @@ class ParameterError(ValueError):
     Attributes:
         place: The keys and indices of the parameter under ``with``, such as ``("guarantees", 0)``.
         is_consequence: Whether it refers to something that is itself wrong, which is reported there.
+        related: Other places that are part of the problem, with what is said of each.
     """
 
-    def __init__(self, message: str, place: Sequence[str | int], is_consequence: bool = False) -> None:
+    def __init__(
+        self,
+        message: str,
+        place: Sequence[str | int],
+        is_consequence: bool = False,
+        related: Sequence[tuple[Sequence[str | int], str]] = (),
+    ) -> None:
         super().__init__(message)
         self.place = tuple(place)
         self.is_consequence = is_consequence
+        self.related = tuple(related)
 
 
 class Plugin:

@@ -87,6 +87,22 @@ def test_a_broken_assumption_is_reported_at_that_step_and_the_agent_stays_or_goe
     assert goes_on == (fallback == "resume")
 
 
+def test_a_gatekeeper_opens_again_and_again_and_never_while_the_robot_could_pass(tmp_path: Path) -> None:
+    log = run("gatekeeper.yaml", tmp_path / "a.mcap")
+    moves = [each.text for each in open_log(log).events() if each.name == "environment-moved"]
+    assert sum("open true" in each for each in moves) > 5
+    assert not any("cell c2_1, open true" in each for each in moves)
+    path = cells(open_log(log).series("robot", "state").values[:, :2])
+    assert (2, 1) in path  # the robot tries
+    assert not any(column > 2 for column, _ in path)
+
+
+def test_an_environment_that_leaves_no_choice_makes_the_robot_break_a_guarantee(tmp_path: Path) -> None:
+    changes = {"agents.robot.components.decide.with.guarantees": ["always not open"]}
+    log = run("gatekeeper.yaml", tmp_path / "a.mcap", changes)
+    assert [name for _, name in events(log, "guarantee-broken")] == ["guarantee-broken"]
+
+
 SCRIPT = """
 import runpy, sys
 from symaware_cli.synthesis.strategy import synthesise

@@ -1,0 +1,216 @@
+"""What the parameters of a strategy say about an agent and its environment, as a game, and what is believed of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.abstraction.knowledge_model import model_named
+from symaware_cli.core import AgentGroup, Parameters
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.columns import COLUMN_FUNCTIONS
+from symaware_cli.specification.expression import FUNCTIONS
+from symaware_cli.specification.formulation import Formulation, formulate
+from symaware_cli.specification.node import Node, Temporal, walk
+from symaware_cli.specification.parser import RESERVED, parse
+from symaware_cli.specification.region import PlacedRegion
+from symaware_cli.specification.scope import BeliefScope, World
+from symaware_cli.specification.token import ExpressionError
+from symaware_cli.synthesis.fragment import clauses
+from symaware_cli.synthesis.game import Game, Statement
+from symaware_cli.synthesis.vocabulary import Variable, Vocabulary
+from symaware_cli.world.plugin import ParameterError
+from symaware_cli.world.roster import Roster
+from symaware_cli.world.time import SECOND
+
+Array = NDArray[np.float64]
+
+
+class AgentInRegion(Parameters):
+    """Whether another agent is in a region."""
+
+    agent: str = Field(description="The id of the agent, such as `door`.")
+    inside: str = Field(description="The name of the region.")
+
+    @property
+    def other(self) -> str:
+        """The id of the agent."""
+        return self.agent
+
+
+class AgentCell(Parameters):
+    """The cell of another agent."""
+
+    cell_of: str = Field(description="The id of the agent, such as `robot.1`.")
+
+    @property
+    def other(self) -> str:
+        """The id of the agent."""
+        return self.cell_of
+
+
+class GameParameters(Parameters):
+    """What is known about the environment, and what is to be achieved."""
+
+    model: str = Field(description="The knowledge model, by its name under `knowledge_models`.")
+    labels: dict[str, str | AgentInRegion | AgentCell] = Field(
+        default_factory=dict,
+        description="What formulas say about the environment, by name: a condition on what the agent believes, such"
+        " as `knowledge.open > 0`; {agent: ID, inside: REGION}; or the cell of another agent, {cell_of: ID}.",
+    )
+    assumptions: tuple[str, ...] = Field((), description="What the environment is known to do, as formulas.")
+    guarantees: tuple[str, ...] = Field(min_length=1, description="What the agent is to achieve, as formulas.")
+
+
+class KnowledgeGame:
+    """The game of an agent against its environment, as the parameters of a component state it.
+
+    Attributes:
+        model: The knowledge model.
+        game: The game.
+        starts: The cells in which the agents of the group begin, ascending.
+    """
+
+    def __init__(self, parameters: GameParameters, group: AgentGroup) -> None:
+        """Make the game.
+
+        Raises:
+            ParameterError: A parameter is invalid.
+            ValueError: An agent begins in no cell.
+        """
+        self._labels = parameters.labels
+        self.model = model = model_named(parameters.model, group.knowledge_models)
+        self._regions = {
+            name: PlacedRegion(name, group.regions, _nowhere)
+            for name, region in group.regions.items()
+            if region.around is None
+        }
+        self._propositions = {
+            name: self._proposition(name, label, group)
+            for name, label in self._labels.items()
+            if isinstance(label, str)
+        }
+        variables = [
+            Variable(name, model.system if isinstance(label, AgentCell) else None)
+            for name, label in self._labels.items()
+        ]
+        try:
+            vocabulary = Vocabulary(model.system, variables)
+            assumptions = _statements("assumptions", parameters.assumptions, vocabulary)
+            self.game = Game(vocabulary, assumptions, _statements("guarantees", parameters.guarantees, vocabulary))
+        except ParameterError:
+            raise
+        except ValueError as error:  # names that clash, or a game that is too large
+            raise ParameterError(str(error), ("labels",) if self._labels else ()) from None
+        positions = group.model.positions(group.initial_state)
+        cells = model.cells(positions)
+        if (cells < 0).any():
+            row = int(np.flatnonzero(cells < 0)[0])
+            raise ValueError(f"{group.ids[row]} begins at {positions[row].tolist()}, which is in no cell")
+        self.starts = sorted(set(cells.tolist()))
+
+    def _proposition(self, name: str, text: str, group: AgentGroup) -> Formulation:
+        """Parse a condition on what an agent believes."""
+        try:
+            if not name.isidentifier() or name in RESERVED or name in COLUMN_FUNCTIONS:
+                raise ParameterError(f"`{name}` cannot be a name in a formula", ("labels", name))
+            scope = BeliefScope(group, cast("World", None), [], {})
+            functions = {each: count for each, (count, _) in FUNCTIONS.items()}
+            tree = parse(text, {*scope.names, *self._regions}, functions)
+            _check_momentary(tree)
+            return formulate(tree, SECOND)
+        except ExpressionError as error:
+            raise ParameterError(text, ("labels", name)) from error
+
+    def check_others(self, roster: Roster) -> None:
+        """Check that the agents that labels are about exist.
+
+        Raises:
+            ValueError: One does not.
+        """
+        for name, label in self._labels.items():
+            if not isinstance(label, str) and label.other not in roster:
+                raise ValueError(f"the label `{name}` is about `{label.other}`, which is no agent")
+
+    def observed(self, group: AgentGroup, scope: BeliefScope, roster: Roster) -> list[NDArray[np.intp]]:
+        """Return what the agents believe about each variable of the environment.
+
+        Returns:
+            For each variable the values; shape (n,); -1 where an agent believes nothing.
+        """
+        found = []
+        for name, label in self._labels.items():
+            if isinstance(label, str):
+                found.append(self._truth(self._propositions[name], group, scope))
+                continue
+            positions = _believed(group, roster.index(label.other))
+            known = np.isfinite(positions).all(axis=1)
+            values = np.full(len(positions), -1, np.intp)
+            if known.any():
+                if isinstance(label, AgentCell):
+                    values[known] = self.model.cells(positions[known])
+                else:
+                    values[known] = self._regions[label.inside].robustness(positions[known]) > 0.0
+            found.append(values)
+        return found
+
+    def _truth(self, formulation: Formulation, group: AgentGroup, scope: BeliefScope) -> NDArray[np.intp]:
+        def look_up(name: str) -> Any:
+            return self._regions[name] if name in self._regions else scope.look_up(name)
+
+        with np.errstate(all="ignore"):
+            each = [np.asarray(atom.robustness(look_up)) for atom in formulation.atoms]
+        truth = _holds(formulation.formula, each)
+        return np.asarray(np.broadcast_to(truth, (len(group),)).astype(np.intp))
+
+
+def _statements(section: str, texts: Sequence[str], vocabulary: Vocabulary) -> list[Statement]:
+    found = []
+    for number, text in enumerate(texts):
+        try:
+            found.append(Statement(text, clauses(text, vocabulary)))
+        except ExpressionError as error:
+            raise ParameterError(text, (section, number)) from error
+    return found
+
+
+def _believed(group: AgentGroup, other: int) -> Array:
+    """Return where each agent believes another one to be [m], NaN where it believes nothing; shape (n, 2)."""
+    tracks, world = group.awareness.tracks, group.awareness.world
+    positions = np.full((len(group), 2), np.nan)
+    if tracks is not None:
+        rows = np.flatnonzero(tracks.others == other)
+        positions[tracks.observers[rows]] = tracks.positions[rows, :2]
+    elif world is not None:
+        positions[:] = world.positions[other, :2]
+    return positions
+
+
+def _holds(formula: stl.Formula, values: Sequence[Array]) -> Any:
+    """Return whether a formula about one instant holds, from the encoded robustness of its predicates."""
+    match formula:
+        case stl.Constant(value=value):
+            return np.bool_(value)
+        case stl.Predicate(index=index):
+            return values[index] > 0.0
+        case stl.Not(operand=operand):
+            return ~_holds(operand, values)
+        case stl.And(operands=operands):
+            return np.logical_and.reduce(np.broadcast_arrays(*(_holds(each, values) for each in operands)))
+        case stl.Or(operands=operands):
+            return np.logical_or.reduce(np.broadcast_arrays(*(_holds(each, values) for each in operands)))
+    raise TypeError(f"{type(formula).__name__} is not about one instant")
+
+
+def _check_momentary(tree: Node) -> None:
+    for node in walk(tree):
+        if isinstance(node, Temporal):
+            raise ExpressionError(f"`{node.operator}` belongs in a formula: a label is about one instant", node.span)
+
+
+def _nowhere(agent: str) -> tuple[Array, float | None]:
+    raise ValueError(f"the region moves with `{agent}`")
