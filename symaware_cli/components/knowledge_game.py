@@ -20,9 +20,9 @@ from symaware_cli.specification.parser import RESERVED, parse
 from symaware_cli.specification.region import PlacedRegion
 from symaware_cli.specification.scope import BeliefScope, World
 from symaware_cli.specification.token import ExpressionError
-from symaware_cli.synthesis.fragment import clauses
+from symaware_cli.synthesis.fragment import LIVENESS, clauses
 from symaware_cli.synthesis.game import Game, Statement
-from symaware_cli.synthesis.vocabulary import Variable, Vocabulary
+from symaware_cli.synthesis.vocabulary import Variable, Vocabulary, names_in_formula
 from symaware_cli.world.plugin import ParameterError
 from symaware_cli.world.roster import Roster
 from symaware_cli.world.time import SECOND
@@ -125,6 +125,18 @@ class KnowledgeGame:
             return formulate(tree, SECOND)
         except ExpressionError as error:
             raise ParameterError(text, ("labels", name)) from error
+
+    @property
+    def awaited(self) -> dict[int, set[str]]:
+        """The agents that something is assumed of to happen again and again, by the number of the assumption."""
+        found: dict[int, set[str]] = {}
+        for number, statement in enumerate(self.game.assumptions):
+            for clause in statement.clauses:
+                if clause.kind in LIVENESS:
+                    names = set[str]().union(*(names_in_formula(node) for node in (clause.node, clause.answer) if node))
+                    about = [label for name, label in self._labels.items() if name in names]
+                    found.setdefault(number, set()).update(each.other for each in about if not isinstance(each, str))
+        return found
 
     def check_others(self, roster: Roster) -> None:
         """Check that the agents that labels are about exist.

@@ -15,6 +15,7 @@ from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.attempt import attempt
 from symaware_cli.synthesis.conflict import conflict
 from symaware_cli.synthesis.counterstrategy import Counterstrategy, oppose
+from symaware_cli.synthesis.fragment import LIVENESS
 from symaware_cli.synthesis.game import Statement
 from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthesise
 from symaware_cli.synthesis.vocabulary import CELL
@@ -126,6 +127,11 @@ class KnowledgeStrategy(GroupComponent):
         self._is_announced = False
 
     # Before the run
+
+    @property
+    def awaited(self) -> Mapping[int, set[str]]:
+        """The agents that something is assumed of to happen again and again, by the number of the assumption."""
+        return self._knowledge.awaited if hasattr(self, "_knowledge") else {}
 
     def _prepare(self, group: AgentGroup) -> None:
         """Make the game and the strategy.
@@ -280,12 +286,7 @@ class KnowledgeStrategy(GroupComponent):
         if patience is None:
             return memory._replace(met=met)
         overdue = tuple(self.now - last > patience * SECOND for last in met)
-        texts = [
-            each.text
-            for each in self._game.assumptions
-            for one in each.clauses
-            if one.kind not in ("initial", "safety")
-        ]
+        texts = [each.text for each in self._game.assumptions for one in each.clauses if one.kind in LIVENESS]
         for text, late, known in zip(texts, overdue, memory.overdue, strict=True):
             if late and not known:
                 said = f"`{text}` is overdue: nothing for {patience:g} s"

@@ -31,6 +31,7 @@ from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Trigger
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.circular_assumptions import check_circular_assumptions
 from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
 from symaware_cli.scenario.document import ScenarioDocument
@@ -205,6 +206,7 @@ class _SimulationBuilder:
             check_requirements(document, environment, groups, component_entries, self._report)
             check_assets(document, environment, self._folder, self._report)
             check_consensus(document, environment.time_step, component_entries, self._report)
+            check_circular_assumptions(component_entries, self._report)
             if document.topology is not None and len(groups) == len(document.agents):
                 builder = NetworkBuilder(self._report, environment, groups, document.seed)
                 narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())

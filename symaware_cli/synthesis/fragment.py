@@ -17,6 +17,9 @@ from symaware_cli.synthesis.vocabulary import Vocabulary
 
 Kind = Literal["initial", "safety", "goal", "response", "once"]
 
+#: The kinds of clauses that no finite part of a run refutes.
+LIVENESS: tuple[Kind, ...] = ("goal", "response", "once")
+
 _HINTS = {
     "until": "write what is to come as `eventually b`, and what is to stay as safety, such as `always (a or b)`",
     "since": "the past is not remembered; name what is to be remembered under `labels`",
