@@ -70,6 +70,7 @@ ACTS = ["control", "intent"]
 REGIONS = {"floor": Region(box=(-1, 4, -1, 4)), "right": Region(box=(2, 4, -1, 4)), "left": Region(box=(-1, 0, -1, 4))}
 PATROL = {"model": "floor", "guarantees": ["always eventually right", "always eventually left"]}
 CASES = {
+    "allocation.auction": Case([]),
     "allocation.nearest": Case([]),
     "perception.self": Case(["state"]),
     "perception.omniscient": Case(["state", "world"]),

@@ -1,0 +1,224 @@
+"""Auctions: agents bid for what is offered by messages, and one of them, or all in agreement, decide who gets what."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field
+
+from symaware_cli.components.allocation.auction_round import AuctionRound, Bids, round_at
+from symaware_cli.core import (
+    EVERYBODY,
+    Agent,
+    AgentGroup,
+    AwarenessDatabase,
+    CommunicationReceiver,
+    KnowledgeDatabase,
+    Message,
+    Parameters,
+    nanoseconds,
+    seconds,
+)
+
+#: The kind of its messages.
+AUCTION = "auction"
+
+
+class Auction(CommunicationReceiver):
+    """Auctions specifications that are offered among the agents of a group, by messages over the topology.
+
+    What was offered at the same time is auctioned together, in rounds whose times follow from that time alone. For one
+    `deadline`, agents tell their bids and all that they have heard. Then an agent assigns each specification to one
+    bidder and each bidder at most one specification, as many as possible and at the least total cost; ties go to the
+    agent that comes first. For another `deadline` it tells the result, and the winners accept. What is still open then
+    is auctioned again in the next round. No agent waits for another: who is not heard takes no part in a round.
+
+    The auctioneer of a round is `auctioneer`, or the next agent that has been heard in this round. With
+    ``decision: consensus`` every agent assigns, and a winner accepts when it has heard the same assignment from every
+    agent whose bid it knows. Either way an agent accepts by a call that only one of them can make
+    (`Component.accept`), so lost messages can delay an acceptance and never double it.
+
+    A bid is the distance from satisfying the specification on what was measured (minus its robustness), or what
+    another component of the agent says. An agent does not accept anything by a bid from before its last acceptance.
+    """
+
+    events: ClassVar[Mapping[str, str]] = {
+        "bid": "The agent tells its bids for a round.",
+        "assigned": "The auctioneer has assigned specifications to bidders.",
+        "unassigned": "No bidder can take a specification, or all that can have another one; it stays open.",
+        "refused": "The agent has won what it cannot accept: it is not open any more, or the bid is outdated.",
+    }
+
+    class Parameters(Parameters):
+        """The rounds, who decides, and the bids."""
+
+        deadline: float = Field(
+            1.0,
+            gt=0,
+            description="How long a round is open for bids, and then as long again for its result [s]. At least one "
+            "turn and as long as a message takes; on topologies with several hops, as all hops take.",
+        )
+        decision: Literal["auctioneer", "consensus"] = Field(
+            "auctioneer",
+            description="Who decides: one agent, or all that have bid, who must come to the same assignment.",
+        )
+        auctioneer: str | None = Field(
+            None, description="The id of the auctioneer, an agent of the group. By default its first agent."
+        )
+        candidates: int | Literal["offered"] | None = Field(
+            None,
+            ge=1,
+            description="How many agents are considered for each specification: those with the highest robustness on "
+            "what was measured. `offered`: as many as there are specifications in the round. By default all.",
+        )
+        bids: str | None = Field(
+            None,
+            min_length=1,
+            description="The knowledge with the agent's bids, written by a component that comes before: by "
+            "specification the numbers `since` (of the offer) and `at` (when it was made) [s], and `cost`, null if the "
+            "agent cannot take it. By default the cost is minus the robustness on what was measured.",
+        )
+        most: int | None = Field(
+            None, ge=1, description="How many undecided specifications the agent has at most at a time."
+        )
+
+    @property
+    def kinds(self) -> Collection[str]:
+        """The kind of its messages."""
+        return (AUCTION,)
+
+    def check(self, group: AgentGroup) -> None:
+        """Check that the auctioneer is an agent of the group."""
+        auctioneer = self.parameters.auctioneer
+        if auctioneer is not None and auctioneer not in group.ids:
+            raise ValueError(f"the auctioneer `{auctioneer}` is none of its agents, which are {', '.join(group.ids)}")
+
+    def initialise_component(
+        self,
+        agent: Agent,
+        initial_awareness_database: AwarenessDatabase,
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
+    ) -> None:
+        """Start without rounds and without specifications."""
+        super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
+        ids = agent.group.ids
+        first = 0 if self.parameters.auctioneer is None else ids.index(self.parameters.auctioneer)
+        self._deadline = nanoseconds(self.parameters.deadline)
+        #: All agents in the order in which they take over from the auctioneer.
+        self._auctioneers = (*ids[first:], *ids[:first])
+        self._rounds: list[AuctionRound] = []
+        self._accepted: list[str] = []
+        self._accepted_at = -1
+        #: What the agent accepted or could not accept, with the time from which it was open [s].
+        self._settled: dict[str, float] = {}
+
+    def _update(self, value: Sequence[Message]) -> None:
+        for message in value:
+            self._hear(message.payload)
+        for each in self._rounds:
+            if not each.is_closed and self.now >= each.end:
+                self._close(each)
+        for each in self._rounds:
+            self._accept(each)
+        self._rounds = [each for each in self._rounds if self.now < each.end + self._deadline]
+        self._bid()
+        for each in self._rounds:
+            self.send(Message(self._agent.id, EVERYBODY, each.message(), AUCTION))
+
+    def _hear(self, payload: Mapping[str, Any]) -> None:
+        self._round(payload["since"], payload["round"]).hear(payload)
+
+    def _round(self, since: int, number: int) -> AuctionRound:
+        for each in self._rounds:
+            if (each.since, each.number) == (since, number):
+                return each
+        self._rounds.append(AuctionRound(since, number, self._deadline))
+        return self._rounds[-1]
+
+    def _open(self) -> dict[str, Mapping[str, Any]]:
+        """The terms of what the agent was told is open, by name, in the order of names."""
+        return {
+            name: terms
+            for name, terms in sorted(self._agent.offers.items())
+            if self._settled.get(name) != terms["since"]
+        }
+
+    def _bid(self) -> None:
+        """Bid in the rounds that are open for bids."""
+        offers = self._open()
+        for since in sorted({terms["since"] for terms in offers.values()}):
+            each = self._round(nanoseconds(since), round_at(since, self.now, self._deadline))
+            if self.now >= each.end or self._agent.id in each.bids:
+                continue
+            names = [name for name, terms in offers.items() if terms["since"] == since]
+            bids = self._bids(names, since)
+            if bids is None:
+                continue
+            each.bids[self._agent.id] = bids
+            each.bid_at = self.now
+            told = ", ".join(f"{name} {'no' if bid[0] is None else f'{bid[0]:.3g}'}" for name, bid in bids.items())
+            costs = {name: bid[0] for name, bid in bids.items()}
+            self.emit("bid", told, round=each.number, since=since, costs=costs)
+
+    def _bids(self, names: Sequence[str], since: float) -> Bids | None:
+        """The agent's bids; None if the component that makes them is not ready."""
+        agent = self._agent
+        measured = {name: agent.measured_robustness(name) for name in names}
+        status = agent.specifications
+        held = [name for name in self._accepted if name in status and status[name].verdict is None]
+        if self.parameters.most is not None and len(held) >= self.parameters.most:
+            return {name: (None, measured[name]) for name in names}
+        if self.parameters.bids is None:
+            return {name: (-measured[name], measured[name]) for name in names}
+        made = agent.self_knowledge.get(self.parameters.bids, {})
+        ready = [
+            name
+            for name in names
+            if name in made and made[name]["since"] == since and nanoseconds(made[name]["at"]) > self._accepted_at
+        ]
+        return {name: (made[name]["cost"], measured[name]) for name in ready} if len(ready) == len(names) else None
+
+    def _close(self, each: AuctionRound) -> None:
+        """End the bidding of a round, and assign if it is this agent's turn to do so."""
+        each.is_closed = True
+        auctioneer = next((id for id in self._auctioneers if id in each.bids), None)
+        if auctioneer is None or (auctioneer != self._agent.id and self.parameters.decision == "auctioneer"):
+            return
+        candidates = self.parameters.candidates
+        assigned = each.assign(self._agent.group.ids, 0 if candidates == "offered" else candidates)
+        each.assignments[self._agent.id] = assigned
+        if auctioneer != self._agent.id:
+            return  # in a consensus the first agent reports for all
+        details: dict[str, Any] = {"round": each.number, "since": seconds(each.since), "bidders": [*each.bids]}
+        if assigned:
+            told = ", ".join(f"{name} to {agent}" for name, agent in assigned.items())
+            self.emit("assigned", told, assignments=assigned, **details)
+        for name in sorted({name for bids in each.bids.values() for name in bids} - set(assigned)):
+            self.emit("unassigned", f"no bidder can take `{name}`", specification=name, **details)
+
+    def _accept(self, each: AuctionRound) -> None:
+        """Accept what the agent has won in a round."""
+        own = self._agent.id
+        if own not in each.bids or not each.assignments:
+            return
+        if self.parameters.decision == "consensus":
+            said = [each.assignments.get(agent) for agent in each.bids]
+            if any(one != said[0] for one in said) or said[0] is None:
+                return
+        author = next(id for id in self._auctioneers if id in each.assignments)
+        offers = self._open()
+        for name, agent in each.assignments[author].items():
+            if agent != own or name not in offers:
+                continue
+            terms = offers[name]
+            if self._accepted_at > each.bid_at:
+                self.emit("refused", f"the bid for `{name}` is outdated", specification=name, round=each.number)
+                continue
+            self._settled[name] = terms["since"]
+            if self.accept(name):
+                self._accepted.append(name)
+                self._accepted_at = self.now
+                self._agent.self_knowledge.update(terms["knowledge"])
+            else:
+                self.emit("refused", f"`{name}` is not open", specification=name, round=each.number)
