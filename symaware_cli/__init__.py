@@ -100,6 +100,8 @@ __all__ = [
     "AwarenessDatabase",
     "AwarenessVector",
     "Box",
+    "Certificate",
+    "CertificateVerification",
     "CheckResult",
     "Circle",
     "CommunicationReceiver",
@@ -179,6 +181,7 @@ __all__ = [
     "VerificationResult",
     "Wall",
     "WorldError",
+    "certify",
     "check_log",
     "compare",
     "generator",
@@ -187,6 +190,7 @@ __all__ = [
     "open_log",
     "seconds",
     "sweep",
+    "verify_certificate",
     "verify_log",
     "verify_sweep",
 ]
@@ -196,6 +200,7 @@ __all__ = [
 _HOMES = {
     "symaware_cli.abstraction.knowledge_model": ("KnowledgeModel",),
     "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
+    "symaware_cli.api.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
     "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),

@@ -153,7 +153,7 @@ def _in_table(folder: SweepFolder, journal: SweepJournal) -> Iterator[Finding]:
 def _in_row(folder: SweepFolder, place: int, row: Mapping[str, Any]) -> Iterator[Finding]:
     """What of a row contradicts the plan or itself."""
     plan, index = folder.plan, row["index"]
-    if folder.plan.document.until is None and index != place:
+    if not folder.plan.document.may_stop and index != place:
         yield Finding(index, "index", index, place)
     if not 0 <= index < plan.count:
         yield Finding(index, "index", index, f"less than {plan.count}")

@@ -37,6 +37,7 @@ def sweep(
     seed: int | None = None,
     paired: bool = False,
     until: str | None = None,
+    claim: str | None = None,
     keep: str | None = None,
     timeout: float | None = None,
     jobs: int = 0,
@@ -59,6 +60,7 @@ def sweep(
         seed: The seed of the sweep.
         paired: Whether all variants share the seed of each run.
         until: A rule that ends the runs of each combination early, such as ``"halfwidth(satisfied.safe) < 0.01"``.
+        claim: What is to be certified, such as ``"P(safe) > 0.99 with confidence 0.99, sequential"``.
         keep: Which logs are kept: ``none``, ``failed``, ``worst:N`` or ``all``.
         timeout: Wall time after which a run is given up [s].
         jobs: How many worker processes; 0 to make all runs in this process.
@@ -90,6 +92,7 @@ def sweep(
     }
     options["design"] = None if design is None else json.dumps(design, ensure_ascii=False)
     options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
+    options["claim"] = None if claim is None else json.dumps(claim, ensure_ascii=False)
     request = SweepRequest(
         over=[text for path, values in (over or {}).items() for text in _varied(path, values)],
         set=texts(changes),

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from symaware_cli.cli import (
+    certify,
     check,
     diff,
     export,
@@ -67,6 +68,7 @@ for _verb in (
     inspect.inspect,
     check.check,
     verify.verify,
+    certify.certify,
     diff.diff,
     recover.recover,
     merge.merge,

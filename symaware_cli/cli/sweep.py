@@ -132,6 +132,15 @@ def sweep(
             rich_help_panel=_PLAN,
         ),
     ] = None,
+    claim: Annotated[
+        str | None,
+        typer.Option(
+            help="What `symaware certify` is to certify: `P(safe) > 0.99 with confidence 0.99, sequential` "
+            "ends the runs when it is established, `fixed` looks once after all of them.",
+            metavar="CLAIM",
+            rich_help_panel=_PLAN,
+        ),
+    ] = None,
     timeout: Annotated[
         float | None,
         typer.Option(min=0.001, help="Wall time after which a run is given up, in seconds.", rich_help_panel=_PLAN),
@@ -191,6 +200,7 @@ def sweep(
     options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
     options["design"] = None if design is None else json.dumps(design, ensure_ascii=False)
     options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
+    options["claim"] = None if claim is None else json.dumps(claim, ensure_ascii=False)
     options["paired"] = "true" if paired else None
     given = {key: str(value) for key, value in options.items() if value is not None}
     if target.is_dir() and (over or overrides or variants or given or output):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +23,7 @@ from symaware_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from symaware_cli.api.sweep_verification import SweepVerification
+    from symaware_cli.api.sweep_verification import Finding, Level, SweepVerification
     from symaware_cli.api.verification import VerificationResult
     from symaware_cli.recording.log_comparison import LogDifference
 
@@ -32,7 +32,7 @@ _MOST = 10
 
 
 def verify(
-    path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="PATH")],
+    path: Annotated[Path, typer.Argument(help="A log, the folder of a sweep, or a certificate in it.", metavar="PATH")],
     level: Annotated[
         str,
         typer.Option(
@@ -44,10 +44,16 @@ def verify(
     seed: Annotated[
         int | None, typer.Option(min=0, help="What they are chosen by; by default, something nobody can foresee.")
     ] = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(help="The key that a certificate has to be signed with, public or private.", metavar="FILE"),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
     as_json: Json = False,
 ) -> None:
     """Repeat runs and compare: equal, or what differs and where. Exit status 1 if something does."""
+    if path.suffix == ".json":
+        raise typer.Exit(_verify_certificate(path, level, rows, seed, key, quiet, as_json))
     if path.is_dir():
         raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet, as_json))
     with trouble_shown(as_json), output_kept(as_json):
@@ -69,15 +75,11 @@ def verify(
 def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, quiet: bool, as_json: bool) -> int:
     """Verify the folder of a sweep, and return the exit status."""
     with trouble_shown(as_json), output_kept(as_json):
-        from symaware_cli.api.sweep_verification import LEVELS
         from symaware_cli.api.sweeps import verify_sweep
 
-        chosen = next((each for each in LEVELS if each == level), None)
-        if chosen is None:
-            fail(f"--level takes {', '.join(LEVELS)}, not {level}", WRONG_INPUT, as_json)
         try:
             with progress_shown("repeats", not (quiet or as_json)) as shown:
-                result = verify_sweep(folder, chosen, rows=rows, seed=seed, on_progress=shown)
+                result = verify_sweep(folder, _level(level, as_json), rows=rows, seed=seed, on_progress=shown)
         except KeyboardInterrupt:
             fail(f"{folder}: interrupted", INTERRUPTED, as_json)
     if as_json:
@@ -87,21 +89,62 @@ def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, quiet: 
     return 0 if result.is_sound else FAILED
 
 
+def _verify_certificate(
+    path: Path, level: str, rows: int, seed: int | None, key: Path | None, quiet: bool, as_json: bool
+) -> int:
+    """Verify a certificate and the folder of its sweep, and return the exit status."""
+    with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.certification import verify_certificate
+
+        try:
+            with progress_shown("repeats", not (quiet or as_json)) as shown:
+                result = verify_certificate(
+                    path, _level(level, as_json), key=key, rows=rows, seed=seed, on_progress=shown
+                )
+        except KeyboardInterrupt:
+            fail(f"{path}: interrupted", INTERRUPTED, as_json)
+    if as_json:
+        print_json(result.to_json())
+    elif not quiet:
+        findings = result.findings
+        typer.echo(f"{path}: {f'{len(findings):,} findings' if findings else 'sound'}")
+        if result.public_key is not None:
+            whose = "the key that was asked for" if result.is_known_signer else "nobody says whose: --key does"
+            typer.echo(f"  {'signed by':<12} {result.public_key}, {whose}")
+        else:
+            typer.echo(f"  {'signed by':<12} nobody")
+        typer.echo("\n".join([*_findings(findings), *_report(result.sweep)]))
+    return 0 if result.is_sound else FAILED
+
+
+def _level(level: str, as_json: bool) -> Level:
+    from symaware_cli.api.sweep_verification import LEVELS
+
+    chosen = next((each for each in LEVELS if each == level), None)
+    if chosen is None:
+        fail(f"--level takes {', '.join(LEVELS)}, not {level}", WRONG_INPUT, as_json)
+    return chosen
+
+
 def _report(result: SweepVerification) -> Iterator[str]:
     """The report on the folder of a sweep."""
     findings = result.findings
     yield f"{result.folder}: {f'{len(findings):,} findings' if findings else 'sound'}, level {result.level}"
     yield f"  {'rows':<12} {result.rows:,}, {result.repeated:,} of them made again, {result.logs:,} logs read"
+    yield from _findings(findings)
+    for line in result.versions[:_MOST]:
+        yield f"  {'version':<12} {printable(line)}"
+    if result.level == "arithmetic":
+        yield f"  {'note':<12} a table that was forged consistently is found by repetition only"
+
+
+def _findings(findings: Sequence[Finding]) -> Iterator[str]:
     for each in findings[:_MOST]:
         where = "" if each.index is None else f"run {each.index}, "
         there, expected = _text(each.found), _text(each.expected)
         yield f"  {'different':<12} {where}{printable(each.column)}: {there}, where {expected} has to be"
     if len(findings) > _MOST:
         yield f"  {'different':<12} {len(findings) - _MOST:,} more; --json lists all of them"
-    for line in result.versions[:_MOST]:
-        yield f"  {'version':<12} {printable(line)}"
-    if result.level == "arithmetic":
-        yield f"  {'note':<12} a table that was forged consistently is found by repetition only"
 
 
 def _lines(result: VerificationResult) -> Iterator[str]:

@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
+#: The version of the meaning of specifications: it rises when one of them gets another verdict of the same run.
+SEMANTICS = 1
+
 #: A robustness of 0 of a predicate that holds.
 ZERO = 1e-300
 

@@ -12,16 +12,21 @@ from dataclasses import replace
 from symaware_cli.scenario.problem import Problem, ScenarioError, nearest
 from symaware_cli.specification.expression import EvaluationError
 from symaware_cli.specification.token import ExpressionError
+from symaware_cli.study.claim import ClaimProgress
 from symaware_cli.study.metrics import NUMERIC
 from symaware_cli.study.row import Row
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
-from symaware_cli.study.statistics.stopping import Mean, Share, StoppingRule
+from symaware_cli.study.statistics.stopping import Mean, Share, StoppingRule, StoppingState
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_plan import SweepPlan
 
 
 class CellStops:
-    """Which runs a sweep still needs."""
+    """Which runs a sweep still needs.
+
+    Attributes:
+        claims: How far the claim of the plan is established, for each cell; empty without a claim.
+    """
 
     def __init__(self, plan: SweepPlan, specifications: Sequence[str]) -> None:
         """Begin before the first run.
@@ -34,7 +39,9 @@ class CellStops:
         self._specifications = specifications
         rule = rule_of(plan, specifications)
         self._states = [rule.begin() for _ in plan.cells] if rule else []
-        self._text = plan.document.until
+        claim = plan.document.claimed
+        self.claims = [ClaimProgress(claim, len(plan.cells)) for _ in plan.cells] if claim else []
+        self._text = plan.document.until or plan.document.claim
 
     def add(self, row: Row) -> None:
         """Take note of a row.
@@ -43,6 +50,8 @@ class CellStops:
             SweepError: A metric is outside its declared bounds, or the rule has no value.
         """
         cell = self._plan.cell(row.index).number
+        if self.claims:
+            self.claims[cell].add(self._plan.replicate(row.index), row)
         if not self._states or row.state == "lost":
             return
         try:
@@ -52,6 +61,8 @@ class CellStops:
 
     def wants(self, index: int) -> bool:
         """Whether a run belongs to the result, as far as is known."""
+        if self.claims:
+            return self.claims[self._plan.cell(index).number].keeps(self._plan.replicate(index))
         if not self._states:
             return True
         return self._states[self._plan.cell(index).number].keeps(self._plan.replicate(index))
@@ -60,9 +71,10 @@ class CellStops:
     def planned(self) -> int:
         """How many runs belong to the result, as far as is known."""
         runs = self._plan.document.runs
-        if not self._states:
+        states: Sequence[ClaimProgress | StoppingState] = self.claims or self._states
+        if not states:
             return self._plan.count
-        return sum(runs if state.stopped_at is None else state.stopped_at for state in self._states)
+        return sum(runs if state.stopped_at is None else state.stopped_at for state in states)
 
     @property
     def reason(self) -> str | None:

@@ -74,7 +74,7 @@ def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
     index = table["index"].to_numpy()
     counts = table["state"].to_numpy() != "lost"
     document = plan.document
-    is_final = document.until is None and int(counts.sum()) == plan.count
+    is_final = not document.may_stop and int(counts.sum()) == plan.count
     intervals = IntervalChoice(is_final, document.is_independent, document.confidence)
     for cell in plan.cells:
         rows = np.flatnonzero(index % len(plan.cells) == cell.number)

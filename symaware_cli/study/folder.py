@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -156,6 +156,12 @@ class SweepFolder:
                 f"no runs can be added to {self.path}: a Latin hypercube is drawn for all of its runs at once; make "
                 "another sweep, with more `runs` or another `seed`, or with `design: sobol`, which can be continued"
             )
+        claim = self.plan.document.claimed
+        if claim is not None and claim.rule == "fixed":
+            raise SweepError(
+                f"no runs can be added to {self.path}: `{claim}` is decided by the {self.plan.document.runs:,} runs "
+                "that were planned; make another sweep, with another `seed` and more `runs` or a `sequential` claim"
+            )
         with self.locked():
             document = SweepFolder.opened(self.path).plan.document  # as the one who had the lock before left it
             draft = self.path / f".{SWEEP}"
@@ -203,6 +209,12 @@ def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIden
             resolved = resolved or built.resolved.decode()
             files.update(built.files)
     check_rule(source.plan, list(specifications), source.problem("invalid-rule", "", ("until",)))
+    claim = source.plan.document.claimed
+    if claim is not None and claim.specification not in specifications:
+        message = f"there is no specification `{claim.specification}` to claim anything about"
+        problem = source.problem("unknown-name", message, ("claim",))
+        known = ", ".join(specifications) or "one in `specifications` of the scenario"
+        raise ScenarioError([replace(problem, expected=known)])
     return SweepIdentity(cells, list(specifications), versions(), resolved), files
 
 

@@ -40,7 +40,9 @@ class SweepIdentity:
         """Return what tells a run from any other: a hash of its scenario, parameters, index, seed and versions."""
         cell = plan.cell(index)
         versions, parameters = counting(self.versions), plan.parameters(index)
-        content = [self.cells[cell.number], parameters, cell.variant, index, plan.seed(index), versions]
+        content: list[Any] = [self.cells[cell.number], parameters, cell.variant, index, plan.seed(index), versions]
+        if plan.document.claim is not None:
+            content.append(plan.document.claim)  # so that no claim can be put into the plan afterwards
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from symaware_cli.scenario.section import Identifier, Name, Section, Use
+from symaware_cli.study.claim import Claim
 from symaware_cli.study.drawn_values import DrawnValues, Values
 
 #: The version of the format that this package reads.
@@ -24,6 +25,10 @@ def _kept(text: str) -> str:
     if not re.fullmatch(r"none|failed|all|worst:[1-9][0-9]{0,5}", text):
         raise ValueError("say none, failed, all, or worst:N such as worst:5")
     return text
+
+
+def _claim(text: str) -> str:
+    return str(Claim.parse(text))
 
 
 class MetricUse(Use):
@@ -73,6 +78,12 @@ class SweepDocument(Section):
         description="Rule that ends the runs of each combination before `runs` of them were made, such as "
         "`halfwidth(satisfied.safe) < 0.01`.",
     )
+    claim: Annotated[str, AfterValidator(_claim)] | None = Field(
+        None,
+        max_length=500,
+        description="What `symaware certify` is to certify, such as `P(safe) > 0.99 with confidence 0.99, sequential`: "
+        "`fixed` looks once, after all `runs`; `sequential` ends the runs of a combination when it is established.",
+    )
     bounds: dict[str, tuple[float, float]] = Field(
         default_factory=dict,
         description="The least and the greatest possible value of metrics, in their units: without them, `until` "
@@ -97,6 +108,16 @@ class SweepDocument(Section):
     def drawn(self) -> dict[str, DrawnValues]:
         """What each run draws, by its path."""
         return {path: each for path, each in self.over.items() if isinstance(each, DrawnValues)}
+
+    @property
+    def claimed(self) -> Claim | None:
+        """The claim."""
+        return None if self.claim is None else Claim.parse(self.claim)
+
+    @property
+    def may_stop(self) -> bool:
+        """Whether the runs of a combination may end before all of them were made, because of what they showed."""
+        return self.until is not None or (self.claimed is not None and self.claimed.rule == "sequential")
 
     @property
     def is_independent(self) -> bool:

@@ -168,11 +168,32 @@ def _faults(document: SweepDocument, composition: Composition) -> Iterator[Probl
         message = f"`until` assumes independent runs, and those of the design `{document.design}` depend on each other"
         expected = "`design: random`, or all `runs` without `until`"
         yield composition.problem("invalid-value", message, ("until",), key=True, expected=expected)
+    yield from _claim_faults(document, composition)
     cells = cell_count(document)
     if cells > MOST_CELLS or cells * document.runs > MOST_RUNS:
         message = f"the sweep has {cells:,} combinations and {cells * document.runs:,} runs"
         expected = f"at most {MOST_CELLS:,} combinations and {MOST_RUNS:,} runs"
         yield composition.problem("too-large", message, ("over",), key=True, expected=expected)
+
+
+def _claim_faults(document: SweepDocument, composition: Composition) -> Iterator[Problem]:
+    """Yield what is wrong with a claim."""
+    claim = document.claimed
+    if claim is None:
+        return
+
+    def problem(message: str, expected: str) -> Problem:
+        return composition.problem("invalid-value", message, ("claim",), expected=expected)
+
+    if document.until is not None:
+        yield problem("`until` may end the runs when they suit the claim", "`sequential` in `claim` instead of `until`")
+    if not document.is_independent:
+        message = f"a claim assumes independent runs, and those of the design `{document.design}` depend on each other"
+        yield problem(message, "`design: random`")
+    needed = claim.runs_needed(0, cell_count(document))
+    if claim.rule == "fixed" and document.runs < needed:
+        message = f"{document.runs:,} runs of each combination cannot establish it, even if none fails"
+        yield problem(message, f"`runs` of at least {needed:,}")
 
 
 def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:

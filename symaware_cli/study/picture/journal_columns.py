@@ -46,7 +46,7 @@ def finished_runs(folder: SweepFolder) -> FinishedRuns:
         variants=tuple(plan.document.variants),
         planned=plan.count,
         intervals=IntervalChoice(
-            is_final=document.until is None and len(rows) - lost == plan.count,
+            is_final=not document.may_stop and len(rows) - lost == plan.count,
             is_independent=document.is_independent,
             confidence=document.confidence,
         ),

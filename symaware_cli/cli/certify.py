@@ -1,0 +1,83 @@
+"""``symaware certify``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from symaware_cli.cli.terminal import VIOLATED, WRONG_INPUT, Json, fail, output_kept, print_json, trouble_shown
+
+if TYPE_CHECKING:
+    from symaware_cli.api.certification import Certificate
+
+#: How many combinations are shown.
+_MOST = 20
+
+
+def certify(
+    folder: Annotated[Path, typer.Argument(help="The folder of a finished sweep.", metavar="DIR")],
+    claim: Annotated[
+        str | None,
+        typer.Option(
+            help="A claim that is not in the plan, looked at post hoc: it is neither signed nor certified.",
+            metavar="CLAIM",
+        ),
+    ] = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            help="Sign with this private key: `openssl genpkey -algorithm ed25519 -out key.pem`.", metavar="FILE"
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The certificate, by default certificate.json in DIR.", metavar="FILE"),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Decide the claim that stands in the plan of a sweep. Exit status 3 if it is not established."""
+    with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.certification import certify
+
+        try:
+            made = certify(folder, claim=claim, key=key, output=output)
+        except ValueError as error:
+            fail(f"--claim {claim}: {error}", WRONG_INPUT, as_json)
+    if as_json:
+        print_json(made.to_json())
+    else:
+        typer.echo("\n".join(_lines(folder, made)))
+    raise typer.Exit(0 if made.is_established else VIOLATED)
+
+
+def _lines(folder: Path, made: Certificate) -> Iterator[str]:
+    said = made.statement["predicate"]
+    cells = said["combinations"]
+    established = sum(each["established"] for each in cells)
+    outcome = "established" if made.is_established else "not established"
+    if made.is_post_hoc:
+        yield f"{folder}: POST HOC, not certified: the claim was chosen after the runs; otherwise {outcome}"
+    else:
+        yield f"{folder}: {'certified' if made.is_established else 'not certified'}"
+    yield f"  {'claim':<12} {said['claim']['text']}, stated {said['claim']['stated']}"
+    yield f"  {'over':<12} {said['probability_over']}"
+    if len(cells) > 1:
+        yield f"  {'combinations':<12} {established:,} of {len(cells):,}, error probability {said['alpha']:g} jointly"
+    for each in cells[:_MOST]:
+        against = ", ".join(f"{count:,} {name}" for name, count in each["against"].items() if count)
+        name = ", ".join([*filter(None, [each["variant"]]), *(f"{k}={v}" for k, v in each["parameters"].items())])
+        text = f"{each['runs']:,}; against it: {against or 'none'}; "
+        text += f"evidence {each['evidence']:.4g} of {each['needed']:.4g}"
+        yield f"  {'runs':<12} {f'{name}: ' if name else ''}{text}"
+        if not each["established"]:
+            yield f"  {'':<12} with as many against it, {each['runs_needed']:,} runs are needed"
+    if len(cells) > _MOST:
+        yield f"  {'':<12} {len(cells) - _MOST:,} more; --json lists all of them"
+    yield f"  {'rows':<12} {said['rows']['count']:,}, root {said['rows']['root']}"
+    if made.path is not None:
+        signed = f"signed by {made.public_key}" if made.public_key else "not signed"
+        yield f"  {'certificate':<12} {made.path}, {signed}"
+        yield f"  {'to print':<12} {made.page}"

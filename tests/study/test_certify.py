@@ -1,0 +1,186 @@
+"""Claims of sweeps: certified where the runs establish them, and whatever is changed afterwards is found."""
+
+import base64
+import json
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rfc8785
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, PublicFormat
+from sweeping import rows, symaware, tiny
+
+import symaware_cli as sa
+from symaware_cli.study.claim import Claim
+
+CHECK = Path(__file__).parents[2] / "docs" / "check_certificate.py"
+CLAIM = "P(near) > 0.5 with confidence 0.99, sequential"
+#: Always satisfied: the robots cannot get so far.
+SAFE = 'specifications.near.formula="always position[1] < 9"'
+
+
+def swept(folder: Path, *options: object, claim: str = CLAIM, status: int = 0) -> Path:
+    out = folder / "out"
+    symaware("sweep", tiny(folder), "-o", out, "--jobs", 0, "--quiet", "--claim", claim, *options, status=status)
+    return out
+
+
+def derived(folder: Path) -> subprocess.CompletedProcess[str]:
+    """The certificate, derived again without the package."""
+    return subprocess.run([sys.executable, "-I", CHECK, folder], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("text", ["near > 0.9", "P(near) > 1", "P(near) > 0.9, later", "P(near) > x", "P() > 0.9"])
+def test_what_is_no_claim_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"claim|probability"):
+        Claim.parse(text)
+
+
+def test_a_claim_is_written_as_it_is_read() -> None:
+    assert str(Claim.parse(CLAIM)) == CLAIM
+    assert Claim.parse("P(near) > 0.9") == Claim("near", 0.9, 0.99, "fixed")
+
+
+def test_a_sequential_claim_ends_the_sweep_when_it_is_established(tmp_path: Path) -> None:
+    out = swept(tmp_path, "--runs", 300, "--set", SAFE)
+    needed = Claim.parse(CLAIM).runs_needed(0, 1)
+    assert len(rows(out)) == needed < 300
+    made = sa.certify(out)
+    assert made.is_established
+    assert not made.is_post_hoc
+    assert made.statement["predicate"]["combinations"][0]["runs"] == needed
+    assert made.page is not None
+    assert "established" in made.page.read_text()
+    assert sa.verify_certificate(out / "certificate.json", "all").is_sound
+    assert derived(out).stdout.endswith("the certificate follows from the folder\n")
+
+
+def test_a_fixed_claim_is_decided_by_all_of_its_runs(tmp_path: Path) -> None:
+    claim = "P(near) > 0.5 with confidence 0.99, fixed"
+    out = swept(tmp_path, "--runs", 7, "--set", SAFE, claim=claim)
+    assert sa.certify(out).is_established
+    assert derived(out).returncode == 0
+    assert "no runs can be added" in symaware("sweep", out, "--add-runs", 10, status=2)
+
+
+def test_more_runs_may_decide_a_sequential_claim(tmp_path: Path) -> None:
+    out = swept(tmp_path, "--runs", 5, "--set", SAFE)
+    assert "not certified" in symaware("certify", out, status=3)
+    assert not (out / "certificate.json").exists()
+    symaware("sweep", out, "--add-runs", 20, "--jobs", 0)
+    assert "certified" in symaware("certify", out)
+
+
+def test_runs_that_fail_or_stay_undecided_count_against_a_claim(tmp_path: Path) -> None:
+    late = 'specifications.near.formula="eventually[0, 9] position[1] > 5"'
+    out = swept(tmp_path, "--runs", 20, "--set", late)
+    (cell,) = json.loads(symaware("certify", out, "--json", status=3))["statement"]["predicate"]["combinations"]
+    assert cell["against"] == {"violated": 0, "undecided": 20, "failed": 0, "lost": 0}
+    assert cell["satisfied"] == 0
+
+
+def test_each_combination_has_a_claim_of_its_own_and_all_hold_jointly(tmp_path: Path) -> None:
+    out = swept(tmp_path, "--runs", 100, "--set", SAFE, "--over", "agents.robot.count=1,2")
+    said = sa.certify(out).statement["predicate"]
+    assert [each["needed"] for each in said["combinations"]] == [200.0, 200.0]
+    assert {each["runs"] for each in said["combinations"]} == {Claim.parse(CLAIM).runs_needed(0, 2)}
+    assert "Bonferroni" in said["probability_over"]
+    assert derived(out).returncode == 0
+
+
+def test_a_claim_that_is_stated_afterwards_is_neither_signed_nor_certified(tmp_path: Path) -> None:
+    out = swept(tmp_path, "--runs", 300, "--set", SAFE)
+    key = private_key(tmp_path)
+    said = symaware("certify", out, "--claim", "P(near) > 0.4", "--key", key, status=2)
+    assert "not signed" in said
+    assert "POST HOC, not certified" in symaware("certify", out, "--claim", "P(near) > 0.4")
+    assert not (out / "certificate.json").exists()
+    made = sa.certify(out, claim="P(near) > 0.4", output=tmp_path / "later.json")
+    assert made.is_post_hoc
+    assert made.page is not None
+    assert "not a certificate" in made.page.read_text()
+    assert sa.verify_certificate(tmp_path / "later.json", "arithmetic", folder=out).is_sound
+
+
+def test_a_claim_that_is_written_into_the_plan_afterwards_is_found(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    symaware("sweep", tiny(tmp_path), "-o", out, "--runs", 20, "--jobs", 0, "--set", SAFE)
+    plan = out / "sweep.yaml"
+    plan.write_text(plan.read_text() + "claim: P(near) > 0.5\n")
+    assert "contradicts itself" in symaware("certify", out, status=2)
+
+
+@pytest.mark.parametrize("design", ["sobol", "latin-hypercube"])
+def test_runs_that_depend_on_each_other_are_refused(tmp_path: Path, design: str) -> None:
+    options = ("--design", design, "--over", "agents.robot.model.with.max_speed={uniform: [0.5, 1]}", "--runs", "64")
+    assert "independent" in symaware("sweep", tiny(tmp_path), "--claim", CLAIM, *options, "--dry-run", status=2)
+    symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--jobs", 0, *options)
+    assert "not independent" in symaware("certify", tmp_path / "out", "--claim", CLAIM, status=2)
+
+
+def private_key(folder: Path, name: str = "key.pem") -> Path:
+    key = Ed25519PrivateKey.generate()
+    path = folder / name
+    path.write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    public = key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    path.with_suffix(".pub").write_bytes(public)
+    return path
+
+
+@pytest.fixture
+def certified(tmp_path: Path) -> Path:
+    """A sweep with a signed certificate."""
+    out = swept(tmp_path, "--runs", 300, "--set", SAFE)
+    sa.certify(out, key=private_key(tmp_path))
+    return out
+
+
+def findings(folder: Path, **options: Any) -> list[tuple[int | None, str]]:
+    """Where a certificate, or the folder, is not as it has to be."""
+    result = sa.verify_certificate(folder / "certificate.json", "arithmetic", **options)
+    return [(each.index, each.column) for each in (*result.findings, *result.sweep.findings)]
+
+
+def test_a_signature_says_by_which_key(certified: Path, tmp_path: Path) -> None:
+    assert findings(certified, key=tmp_path / "key.pub") == []
+    assert findings(certified, key=private_key(tmp_path, "other.pem")) == [(None, "signature")]
+    envelope = json.loads((certified / "certificate.json").read_text())
+    payload = base64.b64decode(envelope["payload"])
+    assert payload == rfc8785.dumps(json.loads(payload))
+    assert derived(certified).returncode == 0
+
+
+def test_a_changed_statement_is_found(certified: Path) -> None:
+    file = certified / "certificate.json"
+    envelope = json.loads(file.read_text())
+    content = json.loads(base64.b64decode(envelope["payload"]))
+    content["predicate"]["combinations"][0]["runs"] = 1000
+    envelope["payload"] = base64.b64encode(rfc8785.dumps(content)).decode()
+    file.write_text(json.dumps(envelope))
+    assert findings(certified) == [(None, "signature"), (None, "predicate.combinations[0].runs")]
+    assert derived(certified).returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("verdicts", '{"near": "violated"}'), ("digest", "00"), ("seed", 5), ("metrics", "{}"), ("state", "failed")],
+)
+def test_a_changed_row_is_found_where_it_is(certified: Path, column: str, value: object) -> None:
+    with sqlite3.connect(certified / "journal.sqlite") as journal:
+        journal.execute(f'UPDATE runs SET {column} = ? WHERE "index" = 5', (value,))
+    found = findings(certified)
+    assert (5, "row") in found
+    assert {index for index, _ in found} == {None, 5}
+    assert "signature" not in [name for _, name in found]
+    assert derived(certified).returncode == 1
+
+
+def test_what_is_no_certificate_is_refused(certified: Path, tmp_path: Path) -> None:
+    for content in (b"", b"[]", b"{}", b'{"payload": 5}', b'{"_type": "x"}', b"\xff"):
+        (certified / "certificate.json").write_bytes(content)
+        assert "is not a certificate" in symaware("verify", certified / "certificate.json", status=2)
+    assert "cannot read" in symaware("verify", certified / "none.json", status=2)
