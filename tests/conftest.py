@@ -13,8 +13,9 @@ from symaware_doubles import COMPONENTS, ENVIRONMENTS, TRANSPORTS
 
 
 def pytest_configure() -> None:
-    """Make Ctrl-C count: what runs in the background of a shell, as a build server's jobs may, ignores it."""
+    """Keep no strategies, and make Ctrl-C count: what runs in the background of a shell may ignore it."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.environ["SYMAWARE_CACHE"] = ""  # nothing is kept from test to test
 
 
 # How long an example takes says more about the machine than about the code.

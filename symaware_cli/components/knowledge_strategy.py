@@ -18,6 +18,7 @@ from symaware_cli.synthesis.counterstrategy import Counterstrategy, oppose
 from symaware_cli.synthesis.fragment import LIVENESS
 from symaware_cli.synthesis.game import Statement
 from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthesise
+from symaware_cli.synthesis.strategy_cache import StrategyCache, encoded
 from symaware_cli.synthesis.vocabulary import CELL
 from symaware_cli.world.plugin import ParameterError
 from symaware_cli.world.time import SECOND
@@ -128,6 +129,10 @@ class KnowledgeStrategy(GroupComponent):
 
     # Before the run
 
+    def attachments(self) -> Mapping[str, bytes]:
+        """Return the strategy."""
+        return {"strategy": encoded(self._strategy)}
+
     @property
     def awaited(self) -> Mapping[int, set[str]]:
         """The agents that something is assumed of to happen again and again, by the number of the assumption."""
@@ -144,7 +149,7 @@ class KnowledgeStrategy(GroupComponent):
         self._goals = game.goals(game.assumptions)
         self._counterstrategy: Counterstrategy | None = None
         try:
-            self._strategy: Strategy = synthesise(game, self._knowledge.starts)
+            self._strategy: Strategy = synthesise(game, self._knowledge.starts, StrategyCache.of_user())
         except UnrealisableError as error:
             if self.parameters.on_unrealisable == "refuse" or not game.starts(self._knowledge.starts)[1].any():
                 raise self._unrealisable(error) from None

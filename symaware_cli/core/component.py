@@ -83,6 +83,14 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             ValueError: It cannot. The message explains the reason to the author of the scenario.
         """
 
+    def attachments(self) -> Mapping[str, bytes]:
+        """Return files that the component adds to the log of a run; called before the run, after `check`.
+
+        Returns:
+            The content of each file by its name, the same whenever the scenario is run; empty by default.
+        """
+        return {}
+
     def check_specification(self, specification: Any, group: AgentGroup) -> None:
         """Check whether the component can work with one of the `specifications` that it names; called before a run.
 

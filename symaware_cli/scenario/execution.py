@@ -157,6 +157,10 @@ def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> 
         media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix, "application/octet-stream")
         writer.attach(f"scenario/{name}", media_type, content)
     writer.attach(RESOLVED, "application/yaml", built.resolved)
+    for entry in built.simulation.entries:
+        for component in entry.components:
+            for name, content in component.attachments().items():
+                writer.attach(f"{component.path}/{name}", "application/octet-stream", content)
     geometry = GeometryWriter(built.simulation.environment, built.files)
     for name, (media_type, content) in geometry.attachments.items():
         writer.attach(name, media_type, content)

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,22 +52,40 @@ class Strategy:
         return content.hexdigest()
 
 
-def synthesise(game: Game, cells: Sequence[int]) -> Strategy:
-    """Make a strategy and check it with the model checker.
+class Cache(Protocol):
+    """Keeps strategies."""
+
+    def strategy(self, game: Game) -> Strategy | None:
+        """Return what was kept for a game, which need not be right; None if nothing was."""
+
+    def keep(self, strategy: Strategy) -> None:
+        """Keep a strategy."""
+
+
+def synthesise(game: Game, cells: Sequence[int], cache: Cache | None = None) -> Strategy:
+    """Make a strategy, or take the one that was kept, and check it with the model checker.
 
     Args:
         game: The game.
         cells: The cells in which the agent may begin.
+        cache: Where strategies are kept. What is wrong there is made again.
 
     Raises:
         UnrealisableError: There is no strategy.
     """
+    if not game.starts(cells)[1].any():
+        raise UnrealisableError("no beginning meets the assumptions")
+    kept = None if cache is None else cache.strategy(game)
+    if kept is not None and Check(game, kept.choices, kept.reached).fault(cells) is None:
+        return kept
     solution = solve(game)
     _check_realisable(game, solution, cells)
     strategy = Strategy(game, solution.choices, solution.reached)
     fault = Check(game, strategy.choices, strategy.reached).fault(cells)
     if fault is not None:  # a defect of the solver, which must not go unnoticed
         raise RuntimeError(f"the strategy that was made is wrong: {fault}")
+    if cache is not None:
+        cache.keep(strategy)
     return strategy
 
 
