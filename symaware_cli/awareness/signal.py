@@ -13,7 +13,7 @@ from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.world.model import Quantity
 
 Kind = Literal["vector", "series", "table"]
-Drawn = Literal["curve", "path", "ellipse", "bars", "points"]
+Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links"]
 SignalColumn: TypeAlias = "Column | SeriesColumn | TableColumn"
 
 MEASUREMENT = "measurement"
@@ -26,7 +26,7 @@ _PLACES = (("x", "y"), ("distance", "bearing"))
 _DRAWN: dict[str, tuple[str | None, ...]] = {
     "vector": ("curve", "bars", "points", None),
     "series": ("curve", "path", "ellipse", "bars", None),
-    "table": ("curve", "points", None),
+    "table": ("curve", "points", "links", None),
 }
 
 
@@ -43,7 +43,8 @@ class Signal:
             positions of a series; as the ``ellipse`` of the covariance of a position; as ``bars`` for shares of a
             whole, such as probabilities; or as ``points``, which requires the columns ``x`` and ``y`` (and ``z``) in
             the world, or ``distance`` and ``bearing`` (and ``elevation``) relative to the body, counter-clockwise from
-            its heading. None if it is not drawn.
+            its heading; or as ``links``, arrows to the agents or entities whose indices in the roster the column
+            ``agent`` has. None if it is not drawn.
         description: Its meaning, in a few words.
     """
 
@@ -68,7 +69,7 @@ class Signal:
                 raise ValueError(f"`{key}` of {what} is one of {listed}, not {given!r}")
         if self.drawn not in _DRAWN[self.kind]:
             kinds = " or a ".join(kind for kind, known in _DRAWN.items() if self.drawn in known)
-            drawn = {"ellipse": "an ellipse", "bars": "bars", "points": "points"}.get(
+            drawn = {"ellipse": "an ellipse", "bars": "bars", "points": "points", "links": "links"}.get(
                 self.drawn or "", f"a {self.drawn}"
             )
             raise ValueError(f"{what} is a {self.kind}, and only a {kinds} is drawn as {drawn}")
@@ -83,6 +84,9 @@ class Signal:
         if self.drawn == "points" and not any({*pair} <= {*self.column_names} for pair in _PLACES):
             pairs = ", or ".join(f"`{one}` and `{other}`" for one, other in _PLACES)
             raise ValueError(f"{what} is drawn as points, which takes columns {pairs}")
+
+        if self.drawn == "links" and "agent" not in self.column_names:
+            raise ValueError(f"{what} is drawn as links, which takes a column `agent`")
 
     @property
     def column_names(self) -> tuple[str, ...]:

@@ -13,6 +13,8 @@ Piece = tuple[Sequence[Sequence[float]] | NDArray[np.float64], float]
 
 #: Number of corners of a full circle.
 _CORNERS = 32
+#: Number of dashes of an interrupted outline, about.
+_DASHES = 15
 
 
 def outlines(pieces: Iterable[Piece]) -> list[Array]:
@@ -70,6 +72,24 @@ def mesh(outline: Array, low: float, high: float) -> tuple[Array, NDArray[np.uin
     ]
     triangles = np.concatenate([fan, fan[:, ::-1] + count, np.array(sides)]).astype(np.uint32)
     return np.concatenate([top, bottom]), triangles
+
+
+def closed(outline: Array, height: float) -> list[Array]:
+    """Return the one closed line around an outline (m, 2) [m], at a height [m]; (m + 1, 3)."""
+    return [np.pad(np.concatenate([outline, outline[:1]]), ((0, 0), (0, 1)), constant_values=height)]
+
+
+def dashes(outline: Array, height: float) -> list[Array]:
+    """Return an interrupted line around an outline (m, 2) [m], at a height [m]: dashes, (2, 3) each."""
+    (line,) = closed(outline, height)
+    sides = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    length = float(sides.sum()) / _DASHES
+    found = []
+    for start, end, side in zip(line[:-1], line[1:], sides.tolist(), strict=True):
+        count = max(1, round(side / length))
+        ends = (np.arange(count)[:, None] + 0.5 + np.array([-0.25, 0.25])) / count
+        found += list(start + ends[..., None] * (end - start))
+    return found
 
 
 def _rounded(core: Array, radius: float) -> Array:

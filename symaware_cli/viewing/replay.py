@@ -13,7 +13,7 @@ from symaware_cli.viewing.blueprint import ReplayContent
 from symaware_cli.viewing.chunk import Chunk, ChunkReader
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.rerun.output import RerunOutput
-from symaware_cli.viewing.scene.bars import legend
+from symaware_cli.viewing.scene import bars, declared_links
 from symaware_cli.viewing.scene.scene import CURVES, SCENE, Scene
 from symaware_cli.viewing.views import RunView, in_space
 
@@ -83,9 +83,13 @@ class Replay:
             if not group_view.state_topic.startswith("/world/")
         ]
         bodies = "true positions of agents" + (f" ({', '.join(believed)}: believed)" if believed else "")
-        shared = "".join(
-            f"| bars beside agents | {part}, from left to right: {meaning} |\n" for part, meaning in legend(run_view)
-        )
+        kinds = [
+            f"| bars beside agents | {name}, from left to right: {meaning} |" for name, meaning in bars.legend(run_view)
+        ]
+        kinds += [f"| arrows between agents | {name}: {meaning} |" for name, meaning in declared_links.legend(run_view)]
+        if run_view.windows:
+            kinds.append("| areas | filled while a specification about them counts; dashed before, faint after |")
+        shared = "".join(f"{kind}\n" for kind in kinds)
         text = f"""# {run_view.name}
 
 Seed {run_view.seed}. Time is simulated time.

@@ -25,6 +25,7 @@ from symaware_cli.recording.reader import Log
 from symaware_cli.recording.specifications import specification_rows
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
+from symaware_cli.viewing.region_windows import Window, region_windows
 
 Array = NDArray[np.float64]
 
@@ -159,6 +160,7 @@ class RunView:
         quantities: Name and unit of each column of each topic, where the log has them.
         regions: The regions of the scenario, by name.
         specifications: For each specification by name, the ids of the agents that each row is about.
+        windows: When specifications about a region count, for regions that do not count all the time.
     """
 
     name: str
@@ -173,6 +175,7 @@ class RunView:
     quantities: Mapping[str, Sequence[tuple[str, str]]] = field(default_factory=dict)
     regions: Mapping[str, Region] = field(default_factory=dict)
     specifications: Mapping[str, Sequence[tuple[str, ...]]] = field(default_factory=dict)
+    windows: Mapping[str, Sequence[Window]] = field(default_factory=dict)
 
     def quantities_of(self, topic: str, field: str, width: int) -> Sequence[tuple[str, str]]:
         """Return name and unit of each column of a topic; unnamed columns are numbered, with the name of the field."""
@@ -248,6 +251,7 @@ def run_view_of(log: Log) -> RunView:
             ground=geometry.ground,
             regions={name: Region.model_validate(each) for name, each in manifest.get("regions", {}).items()},
             specifications=specification_rows(log.channels),
+            windows=region_windows(log.channels, manifest.get("regions", {})),
             quantities={
                 topic: [(each.name, each.unit) for each in columns]
                 for topic, channel in log.topics.items()

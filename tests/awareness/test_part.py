@@ -103,7 +103,10 @@ def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state
         ({"name": "my part"}, "identifier in lower case"),
         ({"name": "Attention"}, "identifier in lower case"),
         ({"name": "a", "kind": "matrix"}, "`kind` of the part `a` is one of vector, series"),
-        ({"name": "a", "drawn": "cake"}, "`drawn` of the part `a` is one of curve, path, ellipse, bars, points, None"),
+        (
+            {"name": "a", "drawn": "cake"},
+            "`drawn` of the part `a` is one of curve, path, ellipse, bars, points, links,",
+        ),
         ({"name": "a", "merge": "both"}, "`merge` of the part `a` is one of"),
         ({"name": "a", "drawn": "path"}, "only a series is drawn as a path"),
         ({"name": "a", "columns": []}, "at least one"),

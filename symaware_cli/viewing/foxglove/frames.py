@@ -24,9 +24,9 @@ from symaware_cli.recording.mesh_files import triangles
 from symaware_cli.viewing.foxglove import primitives
 from symaware_cli.viewing.foxglove.primitives import ORIGIN, WORLD, colour, entity, pose, vector
 from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
-from symaware_cli.viewing.outline import circle, outlines
+from symaware_cli.viewing.outline import circle, closed, dashes, outlines
 from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.scene.marks import Bodies, Figures, Solid
+from symaware_cli.viewing.scene.marks import ACTIVE, PAST, TO_COME, Bodies, Figures, Solid
 from symaware_cli.viewing.tessellation import tessellated
 
 Array = NDArray[np.float64]
@@ -36,6 +36,8 @@ _POINT = 0.2
 #: Change of a colour at which bodies are sent again.
 _VISIBLE = 8
 _NOSE = (240, 240, 240)
+#: Opacity of the outline of an area that does not count at present, and its width [pixels].
+_OUTLINE_LEFT, _OUTLINE_WIDTH = {TO_COME: 0.6, PAST: 0.25}, 1.5
 
 
 def show_bodies(updates: SceneUpdates, mark: Bodies) -> None:
@@ -57,17 +59,30 @@ def show_bodies(updates: SceneUpdates, mark: Bodies) -> None:
 
 def show_solid(updates: SceneUpdates, mark: Solid) -> None:
     """Show a body that extends upright over its outline."""
-    if mark.path not in updates.kept:
-        updates.kept[mark.path] = True
-        time = int(mark.times[0])
-        made = entity(mark.name, time, mark.name)
-        shade = colour(faded(np.array(mark.colour), mark.faded).tolist(), 1.0 - mark.transparency)
-        made.triangles.extend(primitives.prisms(mark.outlines, mark.low, mark.high, shade))
-        if mark.label:
-            made.texts.append(_text(mark.label, mark.high, mark.colour))
-        updates.set_entities(time, f"/{mark.layer}", mark.path, [made])
+    phases = np.zeros(len(mark.times), np.int8) if mark.phases is None else mark.phases
+    for time, phase in zip(mark.times.tolist(), phases.tolist(), strict=True):
+        if updates.kept.get(mark.path) != phase:
+            updates.kept[mark.path] = phase
+            updates.set_entities(time, f"/{mark.layer}", mark.path, [_area(mark, time, phase)])
     positions, orientations = mark.positions[:, None], mark.orientations[:, None]
     _move(updates, f"/tf/{mark.name}", mark.times, [mark.name], positions, orientations)
+
+
+def _area(mark: Solid, time: int, phase: int) -> SceneEntity:
+    """Return a body or an area, filled or as an outline, attached to its frame."""
+    made = entity(mark.name, time, mark.name)
+    if phase != ACTIVE:
+        lines = [
+            line for outline in mark.outlines for line in (dashes if phase == TO_COME else closed)(outline, mark.high)
+        ]
+        shade = colour(mark.colour, _OUTLINE_LEFT[phase])
+        made.lines.extend(primitives.line(line, shade, _OUTLINE_WIDTH) for line in lines)
+        return made
+    shade = colour(faded(np.array(mark.colour), mark.faded).tolist(), 1.0 - mark.transparency)
+    made.triangles.extend(primitives.prisms(mark.outlines, mark.low, mark.high, shade))
+    if mark.label:
+        made.texts.append(_text(mark.label, mark.high, mark.colour))
+    return made
 
 
 def show_figures(updates: SceneUpdates, mark: Figures) -> None:

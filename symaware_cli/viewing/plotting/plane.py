@@ -23,8 +23,16 @@ from symaware_cli.viewing.palette import CONTACT, GOAL, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.line_styles import LineStyle
 from symaware_cli.viewing.plotting.panels import Trajectories
 from symaware_cli.viewing.plotting.time import DASHES, INK
+from symaware_cli.viewing.scene.marks import ACTIVE, PAST, TO_COME
 
 Array = NDArray[np.float64]
+
+#: How areas are drawn: interrupted outlines of those to come, faint ones of those that are past.
+_PHASES: Mapping[int, Mapping[str, Any]] = {
+    TO_COME: {"alpha": 0.7, "linewidth": 0.8, "linestyle": (0, (3, 3))},
+    ACTIVE: {"alpha": 0.18, "linewidth": 0.8},
+    PAST: {"alpha": 0.25, "linewidth": 0.5},
+}
 
 #: Number of shades of a path.
 _STROKES = 12
@@ -150,11 +158,15 @@ def _draw_regions(axes: Axes, content: Trajectories) -> None:
     for mark in content.regions:
         colour, index = hexadecimal(mark.colour), max(0, int(np.searchsorted(mark.times, content.time, "right")) - 1)
         position, heading = mark.positions[index], float(yaws(mark.orientations[index : index + 1])[0])
+        phase = ACTIVE if mark.phases is None else int(mark.phases[index])
         for piece in _body(_outlined(mark.pieces), position, heading):
-            piece.set(facecolor=colour, edgecolor=colour, alpha=0.18, linewidth=0.8, zorder=0)
+            piece.set(facecolor=colour if phase == ACTIVE else "none", edgecolor=colour, zorder=0, **_PHASES[phase])
             axes.add_patch(piece)
+        if phase == PAST:
+            continue
         ((x, y, _),) = placed(np.array([mark.label_at]), position, heading)
-        style: dict[str, Any] = {"color": colour, "fontsize": "x-small", "ha": "center", "va": "center"}
+        upright = "center" if mark.phases is None else "bottom"
+        style: dict[str, Any] = {"color": colour, "fontsize": "x-small", "ha": "center", "va": upright}
         axes.text(float(x), float(y), mark.label, clip_on=True, zorder=1, **style)
 
 

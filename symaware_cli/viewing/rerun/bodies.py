@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.geometry.rotation import rotated
-from symaware_cli.viewing.outline import mesh, outlines
+from symaware_cli.viewing.outline import closed, dashes, mesh, outlines
 from symaware_cli.viewing.rerun.columns import Columns, each, flat, packed, shades, turns
-from symaware_cli.viewing.scene.marks import Bodies, Solid
+from symaware_cli.viewing.scene.marks import ACTIVE, PAST, TO_COME, Bodies, Solid
+
+if TYPE_CHECKING:
+    import rerun as rr
 
 Array = NDArray[np.float64]
+
+#: Share of the background in the filling of an area while it counts, and in its outline by phase.
+_FILLING = 0.55
+_LOOK = {TO_COME: 0.45, ACTIVE: 0.0, PAST: 0.78}
+#: Height of an outline above the filling [m].
+_ABOVE = 0.005
 
 _NOSE = np.array((240, 240, 240), np.uint8)
 
@@ -63,7 +72,9 @@ def show_solid(columns: Columns, mark: Solid) -> None:
     """Show a body as prisms over its outline."""
     import rerun as rr
 
-    if columns.is_new(mark.path):
+    if mark.phases is not None:
+        _show_phases(columns, mark)
+    elif columns.is_new(mark.path):
         (colour,) = shades(mark.colour, mark.transparency or mark.faded, 1)
         for number, outline in enumerate(mark.outlines):
             vertices, triangles = mesh(outline, mark.low, mark.high)
@@ -75,6 +86,44 @@ def show_solid(columns: Columns, mark: Solid) -> None:
             columns.static(f"{mark.path}/label", label)
     placed = rr.Transform3D.columns(translation=flat(mark.positions), quaternion=turns(mark.orientations))
     columns.send(mark.path, mark.times, placed)
+
+
+def _show_phases(columns: Columns, mark: Solid) -> None:
+    """Show an area filled while it counts, else as an outline: interrupted while it is to come, faint afterwards."""
+    import rerun as rr
+
+    assert mark.phases is not None
+    tint, new = np.array(mark.colour, np.uint8), columns.is_new(mark.path)
+    changes = np.flatnonzero(np.diff(mark.phases, prepend=np.int8(PAST + 1)))
+    times, phases = mark.times[changes], mark.phases[changes]
+    count = int((phases == ACTIVE).sum())
+    for number, outline in enumerate(mark.outlines):
+        path, (vertices, triangles) = f"{mark.path}/{number}", mesh(outline, mark.low, mark.high)
+        if new:
+            filling = shades(tint, _FILLING, 1)[0]
+            columns.static(path, rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=filling))
+            columns.static(f"{path}/outline", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5])))
+        shape = rr.Mesh3D.columns(vertex_positions=flat(np.tile(vertices, (count, 1))))
+        columns.send(path, times, shape, len(vertices) * (phases == ACTIVE))
+        above = mark.high + _ABOVE
+        lines = {phase: (dashes if phase == TO_COME else closed)(outline, above) for phase in _LOOK}
+        drawn = [line for phase in phases.tolist() for line in lines[phase]]
+        counts = [len(lines[phase]) for phase in phases.tolist()]
+        colours = shades(tint, np.repeat([_LOOK[phase] for phase in phases.tolist()], counts), len(drawn))
+        lengths = [len(line) for line in drawn]
+        columns.strips(f"{path}/outline", times, np.concatenate(drawn), lengths, counts, colours)
+    if mark.label:
+        if new:
+            columns.static(f"{mark.path}/label", _label(mark))
+        middle = np.tile([*mark.label_at, mark.high], (count, 1))
+        labels = rr.Points3D.columns(positions=flat(middle), labels=[mark.label] * count)
+        columns.send(f"{mark.path}/label", times, labels, 1 * (phases == ACTIVE))
+
+
+def _label(mark: Solid) -> rr.Points3D:
+    import rerun as rr
+
+    return rr.Points3D.from_fields(show_labels=True, colors=[mark.colour], radii=rr.Radius.ui_points([0.0]))
 
 
 def _discs(columns: Columns, path: str, mark: Bodies, centres: Array, radius: float) -> None:

@@ -18,7 +18,7 @@ POINTS, BROKEN_POINTS = _PIECES + 4, _PIECES + 6
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def arrows(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Array) -> Array:
+def arrows(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Array, curvature: float = _BOW) -> Array:
     """Return arrows between points as lines: a curve, and a head of two strokes.
 
     Args:
@@ -27,11 +27,12 @@ def arrows(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Ar
         begins: Share of the distance at which each arrow begins, (m,).
         ends: Share of the distance at which it ends, (m,).
         sizes: Lengths of the heads, (m,) [m].
+        curvature: Distance of the middle from the straight line, in lengths of that line.
 
     Returns:
         (m, POINTS, 3) [m].
     """
-    bow, ahead, aside = _bows(origins, targets, begins, ends)
+    bow, ahead, aside = _bows(origins, targets, begins, ends, curvature)
     tip, back = bow[:, -1:], sizes[:, None, None] * ahead[:, None]
     out = _SPREAD * sizes[:, None, None] * aside[:, None]
     return np.concatenate([bow, tip - back + out, tip, tip - back - out], axis=1)
@@ -43,14 +44,14 @@ def broken(origins: Array, targets: Array, begins: Array, ends: Array, sizes: Ar
     Returns:
         (m, BROKEN_POINTS, 3) [m].
     """
-    bow, ahead, aside = _bows(origins, targets, begins, ends)
+    bow, ahead, aside = _bows(origins, targets, begins, ends, _BOW)
     tip, one, other = bow[:, -1:], (ahead + aside)[:, None], (ahead - aside)[:, None]
     arm = 0.5 * sizes[:, None, None]
     cross = [tip + arm * one, tip - arm * one, tip, tip + arm * other, tip - arm * other]
     return np.concatenate([bow, *cross], axis=1)
 
 
-def _bows(origins: Array, targets: Array, begins: Array, ends: Array) -> tuple[Array, Array, Array]:
+def _bows(origins: Array, targets: Array, begins: Array, ends: Array, curvature: float) -> tuple[Array, Array, Array]:
     """Return parabolas between points.
 
     Returns:
@@ -60,7 +61,7 @@ def _bows(origins: Array, targets: Array, begins: Array, ends: Array) -> tuple[A
     way = targets - origins
     right = _right(way)
     share = begins[:, None] + (ends - begins)[:, None] * np.linspace(0.0, 1.0, _PIECES + 1)
-    height = 4.0 * _BOW * np.linalg.norm(way, axis=1)[:, None] * share * (1.0 - share)
+    height = 4.0 * curvature * np.linalg.norm(way, axis=1)[:, None] * share * (1.0 - share)
     points = origins[:, None] + share[..., None] * way[:, None] + height[..., None] * right[:, None]
     ahead = points[:, -1] - points[:, -2]
     ahead /= np.linalg.norm(ahead, axis=1)[:, None]

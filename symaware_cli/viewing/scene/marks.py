@@ -22,6 +22,9 @@ Times = NDArray[np.int64]
 Integers = NDArray[np.integer]
 Colours = NDArray[np.uint8]
 
+#: Phases of an area that counts for some time.
+TO_COME, ACTIVE, PAST = -1, 0, 1
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Mark:
@@ -187,7 +190,9 @@ class Solid(_Mark):
         colour: Red, green and blue.
         transparency: From 0 (opaque) to 1.
         faded: Share of the background of a replay in its colour, from 0 to 1.
-        label: Its label.
+        phases: (k,) of an area that counts for some time: as an interrupted outline while it is to come (TO_COME),
+            filled while it counts (ACTIVE), as a faint outline afterwards (PAST). None to fill it always.
+        label: Its label; shown while it is filled.
         label_at: Position of the label, relative to its position [m].
         positions: (k, 3) [m].
         orientations: (k, 4) quaternions x, y, z, w.
@@ -202,6 +207,7 @@ class Solid(_Mark):
     orientations: Array
     transparency: float = 0.0
     faded: float = 0.0
+    phases: NDArray[np.int8] | None = None
     label: str = ""
     label_at: tuple[float, float] = (0.0, 0.0)
 
@@ -370,6 +376,17 @@ class Modes(_Mark):
     modes: Sequence[str]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Documents(_Mark):
+    """A text that changes.
+
+    Attributes:
+        texts: (k,) Markdown.
+    """
+
+    texts: Sequence[str]
+
+
 Mark: TypeAlias = (
     Lines
     | Points
@@ -387,6 +404,7 @@ Mark: TypeAlias = (
     | Numbers
     | Journal
     | Modes
+    | Documents
 )
 """Any mark."""
 
@@ -398,5 +416,7 @@ def joined(parts: Sequence[Joinable]) -> Joinable:
     names = ["times", *(name for name in ("positions", "orientations", "values") if hasattr(parts[0], name))]
     if isinstance(parts[0], Bodies):
         names.append("colours")
+    if getattr(parts[0], "phases", None) is not None:
+        names.append("phases")
     whole: Any = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return replace(parts[0], **whole)

@@ -13,6 +13,7 @@ from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.outline import Piece, outlines
 from symaware_cli.viewing.palette import REGIONS
+from symaware_cli.viewing.region_windows import phases
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Solid
 from symaware_cli.viewing.views import RunView
@@ -47,7 +48,7 @@ def _size(pieces: list[Piece]) -> float:
 
 
 class RegionsDrawing(Drawing):
-    """Draws the regions of a scenario."""
+    """Draws the regions of a scenario, and whether what specifications say of them is to come, counts, or is past."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
@@ -55,15 +56,16 @@ class RegionsDrawing(Drawing):
         # The largest is drawn lowest, so that all are visible.
         drawn = sorted((name for name in found if found[name]), key=lambda name: _size(found[name]), reverse=True)
         self._found = {name: found[name] for name in drawn}
-        self._begun = False
+        self._begun, self._end = False, 0
 
     def marks(self, chunk: Chunk) -> Iterator[Solid]:
         """Yield static regions at the beginning, and moving ones at each instant."""
         for name, found in self._found.items():
             region = self.run_view.regions[name]
             if region.around is None:
-                if not self._begun:
-                    yield self._solid(name, found, np.array([chunk.start]), np.zeros((1, 3)), np.zeros(1))
+                times = self._moments(name, chunk)
+                if len(times):
+                    yield self._solid(name, found, times, np.zeros((len(times), 3)), np.zeros(len(times)))
                 continue
             group, row = self.run_view.place[region.around]
             group_view = self.run_view.group_views[group]
@@ -73,14 +75,24 @@ class RegionsDrawing(Drawing):
                 if group_view.heading is not None and region.turns:
                     headings = frames.values[:, row, group_view.heading]
                 yield self._solid(name, found, frames.times, self.places(region.around, frames.times, chunk), headings)
-        self._begun = True
+        self._begun, self._end = True, chunk.end
+
+    def _moments(self, name: str, chunk: Chunk) -> NDArray[np.int64]:
+        """Return the instants of a chunk from which on a static region is drawn, or drawn otherwise [ns]."""
+        changes = {chunk.start} if not self._begun else set()
+        for start, end in self.run_view.windows.get(name, ()):
+            changes |= {start} if end is None else {start, end + 1}
+        first = chunk.start if not self._begun else self._end + 1
+        return np.array(sorted(time for time in changes if first <= time <= chunk.end), np.int64)
 
     def _solid(
         self, name: str, pieces: list[Piece], times: NDArray[np.int64], positions: Array, headings: Array
     ) -> Solid:
         number = list(self._found).index(name)
         level = _BELOW + _STEP * number
-        middle = np.concatenate(outlines(pieces)).mean(axis=0)
+        corners = np.concatenate(outlines(pieces))
+        # Agents that are to be in an area would hide a label in its middle.
+        middle, top = corners.mean(axis=0), corners[:, 1].max()
         return Solid(
             path=f"world/regions/{name}",
             layer="regions",
@@ -91,8 +103,9 @@ class RegionsDrawing(Drawing):
             high=level,
             colour=REGIONS[number % len(REGIONS)],
             transparency=_TRANSPARENCY,
+            phases=phases(self.run_view.windows[name], times) if name in self.run_view.windows else None,
             label=name,
-            label_at=(float(middle[0]), float(middle[1])),
+            label_at=(float(middle[0]), float(middle[1] if name not in self.run_view.windows else top)),
             positions=positions,
             orientations=about((0.0, 0.0, 1.0), headings),
         )

@@ -11,6 +11,7 @@ from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.bodies import Agents
 from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
 from symaware_cli.viewing.scene.curves import AwarenessCurves, NumberTables, RecordedNumbers, SeparationCurve
+from symaware_cli.viewing.scene.declared_links import DeclaredLinks
 from symaware_cli.viewing.scene.figures import Appearances
 from symaware_cli.viewing.scene.goals import Goals
 from symaware_cli.viewing.scene.informed import Informed
@@ -40,6 +41,7 @@ SCENE: tuple[type[Drawing], ...] = (
     Intents,
     Uncertainties,
     BeliefsAboutOthers,
+    DeclaredLinks,
     Bars,
     SignalPoints,
     Scans,

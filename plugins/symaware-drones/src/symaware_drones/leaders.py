@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from symaware_cli import (
@@ -17,6 +18,8 @@ from symaware_cli import (
     Links,
     Message,
     Parameters,
+    Quantity,
+    Signal,
     nanoseconds,
 )
 from symaware_cli.formulas import Specification
@@ -25,6 +28,9 @@ from symaware_drones.team import checked_tasks, order_of, tasks_in, tasks_of_run
 
 #: The kind of the messages.
 LEADER = "leader"
+
+#: Whom a drone leads, by their indices in the roster.
+LEADS = Signal("leads", "table", [Quantity("agent", "1")], drawn="links", description="from the leader to the follower")
 
 
 class Leaders(CommunicationReceiver):
@@ -40,6 +46,7 @@ class Leaders(CommunicationReceiver):
 
     specifications = "tasks"
     specifications_of_others = True
+    signals = (LEADS,)
     events: ClassVar[Mapping[str, str]] = {
         "decided": "The drone knows of each neighbour which of the two leads.",
         "undecided": "A neighbour does not answer; its edge is given up.",
@@ -101,6 +108,7 @@ class Leaders(CommunicationReceiver):
             self.agent.self_knowledge["edges"] = dict(self._roles)
             leads = [id for id, role in self._roles.items() if role == "leader"]
             follows = [id for id, role in self._roles.items() if role == "follower"]
+            self.record(LEADS, np.array([[float(self._order[id])] for id in leads]).reshape(-1, 1))
             said = [f"leads {', '.join(leads)}"] * bool(leads) + [f"follows {', '.join(follows)}"] * bool(follows)
             self.emit("decided", "; ".join(said) or "has no neighbours", leads=leads, follows=follows)
 
