@@ -103,7 +103,7 @@ class MixedIntegerProgram:
     ) -> Indices:
         """Add variables with bounds and costs, one for all or one each; return their indices."""
         for store, given in ((self._lower, lower), (self._upper, upper), (self._cost, cost)):
-            store.append(np.array(np.broadcast_to(np.asarray(given, float), (count,))))
+            store.append(np.full(count, given, float))
         self._integer.append(np.full(count, integer))
         self._count += count
         return np.arange(self._count - count, self._count)

@@ -158,6 +158,7 @@ class SpecificationProgram:
         self._bounds: dict[tuple[float, ...], tuple[Array, Array]] = {}
         self._requirements: list[_Requirement] = []
         self._radii: dict[int, tuple[int, float, float]] = {}
+        self._lengths: dict[tuple[float, ...], float] = {}
         reach = [self._reach(tuple(unit.tolist())) for unit in np.eye(size)]
         low, high = (np.array([each[side] for each in reach]).T for side in (0, 1))
         if not (np.isfinite(low).all() and np.isfinite(high).all()):
@@ -278,13 +279,14 @@ class SpecificationProgram:
                 )
         return self._plan(solution)
 
-    def solve_as_chosen(self, guess: Array) -> SpecificationPlan:
+    def solve_as_chosen(self, guess: Array, tolerance: float = 1e-7) -> SpecificationPlan:
         """Solve the program with the alternatives that states choose, without a search.
 
         Args:
             guess: States from the present on, shape (N + 1, nx).
+            tolerance: By how much the cost of squares may exceed that of their tangents.
         """
-        return self._plan(self.program.refined(self.choices(guess)))
+        return self._plan(self.program.refined(self.choices(guess), tolerance))
 
     def choices(self, guess: Array) -> Array:
         """Return values of the integer variables that suit states from the present on, shape (N + 1, nx)."""
@@ -420,11 +422,15 @@ class SpecificationProgram:
 
     def _reduced(self, made: _Requirement, leaf: Leaf) -> tuple[float, int | None, float]:
         """Return how much the margin of a leaf is reduced, and the variable and factor by which it is further."""
-        normal = np.array(leaf.half_space.normal)
-        fixed = made.reduction(normal, leaf.instant) if made.reduction is not None else 0.0
+        fixed = made.reduction(np.array(leaf.half_space.normal), leaf.instant) if made.reduction is not None else 0.0
         if leaf.instant not in self._radii:
             return fixed, None, 0.0
-        return fixed, self._radii[leaf.instant][0], float(np.sqrt(normal @ normal))
+        return fixed, self._radii[leaf.instant][0], self._length(leaf.half_space.normal)
+
+    def _length(self, normal: tuple[float, ...]) -> float:
+        if normal not in self._lengths:
+            self._lengths[normal] = float(np.sqrt(np.array(normal) @ normal))
+        return self._lengths[normal]
 
     def _leaf_bounds(self, made: _Requirement, leaf: Leaf) -> tuple[float, float]:
         """Return bounds of the margin of a leaf, over all plans."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +47,8 @@ class TubeDecision:
         is_new: Whether it was made in this turn.
         starts: The steps at which the specifications begin that the robot has to satisfy, by name.
         required: Those of them that are not decided.
-        asked: What was asked for, if bids were made.
-        bids: What each specification would cost, by name.
+        answered: Marks of the offers that bids were made for.
+        bids: New bids, and since when the offer is open [s]; by name of the specification.
         risk: The risk of all that was accepted.
     """
 
@@ -58,8 +58,8 @@ class TubeDecision:
     is_new: bool
     starts: Mapping[str, int]
     required: tuple[str, ...]
-    asked: tuple[str, ...]
-    bids: Mapping[str, Bid]
+    answered: tuple[str, ...]
+    bids: Mapping[str, tuple[Bid, float]]
     risk: float
 
 
@@ -79,9 +79,10 @@ class TubeControl(Component):
     Its risk is the sum of the risks of all that it has accepted, each over its steps so far and to come. The plan is
     the intent, and the tube is its uncertainty: the `radius`, and the covariance of which a replay draws that circle.
 
-    The knowledge `asked`, a list of names, asks it for bids. The answer is the knowledge `bids`: by name the `cost`,
-    the least risk to come of all that the robot would have then, or null if there is no plan with it; and `at`, the
-    time [s]. A bid is made once, and again when it is asked for again: by another list.
+    For each specification that it was told is offered, the knowledge `bids` says by name what it would cost to accept
+    that: the `cost`, the least risk to come of all that the robot would have then, or null if there is no plan with it;
+    `since`, as of the offer, and `at`, when the bid was made [s]. Bids are made again when the robot has accepted
+    something. `allocation.auction` reads them, with `bids: bids`.
     """
 
     specifications = "specifications"
@@ -94,7 +95,7 @@ class TubeControl(Component):
     )
     events: ClassVar[Mapping[str, str]] = {
         "planned": "A search has found a plan: its `cost`, and by how much the best may be better, `gap`.",
-        "bid": "The robot says what specifications would cost: `bids`, null where there is no plan.",
+        "bid": "The robot says what specifications would cost: `costs` by name, null where there is no plan.",
         "infeasible": "There is no plan; the last one is followed, with feedback. Once until there is a plan again.",
     }
 
@@ -120,12 +121,10 @@ class TubeControl(Component):
             None, gt=0, description="Greatest magnitude of each element of u [m]; that of the model if null."
         )
         energy: float = Field(0.001, ge=0, description="Cost of the square of each element of u [1/m^2].")
-        tangents: int = Field(5, ge=3, le=101, description="Of how many tangents these squares consist in a search.")
+        tangents: int = Field(3, ge=3, le=101, description="Of how many tangents these squares consist in a search.")
         gap: float = Field(0.05, ge=0, description="By how much a plan may cost more than the best.")
         nodes: int = Field(5_000, ge=1, description="Limit of a search: the nodes of its tree.")
-        bids: Literal["asked", "offers", "none"] = Field(
-            "asked", description="Whether to bid on what the knowledge `asked` lists, on all that is offered, or never."
-        )
+        bids: bool = Field(True, description="Whether to bid on what is offered.")
 
     def check(self, group: AgentGroup) -> None:
         """Check that the model is x+ = x + u + w with limited u and known noise."""
@@ -165,7 +164,7 @@ class TubeControl(Component):
         self._plan: PlannedTube | None = None
         self._starts: Mapping[str, int] = {}
         self._required: tuple[str, ...] = ()
-        self._asked: tuple[str, ...] = ()
+        self._answered: tuple[str, ...] = ()
         self._is_lost = False
 
     # A turn
@@ -179,8 +178,8 @@ class TubeControl(Component):
             progress = before.after(state, 1.0 if plan is None else plan.risk_at(before.step + 1))
         starts = self._all_starts(progress.step)
         accepted, required = self._commitments(starts, progress.step)
-        asked, names = self._questions()
-        bids = {name: self._bid(name, required, progress) for name in names}
+        answered, needed = self._unanswered(required)
+        bids = {name: (self._bid(name, required, progress), since) for name, since in needed.items()}
         found, control_input = None, np.zeros(2)
         if progress.step < planner.steps:
             event = plan is None or not {each.name for each in required} <= {*self._required}
@@ -191,13 +190,15 @@ class TubeControl(Component):
                 control_input = plan.input_at(progress.step, state, self.parameters.feedback)
         risk = planner.risk(accepted, progress, plan)
         names_required = tuple(each.name for each in required)
-        return TubeDecision(control_input, progress, plan, found is not None, starts, names_required, asked, bids, risk)
+        return TubeDecision(
+            control_input, progress, plan, found is not None, starts, names_required, answered, bids, risk
+        )
 
     def _update(self, value: TubeDecision) -> None:
         agent, awareness, now = self._agent, self._agent.self_awareness, self.computed_at
         agent.model.control_input = value.control_input
         self._progress, self._plan = value.progress, value.plan
-        self._starts, self._required, self._asked = value.starts, value.required, value.asked
+        self._starts, self._required, self._answered = value.starts, value.required, value.answered
         awareness.risk = TimeSeries.sampled([now], [value.risk])
         if value.bids:
             self._tell(value.bids)
@@ -228,14 +229,14 @@ class TubeControl(Component):
             text = f"a plan for {', '.join(value.required)} costs {plan.cost:.4g}"
             self.emit("planned", text, cost=plan.cost, gap=gap, specifications=list(value.required))
 
-    def _tell(self, bids: Mapping[str, Bid]) -> None:
+    def _tell(self, bids: Mapping[str, tuple[Bid, float]]) -> None:
         """Write bids as knowledge."""
-        knowledge = self._agent.self_knowledge
-        at = seconds(self.computed_at)
-        said = {name: {"cost": bid.cost, "at": at} for name, bid in bids.items()}
+        knowledge, at = self._agent.self_knowledge, seconds(self.computed_at)
+        said = {name: {"since": since, "at": at, "cost": bid.cost} for name, (bid, since) in bids.items()}
         knowledge["bids"] = {**knowledge.get("bids", {}), **said}
-        text = ", ".join(f"{name}: {'no plan' if bid.cost is None else f'{bid.cost:g}'}" for name, bid in bids.items())
-        self.emit("bid", text, bids={name: bid.cost for name, bid in bids.items()})
+        costs = {name: bid.cost for name, (bid, _) in bids.items()}
+        text = ", ".join(f"{name} {'no plan' if cost is None else f'{cost:g}'}" for name, cost in costs.items())
+        self.emit("bid", text, costs=costs)
 
     # Specifications
 
@@ -284,16 +285,15 @@ class TubeControl(Component):
 
     # Bids
 
-    def _questions(self) -> tuple[tuple[str, ...], list[str]]:
-        """Return what was asked, and the names of it that bids are to be made for now."""
-        agent = self._agent
-        if self.parameters.bids == "none":
-            return (), []
-        if self.parameters.bids == "asked":
-            asked = tuple(agent.self_knowledge.get("asked", ()))
-            return asked, list(asked) if asked != self._asked else []
-        offers = {f"{name} {terms['since']}": name for name, terms in sorted(agent.offers.items())}
-        return tuple(offers), [name for key, name in offers.items() if key not in self._asked]
+    def _unanswered(self, required: Sequence[Commitment]) -> tuple[tuple[str, ...], Mapping[str, float]]:
+        """Return marks of the offers that there are, and since when those are open that need a new bid [s]."""
+        if not self.parameters.bids:
+            return (), {}
+        offers = self._agent.offers
+        held = " ".join(each.name for each in required if each.epsilon is not None)
+        marks = {name: f"{name} since {offers[name]['since']} beside {held}" for name in sorted(offers)}
+        needed = {name: offers[name]["since"] for name, mark in marks.items() if mark not in self._answered}
+        return tuple(marks.values()), needed
 
     def _bid(self, name: str, required: Sequence[Commitment], progress: Progress) -> Bid:
         if name not in self.parameters.specifications or name not in self._agent.group.specifications:

@@ -23,8 +23,14 @@ from symaware_warehouse.tube import Tube
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: How a plan came about: by a search, with the alternatives of the last plan, or not at all.
-PlanStatus = Literal["searched", "followed", "infeasible", "node limit", "failed"]
+#: How often a plan is made again with the alternatives that it chooses itself: it may come by better ones.
+_POLISHES = 3
+
+#: By how much less a plan must cost to be made again.
+_WORTH = 1e-4
+
+#: How a plan came about: by a search, or with the alternatives of the last plan.
+PlanStatus = Literal["searched", "followed"]
 
 
 class Commitment(NamedTuple):
@@ -164,6 +170,7 @@ class Planner:
         energy: The weight of the squares of the control inputs [1/m^2].
         tangents: Of how many tangents these squares consist during a search.
         gap: By how much a plan may cost more than the best.
+        tolerance: By how much the energy may exceed that of the program.
         nodes: The limit of a search: the nodes of its tree.
     """
 
@@ -171,9 +178,10 @@ class Planner:
     tube: Tube
     steps: int
     energy: float = 0.001
-    tangents: int = 5
+    tangents: int = 3
     gap: float = 0.05
     nodes: int = 5_000
+    tolerance: float = 1e-6
 
     def bid(self, offer: Commitment, accepted: Sequence[Commitment], progress: Progress) -> Bid:
         """Return what it would cost to accept a specification.
@@ -200,16 +208,19 @@ class Planner:
         program = _TubeProgram(self, accepted, progress)
         rest = None if last is None else last.rest(progress.step)
         if not event and rest is not None:
-            again = program.specifications.solve_as_chosen(rest)
+            again = program.specifications.solve_as_chosen(rest, self.tolerance)
             if again.states is not None:
                 return program.plan(again, "followed")
         found = program.specifications.solve(nodes=self.nodes, gap=self.gap, guess=rest, refine=False)
-        if found.states is None:
+        best, states = found, found.states
+        if states is None:
             return None
-        polished = program.specifications.solve_as_chosen(found.states)
-        if polished.states is None:
-            return program.plan(found, "searched")
-        return program.plan(polished, "searched", found.solution.bound)
+        for turn in range(_POLISHES):
+            better = program.specifications.solve_as_chosen(states, self.tolerance)
+            if better.states is None or (turn and better.solution.cost > best.solution.cost - _WORTH):
+                break
+            best, states = better, better.states
+        return program.plan(best, "searched", found.solution.bound)
 
     def risk(self, accepted: Sequence[Commitment], progress: Progress, plan: PlannedTube | None) -> float:
         """Return the sum of the risks of specifications with an epsilon, each over its steps so far and to come."""
