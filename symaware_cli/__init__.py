@@ -16,8 +16,15 @@ processor.pin()
 if TYPE_CHECKING:
     from symaware_cli.abstraction.knowledge_model import KnowledgeModel
     from symaware_cli.abstraction.transition_system import TransitionSystem
+    from symaware_cli.api.certification import (
+        Certificate,
+        CertificateVerification,
+        certify,
+        verify_certificate,
+    )
     from symaware_cli.api.checking import CheckResult, check_log
     from symaware_cli.api.comparison import ComparisonResult, compare
+    from symaware_cli.api.html_report import write_report
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
     from symaware_cli.api.scenario_outline import GroupOutline, Outline
@@ -193,6 +200,7 @@ __all__ = [
     "verify_certificate",
     "verify_log",
     "verify_sweep",
+    "write_report",
 ]
 
 
@@ -201,6 +209,7 @@ _HOMES = {
     "symaware_cli.abstraction.knowledge_model": ("KnowledgeModel",),
     "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
     "symaware_cli.api.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
+    "symaware_cli.api.html_report": ("write_report",),
     "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),

@@ -14,7 +14,8 @@ body{font:15px/1.5 system-ui,sans-serif;color:#1d2430;max-width:60rem;margin:2re
 h1{font-size:1.7rem;margin:0 0 .2rem}h2{font-size:1.15rem;margin:1.8rem 0 .5rem}
 table{border-collapse:collapse;width:100%;font-size:.92em}
 th,td{text-align:left;vertical-align:top;padding:.3rem .8rem .3rem 0;border-bottom:1px solid #dde2ea}
-th{color:#566072;font-weight:600}code,pre{font:12.5px/1.45 ui-monospace,monospace;overflow-wrap:anywhere}
+th{color:#566072;font-weight:600;white-space:nowrap}
+th:first-child{width:1%}code,pre{font:12.5px/1.45 ui-monospace,monospace;overflow-wrap:anywhere}
 .claim{font-size:1.25rem;margin:.6rem 0}.yes{color:#136f3a}.no{color:#a3261d}.note{color:#566072}
 @media print{body{margin:0;max-width:none}}
 """

@@ -1,0 +1,117 @@
+"""A report is one page that needs nothing else, says what the log says, and shows the run in a browser."""
+
+import json
+import re
+import shutil
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from browser import Browser
+from matplotlib.image import imread
+from rerun_files import needs_browser
+from typer.testing import CliRunner
+
+import symaware_cli as sa
+from symaware_cli.cli.application import application
+
+#: Two robots that pass each other.
+SCENARIO: dict[str, Any] = {
+    "symaware": 1,
+    "name": "tiny",
+    "run": {"duration": 0.5},
+    "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
+    "agents": {
+        "robot": {
+            "count": 2,
+            "entity": {"shape": {"circle": {"radius": 0.2}}},
+            "model": {"use": "single-integrator", "with": {"process_noise": 0.3}},
+            "state": [[0, 0], [1, 0]],
+            "knowledge": {"goal": [[1, 0], [0, 0]]},
+            "components": {"see": {"use": "perception.self"}, "steer": {"use": "control.go-to-goal"}},
+        }
+    },
+    "specifications": {"apart": {"pairs": "robot", "formula": "always distance > 0.5"}},
+}
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A run of two robots that come too near to each other."""
+    (tmp_path / "tiny.yaml").write_text(f"# <script>alert(1)</script>\n{yaml.safe_dump(SCENARIO)}")
+    path = tmp_path / "tiny.mcap"
+    sa.load(tmp_path / "tiny.yaml", {"run.duration": 2.0}).run(output=path)
+    return path
+
+
+def data(page: str) -> dict[str, Any]:
+    """What the map is drawn from."""
+    found = re.search(r'movingMap\(document.querySelector\(".map"\),(\{.*\})\);</script>', page)
+    assert found
+    content: dict[str, Any] = json.loads(found[1])
+    return content
+
+
+def test_a_report_is_one_page_that_fetches_nothing(log: Path) -> None:
+    page = sa.write_report(log, log.with_suffix(".html")).read_text()
+    assert "default-src 'none'" in page
+    fetched = re.findall(r"""(?:src|href)=["']([^#"']+)""", page)
+    assert fetched == []
+    assert "<svg" in page
+    assert "<script>alert" not in page
+    assert len(page) < 1_000_000
+
+
+def test_a_report_says_what_the_log_says(log: Path) -> None:
+    page = sa.write_report(log, log.with_suffix(".html")).read_text()
+    (outcome,) = sa.open_log(log).outcomes
+    assert outcome.verdict == "violated"
+    for text in ("apart", 'class="violated"', outcome.reason.replace(">", "&gt;").replace("`", ""), "symaware verify"):
+        assert text in page.replace("`", "")
+
+
+def test_the_map_has_the_recorded_positions(log: Path) -> None:
+    content = data(sa.write_report(log, log.with_suffix(".html")).read_text())
+    recorded = sa.open_log(log).series("robot.1", "world")
+    assert len(content["times"]) == len(recorded.times)
+    assert content["agents"][1]["x"] == pytest.approx(recorded.column("x"), abs=1e-3)
+    assert len(content["marks"]) >= 1
+
+
+def test_the_report_of_a_sweep_has_statistics_the_certificate_and_the_worst_run(tmp_path: Path) -> None:
+    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
+    changes = {"specifications.apart.formula": "always distance > 0"}
+    sa.sweep(tmp_path / "tiny.yaml", tmp_path / "out", runs=20, changes=changes, claim="P(apart) > 0.5, sequential")
+    assert sa.certify(tmp_path / "out").is_established
+    result = CliRunner().invoke(application, ["report", str(tmp_path / "out"), "-o", str(tmp_path / "out.html")])
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "out.html").read_text()
+    for text in ("Statistics", "Certificate", "the least robust", "beta mixture", "movingMap"):
+        assert text in page
+
+
+def test_what_cannot_be_reported_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "broken.mcap").write_bytes(b"x")
+    for name in ("broken.mcap", "none.mcap", "."):
+        result = CliRunner().invoke(application, ["report", str(tmp_path / name), "-o", str(tmp_path / "x.html")])
+        assert result.exit_code == 2, result.output
+        assert not (tmp_path / "x.html").exists()
+
+
+@needs_browser
+def test_a_browser_without_a_network_draws_the_map(log: Path, tmp_path: Path) -> None:
+    page = sa.write_report(log, log.with_suffix(".html"))
+    executable = shutil.which("chromium")
+    assert executable
+    colours = set()
+    with Browser(executable, tmp_path / "profile", (900, 1400)) as browser:
+        browser.open(page.as_uri())
+        (agent, _) = data(page.read_text())["agents"]
+        for _ in range(50):
+            picture = imread(BytesIO(browser.screenshot()), format="png")
+            colours = {"#" + "".join(f"{round(255 * c):02x}" for c in pixel[:3]) for row in picture for pixel in row}
+            if agent["colour"] in colours:
+                break
+    assert agent["colour"] in colours
