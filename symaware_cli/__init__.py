@@ -16,6 +16,7 @@ processor.pin()
 if TYPE_CHECKING:
     from symaware_cli.abstraction.knowledge_model import KnowledgeModel
     from symaware_cli.abstraction.transition_system import TransitionSystem
+    from symaware_cli.api.branching import BranchError, BranchResult, branch
     from symaware_cli.api.certification import (
         Certificate,
         CertificateVerification,
@@ -107,6 +108,8 @@ __all__ = [
     "AwarenessDatabase",
     "AwarenessVector",
     "Box",
+    "BranchError",
+    "BranchResult",
     "Certificate",
     "CertificateVerification",
     "CheckResult",
@@ -188,6 +191,7 @@ __all__ = [
     "VerificationResult",
     "Wall",
     "WorldError",
+    "branch",
     "certify",
     "check_log",
     "compare",
@@ -210,6 +214,7 @@ _HOMES = {
     "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
     "symaware_cli.api.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
     "symaware_cli.api.html_report": ("write_report",),
+    "symaware_cli.api.branching": ("BranchError", "BranchResult", "branch"),
     "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from symaware_cli.api.message_comparison import MessageComparison
 from symaware_cli.awareness.column import Column, SeriesColumn
 from symaware_cli.core import AgentGroup, Event, seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.log_comparison import LogDifference, attachment_differences, first_difference
-from symaware_cli.recording.log_message import LogMessage
-from symaware_cli.recording.log_schema import OUTCOME, TIMING
+from symaware_cli.recording.log_schema import OUTCOME
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.scenario.execution import prepared
@@ -96,7 +95,7 @@ def verify_log(path: Path, on_progress: Callable[[int, int], object] | None = No
     if "part" in log.manifest:
         raise LogError(f"{path} is a part of a run in several processes: verify the log that `symaware merge` makes")
     built = open_scenario(path)
-    comparison = _Comparison(log)
+    comparison = MessageComparison(log)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder, "repeated.mcap")
         with prepared(built, copy, may_exit=False, on_message=comparison.compare) as run:
@@ -140,50 +139,6 @@ def version_differences(then: Mapping[str, str], now: Mapping[str, str]) -> Sequ
         for name in sorted({*then, *now})
         if then.get(name) != now.get(name)
     ]
-
-
-class _Comparison:
-    """Compares the messages of a log with those of the repeated run, as they come.
-
-    Attributes:
-        is_whole: Whether the log reaches the end of its run; of others the last instant may be there in part.
-        differs: Whether a message was another one.
-        count: How many were equal.
-        now: The time of the last one that was equal [ns].
-    """
-
-    def __init__(self, log: Log) -> None:
-        status = (log.outcome or {}).get("status")
-        self.is_whole = status in ("finished", "failed")
-        self.differs = False
-        self.count = self.now = 0
-        messages = log.messages(topic for topic in log.channels if topic != TIMING)
-        end = log.end_time or 0
-        self._expected: Iterator[LogMessage] = (
-            messages if self.is_whole else takewhile(lambda message: message.time < end, messages)
-        )
-        self._next = next(self._expected, None)
-
-    @property
-    def is_left(self) -> bool:
-        """Whether the log has messages that did not come yet."""
-        return self._next is not None
-
-    @property
-    def is_over(self) -> bool:
-        """Whether nothing is left to compare."""
-        return self.differs or (not self.is_whole and not self.is_left)
-
-    def compare(self, topic: str, time: int, data: bytes) -> None:
-        """Compare the next message."""
-        expected = self._next
-        if self.is_over:
-            return
-        if expected is None or (expected.channel.topic, expected.time, expected.data) != (topic, time, data):
-            self.differs = True
-            return
-        self.count, self.now = self.count + 1, time
-        self._next = next(self._expected, None)
 
 
 def _writer(path: Path, difference: LogDifference) -> str:

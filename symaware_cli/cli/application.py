@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from symaware_cli.cli import (
+    branch,
     certify,
     check,
     diff,
@@ -72,6 +73,7 @@ for _verb in (
     certify.certify,
     diff.diff,
     reporting.report,
+    branch.branch,
     recover.recover,
     merge.merge,
     list.list_plugins,

@@ -265,7 +265,14 @@ class _SimulationBuilder:
         instances: Mapping[str, Trigger] = {}
         if len(groups) == len(document.agents):
             builder = FaultBuilder(
-                self._composition, self._report, check, environment, groups, component_entries, document.faults
+                self._composition,
+                self._report,
+                check,
+                environment,
+                groups,
+                component_entries,
+                document.faults,
+                self._factory,
             )
             faults = [builder.build(name, use) for name, use in document.faults.items()]
             members = PresenceBuilder(self._report, check, environment, document.environment.use, component_entries)

@@ -11,9 +11,20 @@ from pydantic import Field, WithJsonSchema, model_validator
 
 from symaware_cli.core import Entity, Obstacle
 from symaware_cli.geometry.region import Region
-from symaware_cli.geometry.shape import LARGEST, Number
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
-from symaware_cli.scenario.section import Condition, Identifier, Name, Seconds, Section, Target, TriggerSection, Use
+from symaware_cli.scenario.fault_section import FaultUse
+from symaware_cli.scenario.section import (
+    AGENTS,
+    Condition,
+    Drawn,
+    Identifier,
+    Name,
+    Seconds,
+    Section,
+    Target,
+    TriggerSection,
+    Use,
+)
 from symaware_cli.scenario.specification_section import SpecificationUse
 
 #: The version of the format that this package reads.
@@ -25,23 +36,6 @@ _PER_AGENT = (
     "{uniform: [low, high]}, {normal: [mean, deviation]}, {grid: {...}}, {circle: {...}}."
 )
 PerAgent = Annotated[Any, WithJsonSchema({})]
-
-
-class Drawn(Section):
-    """A random duration, drawn each time."""
-
-    uniform: tuple[Seconds, Seconds] | None = Field(None, description="Uniform distribution: [least, greatest] [s].")
-    normal: tuple[Seconds, Seconds] | None = Field(
-        None, description="Normal distribution: [mean, standard deviation], truncated at 0 [s]."
-    )
-
-    @model_validator(mode="after")
-    def _is_one(self) -> Self:
-        if (self.uniform is None) == (self.normal is None):
-            raise ValueError("say either `uniform` or `normal`")
-        if self.uniform is not None and self.uniform[0] > self.uniform[1]:
-            raise ValueError("the least time comes first")
-        return self
 
 
 class ComponentUse(Use):
@@ -196,142 +190,11 @@ class GroupSection(Section):
     )
 
 
-_AGENTS = "Which agents: an id, a group or a pattern, such as `robot.2`, `robot` or `robot.*`."
-_COMPONENT = "A component of some agents, such as `robot.2.steer`, `robot.steer` for the whole group, or `*.steer`."
-
-
-class Slowness(Section):
-    """A component whose computations take longer."""
-
-    of: Target = Field(description=_COMPONENT)
-    latency: Seconds | Drawn = Field(
-        description="Duration of a computation during the fault [s]; see the `latency` of a component."
-    )
-
-
-class Bias(Section):
-    """A sensor that measures the agent's own state with an offset."""
-
-    of: Target = Field(description=_COMPONENT)
-    state: list[Number] = Field(
-        min_length=1, description="Offset of the measured state, in the model's order and units."
-    )
-
-
-class Noise(Section):
-    """A sensor that measures the agent's own state with noise."""
-
-    of: Target = Field(description=_COMPONENT)
-    deviation: list[Annotated[float, Field(ge=0, le=LARGEST)]] = Field(
-        min_length=1,
-        description="Standard deviations of the noise of the measured state, in the model's order and units.",
-    )
-
-
-class Loss(Section):
-    """Messages that are lost."""
-
-    sender: Target = Field("*", description=_AGENTS)
-    receiver: Target = Field("*", description=_AGENTS)
-    probability: float = Field(1.0, ge=0, le=1, description="Probability that a message is lost.")
-
-
-class Delay(Section):
-    """Messages that are delayed."""
-
-    sender: Target = Field("*", description=_AGENTS)
-    receiver: Target = Field("*", description=_AGENTS)
-    by: float = Field(gt=0, le=1e9, description="Additional delay [s].")
-
-
-class Severance(Section):
-    """Links that lose all messages, in both directions."""
-
-    between: tuple[Target, Target] = Field(description=f"The two ends of the links. {_AGENTS}")
-
-
-class Degradation(Section):
-    """Links with additional losses and delays, or a lower bandwidth."""
-
-    sender: Target = Field("*", description=_AGENTS)
-    receiver: Target = Field("*", description=_AGENTS)
-    loss: float = Field(0.0, ge=0, le=1, description="Probability of an additional loss.")
-    delay: float = Field(0.0, ge=0, le=1e9, description="Additional delay of messages [s].")
-    bandwidth: float | None = Field(
-        None,
-        gt=0,
-        le=1e15,
-        description="Upper limit of the bandwidth of each link [bytes/s]. By default there is no additional limit.",
-    )
-
-    @model_validator(mode="after")
-    def _is_something(self) -> Self:
-        if not self.loss and not self.delay and self.bandwidth is None:
-            raise ValueError("say a `loss`, a `delay` or a `bandwidth`")
-        return self
-
-
-class Shove(Section):
-    """A sudden change of the true state."""
-
-    of: Target = Field(description=_AGENTS)
-    by: list[Number] = Field(min_length=1, description="Change of the true state, in the model's order and units.")
-
-
-class FaultUse(Section):
-    """A fault: when it begins, its duration, and one of the kinds of faults."""
-
-    at: float | None = Field(None, ge=0, le=1e9, description="When [s].")
-    on: TriggerSection | None = Field(None, description="The event at whose first occurrence the fault begins.")
-    for_: float | None = Field(
-        None, alias="for", gt=0, le=1e9, description="Duration [s]. By default the rest of the run."
-    )
-    stop: Target | None = Field(None, description=f"Agents take no part; afterwards they restart. {_AGENTS}")
-    restart: Target | None = Field(None, description=f"Components are restarted. {_COMPONENT}")
-    freeze: Target | None = Field(None, description=f"A component takes no turns. {_COMPONENT}")
-    blind: Target | None = Field(None, description=f"A sensor sees no other agents. {_COMPONENT}")
-    slow: Slowness | None = Field(None, description="A component whose computations take longer.")
-    bias: Bias | None = Field(None, description="A sensor that measures the agent's own state with an offset.")
-    noise: Noise | None = Field(None, description="A sensor that measures the agent's own state with noise.")
-    drop: Loss | None = Field(None, description="Messages that are lost.")
-    delay: Delay | None = Field(None, description="Messages that are delayed.")
-    cut: Severance | None = Field(None, description="Links that lose all messages, in both directions.")
-    degrade: Degradation | None = Field(
-        None, description="Links with additional losses and delays, or a lower bandwidth."
-    )
-    partition: list[list[Target]] | None = Field(
-        None,
-        min_length=1,
-        description="Sets of agents, each a list of ids, groups or patterns, that do not reach each "
-        "other; all remaining agents form one more set.",
-    )
-    restore: Name | None = Field(None, description="The name of another fault that ends early.")
-    push: Shove | None = Field(None, description="A sudden change of the true state, if the world supports it.")
-
-    @model_validator(mode="after")
-    def _is_one(self) -> Self:
-        if (self.at is None) == (self.on is None):
-            raise ValueError("say when it comes: either `at` or `on`")
-        given = [kind for kind in FAULTS if getattr(self, kind) is not None]
-        if len(given) != 1:
-            raise ValueError(f"say one thing that goes wrong: {', '.join(FAULTS)}")
-        if self.for_ is not None and given[0] in ("restart", "restore", "push"):
-            raise ValueError(f"a {given[0]} has no `for`: it happens at once")
-        return self
-
-
-#: The kinds of faults, by their keys.
-FAULTS = (
-    *("stop", "restart", "freeze", "blind", "slow", "bias", "noise"),
-    *("drop", "delay", "cut", "degrade", "partition", "restore", "push"),
-)
-
-
 class LinkUse(Section):
     """Links with their own channel."""
 
-    sender: Target = Field("*", description=_AGENTS)
-    receiver: Target = Field("*", description=_AGENTS)
+    sender: Target = Field("*", description=AGENTS)
+    receiver: Target = Field("*", description=AGENTS)
     channel: ChannelParameters = Field(description="The differences from the channel of all links.")
 
 

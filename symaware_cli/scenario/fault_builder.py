@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
 from symaware_cli.runtime.faults import (
-    AgentSelection,
     Blind,
     ComponentSelection,
     Cut,
@@ -26,15 +24,23 @@ from symaware_cli.runtime.faults import (
     Stop,
 )
 from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.runtime.timed_changes import SetState
+from symaware_cli.scenario.change_builder import ChangeBuilder
 from symaware_cli.scenario.compose import Composition
-from symaware_cli.scenario.document import Degradation, Delay, FaultUse, Loss, Shove
-from symaware_cli.scenario.problem import nearest, quoted
+from symaware_cli.scenario.fault_section import (
+    INSTANTANEOUS,
+    Degradation,
+    Delay,
+    FaultUse,
+    Loss,
+    Placement,
+    Shove,
+)
+from symaware_cli.scenario.fault_targets import FaultTargets, ReportedError
+from symaware_cli.scenario.plugin_factory import PluginFactory
+from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing_check import TimingCheck, duration_of, trigger_of
-
-
-class ReportedError(Exception):
-    """A fault cannot be built; the problem is already reported."""
 
 
 class FaultBuilder:
@@ -49,6 +55,7 @@ class FaultBuilder:
         groups: Sequence[AgentGroup],
         entries: Sequence[ComponentEntry],
         uses: Mapping[str, FaultUse],
+        factory: PluginFactory,
     ) -> None:
         self._composition = composition
         self._report = report
@@ -57,6 +64,8 @@ class FaultBuilder:
         self._groups = groups
         self._entries = entries
         self._uses = uses
+        self._targets = FaultTargets(report, groups, entries)
+        self._changes = ChangeBuilder(composition, report, factory, self._targets)
 
     def build(self, name: str, use: FaultUse) -> Fault | None:
         """Build a fault; None after a problem."""
@@ -88,18 +97,18 @@ class FaultBuilder:
     def _effect(self, use: FaultUse, path: Path) -> tuple[str, str, Effect]:
         """The path of a fault's targets, a description for people, and the effect."""
         if use.stop:
-            return f"agents.{use.stop}", f"stops {use.stop}", Stop(self._agents(use.stop, (*path, "stop")))
+            return f"agents.{use.stop}", f"stops {use.stop}", Stop(self._targets.agents(use.stop, (*path, "stop")))
         if use.restart:
-            components = self._components(use.restart, (*path, "restart"))
+            components = self._targets.components(use.restart, (*path, "restart"))
             return f"agents.{use.restart}", f"restarts {use.restart}", Restart(components)
         if use.freeze:
-            components = self._components(use.freeze, (*path, "freeze"))
+            components = self._targets.components(use.freeze, (*path, "freeze"))
             return f"agents.{use.freeze}", f"freezes {use.freeze}", Freeze(components)
         if use.blind:
-            components = self._components(use.blind, (*path, "blind"))
+            components = self._targets.components(use.blind, (*path, "blind"))
             return f"agents.{use.blind}", f"blinds {use.blind}", Blind(components)
         if use.slow:
-            components = self._components(use.slow.of, (*path, "slow", "of"))
+            components = self._targets.components(use.slow.of, (*path, "slow", "of"))
             return f"agents.{use.slow.of}", f"slows {use.slow.of}", Slow(components, duration_of(use.slow.latency))
         if use.bias:
             components, bias = self._measurement_error(use.bias.of, use.bias.state, (*path, "bias"), "state")
@@ -119,13 +128,19 @@ class FaultBuilder:
             )
         if use.push:
             return self._push(use.push, (*path, "push"))
+        if use.reconfigure:
+            return self._changes.reconfigure(use.reconfigure, (*path, "reconfigure"))
+        if use.place:
+            return self._place(use.place, (*path, "place"))
+        if use.inform:
+            return self._changes.inform(use.inform, (*path, "inform"))
         if use.restore:
             return self._restore(use.restore, path)
         if use.partition:
             return self._partition(use.partition, (*path, "partition"))
         if use.cut:
             one, other = (
-                self._ids(each, (*path, "cut", "between", place)) for place, each in enumerate(use.cut.between)
+                self._targets.ids(each, (*path, "cut", "between", place)) for place, each in enumerate(use.cut.between)
             )
             self._require_link(one, other, (*path, "cut", "between"))
             text = f"cuts the links between {' and '.join(use.cut.between)}"
@@ -145,7 +160,10 @@ class FaultBuilder:
 
     def _ends(self, link: Loss | Delay | Degradation, path: Path) -> tuple[frozenset[str], frozenset[str]]:
         """The senders and receivers whose messages a fault affects."""
-        senders, receivers = self._ids(link.sender, (*path, "sender")), self._ids(link.receiver, (*path, "receiver"))
+        senders, receivers = (
+            self._targets.ids(link.sender, (*path, "sender")),
+            self._targets.ids(link.receiver, (*path, "receiver")),
+        )
         self._require_link(senders, receivers, path)
         return senders, receivers
 
@@ -162,15 +180,15 @@ class FaultBuilder:
     def _measurement_error(
         self, of: str, values: Sequence[float], path: Path, key: str
     ) -> tuple[list[ComponentSelection], NDArray[np.float64]]:
-        components = self._components(of, (*path, "of"))
-        return components, self._vector(values, [each.entry.group for each in components], (*path, key))
+        components = self._targets.components(of, (*path, "of"))
+        return components, self._targets.vector(values, [each.entry.group for each in components], (*path, key))
 
     def _restore(self, fault: str, path: Path) -> tuple[str, str, Effect]:
         known = [name for name in self._uses if name != path[-1]]
         if fault not in known:
-            self._report_unknown(fault, (*path, "restore"), "no other fault", known)
+            self._targets.report_unknown(fault, (*path, "restore"), "no other fault", known)
         at, use = self._uses[str(path[-1])].at, self._uses[fault]
-        if use.restart or use.restore or use.push:
+        if any(getattr(use, kind) for kind in INSTANTANEOUS):
             self._report_invalid(
                 f"{quoted(fault)} is instantaneous and cannot be restored", (*path, "restore"), "a fault that lasts"
             )
@@ -188,7 +206,7 @@ class FaultBuilder:
         parts: list[frozenset[str]] = []
         for number, patterns in enumerate(sets):
             members: frozenset[str] = frozenset().union(
-                *(self._ids(pattern, (*path, number, place)) for place, pattern in enumerate(patterns))
+                *(self._targets.ids(pattern, (*path, number, place)) for place, pattern in enumerate(patterns))
             )
             twice = [id for id in all_ids if id in members and any(id in part for part in parts)]
             if twice:
@@ -203,63 +221,20 @@ class FaultBuilder:
         return "exchange", text, Cut(ways, loss=1.0)
 
     def _push(self, push: Shove, path: Path) -> tuple[str, str, Effect]:
-        agents = self._agents(push.of, (*path, "of"))
-        change = self._vector(push.by, [each.group for each in agents], (*path, "by"))
-        if type(self._environment).push is Environment.push:
-            world = quoted(self._composition.data["environment"]["use"])
-            self._report("unsuitable", f"the world {world} does not support pushes", path, key=True)
-            raise ReportedError
+        agents = self._targets.agents(push.of, (*path, "of"))
+        change = self._targets.vector(push.by, [each.group for each in agents], (*path, "by"))
+        self._require_pushes(path)
         return f"agents.{push.of}", f"pushes {push.of}", Push(agents, change)
 
-    def _ids(self, pattern: str, path: Path) -> frozenset[str]:
-        return frozenset(each.group.ids[row] for each in self._agents(pattern, path) for row in each.rows)
+    def _place(self, place: Placement, path: Path) -> tuple[str, str, Effect]:
+        agents = self._targets.agents(place.of, (*path, "of"))
+        state = self._targets.vector(place.state, [each.group for each in agents], (*path, "state"))
+        self._require_pushes(path)
+        return f"agents.{place.of}", f"sets the state of {place.of}", SetState(agents, state)
 
-    def _agents(self, pattern: str, path: Path) -> list[AgentSelection]:
-        """The agents that match a pattern."""
-        found = [AgentSelection(group, rows) for group in self._groups if (rows := _rows(group, pattern))]
-        if not found:
-            known = [*(group.name for group in self._groups), *(id for group in self._groups for id in group.ids)]
-            self._report_unknown(pattern, path, "no agent or group", known)
-        return found
-
-    def _components(self, pattern: str, path: Path) -> list[ComponentSelection]:
-        """The components that match a pattern."""
-        agents, _, name = pattern.rpartition(".")
-        found = [
-            ComponentSelection(entry, rows)
-            for entry in self._entries
-            if fnmatch.fnmatchcase(entry.name, name) and (rows := _rows(entry.group, agents))
-        ]
-        if not found:
-            owners = [(owner, entry.name) for entry in self._entries for owner in (entry.group.name, *entry.group.ids)]
-            self._report_unknown(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
-        return found
-
-    def _report_unknown(self, pattern: str, path: Path, what: str, known: Sequence[str]) -> None:
-        names = list(dict.fromkeys(known))
-        listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-        self._report(
-            "unknown-target",
-            f"there is {what} {quoted(pattern)}",
-            path,
-            expected=f"one of {listed}" if names else None,
-            suggestion=nearest(pattern, names),
-        )
-        raise ReportedError
-
-    def _vector(self, values: Sequence[float], groups: Sequence[AgentGroup], path: Path) -> NDArray[np.float64]:
-        for group in groups:
-            width = len(group.model.state)
-            if len(values) != width:
-                names = ", ".join(quantity.name for quantity in group.model.state)
-                message = f"there are {len(values)} numbers for a state of {width}"
-                self._report("wrong-length", message, path, expected=f"{width}: {names}")
-                raise ReportedError
-        return np.array(values, float)
-
-
-def _rows(group: AgentGroup, pattern: str) -> list[int]:
-    """The rows of a group that match a pattern: all if the group's name matches, otherwise by the agents' ids."""
-    if fnmatch.fnmatchcase(group.name, pattern):
-        return list(range(len(group)))
-    return [row for row, id in enumerate(group.ids) if fnmatch.fnmatchcase(id, pattern)]
+    def _require_pushes(self, path: Path) -> None:
+        """Check that the world supports sudden changes of states."""
+        if type(self._environment).push is Environment.push:
+            world = quoted(self._composition.data["environment"]["use"])
+            self._report("unsuitable", f"the world {world} does not support sudden changes of states", path, key=True)
+            raise ReportedError

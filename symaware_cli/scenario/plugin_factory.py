@@ -94,6 +94,34 @@ class PluginFactory:
                 if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
             )
             return self._partial_instance(plugin, given, where, parameters) if "components" not in path else []
+        return self._instances(plugin, use, parameters, count, where, (*path, "use"))
+
+    def variants(
+        self, entry: Mapping[str, Any], path: Path, changed: Mapping[str, Any], where: Path, count: int
+    ) -> list[Any]:
+        """Instantiate the plugin of an entry with some parameters changed; an empty list after a problem.
+
+        Args:
+            entry: The entry, with its own parameters under ``with``.
+            path: Its path.
+            changed: The parameters that change, by name.
+            where: Where these are written.
+            count: The number of instances.
+        """
+        plugin = self.plugins.get(path)
+        if plugin is None:
+            return []
+        use = entry["use"]
+        parameters = self._validated(plugin, use, {**mapping(entry.get("with")), **changed}, where)
+        if not isinstance(parameters, BaseModel):
+            self._add(parameters or ())
+            return []
+        return self._instances(plugin, use, parameters, count, where, where)
+
+    def _instances(
+        self, plugin: Any, use: str, parameters: BaseModel, count: int, where: Path, named: Path
+    ) -> list[Any]:
+        """Call a class; `where` is the place of its parameters, `named` that of its name."""
         try:
             if plugin.Parameters is Plugin.Parameters:
                 # A class that declares no parameters is called without arguments.
@@ -108,7 +136,7 @@ class PluginFactory:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._report("broken-plugin", f"{quoted(use)} cannot be made: {words(error)}", (*path, "use"))
+            self._report("broken-plugin", f"{quoted(use)} cannot be made: {words(error)}", named)
         return []
 
     def _validated(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 _NAME = r"^[A-Za-z_][A-Za-z0-9_-]*$"
 Name = Annotated[str, Field(pattern=_NAME, max_length=64)]
@@ -14,6 +14,9 @@ Identifier = Annotated[str, Field(pattern=_IDENTIFIER, max_length=64)]
 Seconds = Annotated[float, Field(ge=0, le=1e9)]
 Condition = Annotated[str, Field(max_length=500)]
 Target = Annotated[str, Field(min_length=1, max_length=200)]
+
+#: What a `Target` of agents may be.
+AGENTS = "Which agents: an id, a group or a pattern, such as `robot.2`, `robot` or `robot.*`."
 
 
 class Section(BaseModel):
@@ -41,3 +44,20 @@ class TriggerSection(Section):
         "`environment`; or any path, in which * matches anything, such as `agents.leader.steer`. "
         "By default any component of the same agent.",
     )
+
+
+class Drawn(Section):
+    """A random duration, drawn each time."""
+
+    uniform: tuple[Seconds, Seconds] | None = Field(None, description="Uniform distribution: [least, greatest] [s].")
+    normal: tuple[Seconds, Seconds] | None = Field(
+        None, description="Normal distribution: [mean, standard deviation], truncated at 0 [s]."
+    )
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        if (self.uniform is None) == (self.normal is None):
+            raise ValueError("say either `uniform` or `normal`")
+        if self.uniform is not None and self.uniform[0] > self.uniform[1]:
+            raise ValueError("the least time comes first")
+        return self

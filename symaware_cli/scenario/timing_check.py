@@ -16,8 +16,9 @@ from symaware_cli.runtime.scope import STATUS_NAMES, WORLD_NAMES, ConditionScope
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.compose import Composition
-from symaware_cli.scenario.document import ComponentUse, Drawn, RunSection
+from symaware_cli.scenario.document import ComponentUse, RunSection
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
+from symaware_cli.scenario.section import Drawn
 from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import Expression, ExpressionError
 from symaware_cli.specification.node import Element, Name, walk

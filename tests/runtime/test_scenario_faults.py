@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from symaware_cli import Log, open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.problem import ScenarioError
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 STEP = 50_000_000
@@ -290,3 +291,49 @@ def test_a_fault_may_trigger_those_whom_it_happens_to(
     elif of == "exchange":
         concerned = [] if concerned else [0, 1, 2, 3]
     assert turns == {f"agents.robot.{row}.react" for row in concerned}
+
+
+@MODES
+def test_a_component_begins_anew_with_other_parameters_and_later_with_its_own(
+    mode: str, ran: Callable[..., Log]
+) -> None:
+    log = ran({"slower": {"at": 1.0, "for": 0.5, "reconfigure": {"of": "robot.steer", "with": {"speed": 0.4}}}}, mode)
+    assert told(log) == [(1.0, "fault", "agents.robot.steer"), (1.5, "fault-over", "agents.robot.steer")]
+    moved = np.diff(world(log, 2)[:, 0])
+    assert moved[:20] == pytest.approx(0.05)
+    assert moved[20:30] == pytest.approx(0.02)
+    assert moved[30:] == pytest.approx(0.05)
+
+
+@MODES
+def test_a_state_is_set_and_a_goal_replaced(mode: str, ran: Callable[..., Log]) -> None:
+    faults = {
+        "back": {"at": 1.0, "place": {"of": "robot.1", "state": [0.0, 7.0]}},
+        "home": {"at": 1.0, "inform": {"of": "robot.1", "knowledge": {"goal": [-5.0, 7.0]}}},
+    }
+    log = ran(faults, mode)
+    positions = world(log, 1)
+    assert positions[20] == pytest.approx([0.0, 7.0])
+    velocity = np.diff(positions, axis=0) / 0.05
+    assert velocity[21:] == pytest.approx(np.tile([-1.0, 0.0], (len(velocity) - 21, 1)))
+    assert np.diff(world(log, 2)[:, 0]) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"reconfigure": {"of": "robot.steer", "with": {"sped": 1.0}}}, "sped"),
+        ({"reconfigure": {"of": "robot.steer", "with": {"speed": -1.0}}}, "speed"),
+        ({"reconfigure": {"of": "robot.0.steer", "with": {"speed": 1.0}}}, "one component for all of `robot`"),
+        ({"reconfigure": {"of": "robot.stear", "with": {"speed": 1.0}}}, "no component `robot.stear`"),
+        ({"place": {"of": "robot.0", "state": [1.0]}}, "1 numbers for a state of 2"),
+        ({"inform": {"of": "robot", "knowledge": {"gaol": [1.0, 2.0]}}}, "no knowledge `gaol`"),
+        ({"inform": {"of": "robot", "knowledge": {"goal": [1.0, 2.0, 3.0]}}}, "of another kind"),
+        ({"for": 1.0, "place": {"of": "robot.0", "state": [1.0, 0.0]}}, "it happens at once"),
+    ],
+)
+def test_a_change_that_cannot_be_is_refused_before_the_run(
+    change: Mapping[str, Any], said: str, ran: Callable[..., Log]
+) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        ran({"change": {"at": 1.0, **change}})

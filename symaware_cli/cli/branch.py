@@ -1,0 +1,120 @@
+"""``symaware branch``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symaware_cli.cli.terminal import (
+    FAILED,
+    INTERRUPTED,
+    VIOLATED,
+    WRONG_INPUT,
+    Json,
+    Overrides,
+    fail,
+    output_kept,
+    print_json,
+    printable,
+    progress_shown,
+    trouble_shown,
+)
+
+if TYPE_CHECKING:
+    from symaware_cli.api.branching import BranchResult
+
+
+def branch(
+    log: Annotated[Path, typer.Argument(help="The log.", metavar="LOG")],
+    at: Annotated[
+        str, typer.Option(help="From when on something differs: a time [s], or an event as in `violated(safe) - 2.0`.")
+    ],
+    overrides: Overrides = None,
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            help="Make a branch for each of several values, such as `agents.robot.components.steer.with.speed=0.2..1 "
+            "by 0.2`; may be repeated.",
+            metavar="PATH=VALUES",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The log of the branch; with --over, the folder for the logs."),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Repeat a run up to an instant, and continue with something changed."""
+    with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.branching import branch as branched
+        from symaware_cli.scenario.files import unused_path
+
+        points = _points(over or (), as_json)
+        results = []
+        for number, point in enumerate(points):
+            path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
+            if over:
+                output = path
+                path.mkdir(exist_ok=True)
+                path = path / f"{number}.mcap"
+            try:
+                with progress_shown("branches", not (quiet or as_json)) as shown:
+                    results.append(branched(log, at, [*(overrides or ()), *point], path, shown))
+            except KeyboardInterrupt:
+                fail(f"{log}: interrupted", INTERRUPTED, as_json)
+    if as_json:
+        print_json([each.to_json() for each in results] if over else results[0].to_json())
+    elif not quiet:
+        _print(log, results, points)
+    sys.stdout.flush()
+    failed = any(each.summary.status == "failed" for each in results)
+    raise typer.Exit(FAILED if failed else VIOLATED if any(each.summary.violated for each in results) else 0)
+
+
+def _points(over: Sequence[str], as_json: bool) -> Sequence[Sequence[str]]:
+    """All combinations of the values of some parameters, as changes; one without changes if there are none."""
+    from symaware_cli.api.changes import texts
+    from symaware_cli.study.values import expanded, is_range
+
+    axes: list[list[str]] = []
+    for text in over:
+        path, equals, listed = text.partition("=")
+        try:
+            values: list[Any] = expanded(listed) if is_range(listed) else _listed(listed)
+        except ValueError as error:
+            fail(f"--over {text}: {error}", WRONG_INPUT, as_json)
+        if not equals or not values:
+            fail(f"--over takes PATH=VALUES, not {text}", WRONG_INPUT, as_json)
+        axes.append([texts({path: value})[0] for value in values])
+    return [list(each) for each in product(*axes)]
+
+
+def _listed(text: str) -> list[Any]:
+    import yaml
+
+    try:
+        found = yaml.safe_load(text if text.lstrip().startswith("[") else f"[{text}]")
+    except yaml.YAMLError as error:
+        raise ValueError("this is no list of values") from error
+    return found if isinstance(found, list) else []
+
+
+def _print(log: Path, results: Sequence[BranchResult], points: Sequence[Sequence[str]]) -> None:
+    first = results[0]
+    typer.echo(f"{log}: {'the same run' if not first.changes else f'another run from {first.at:g} s on'}")
+    typer.echo(f"  {'equal':<12} {first.equal:,} messages before")
+    for result, point in zip(results, points, strict=True):
+        for change in point or result.changes:
+            typer.echo(f"  {'changed':<12} {printable(change)}")
+        summary = result.summary
+        typer.echo(f"  {'status':<12} {summary.status}, {summary.log}")
+        for each in summary.specifications:
+            robustness = "" if each.robustness is None else f", robustness {each.robustness:.4g}"
+            typer.echo(f"  {'':<12} `{each.name}` is {each.verdict}{robustness}")

@@ -1,0 +1,86 @@
+"""Resolves the targets of faults and changes: agents and components by ids, groups or patterns."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup
+from symaware_cli.runtime.faults import AgentSelection, ComponentSelection
+from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.scenario.problem import nearest, quoted
+from symaware_cli.scenario.source import Path
+
+
+class ReportedError(Exception):
+    """A fault cannot be built; the problem is already reported."""
+
+
+class FaultTargets:
+    """Finds agents and components; a problem is reported, and a `ReportedError` raised."""
+
+    def __init__(
+        self, report: Callable[..., None], groups: Sequence[AgentGroup], entries: Sequence[ComponentEntry]
+    ) -> None:
+        self._report = report
+        self._groups = groups
+        self._entries = entries
+
+    def ids(self, pattern: str, path: Path) -> frozenset[str]:
+        """The ids of the agents that match a pattern."""
+        return frozenset(each.group.ids[row] for each in self.agents(pattern, path) for row in each.rows)
+
+    def agents(self, pattern: str, path: Path) -> list[AgentSelection]:
+        """The agents that match a pattern."""
+        found = [AgentSelection(group, rows) for group in self._groups if (rows := _rows(group, pattern))]
+        if not found:
+            known = [*(group.name for group in self._groups), *(id for group in self._groups for id in group.ids)]
+            self.report_unknown(pattern, path, "no agent or group", known)
+        return found
+
+    def components(self, pattern: str, path: Path) -> list[ComponentSelection]:
+        """The components that match a pattern."""
+        agents, _, name = pattern.rpartition(".")
+        found = [
+            ComponentSelection(entry, rows)
+            for entry in self._entries
+            if fnmatch.fnmatchcase(entry.name, name) and (rows := _rows(entry.group, agents))
+        ]
+        if not found:
+            owners = [(owner, entry.name) for entry in self._entries for owner in (entry.group.name, *entry.group.ids)]
+            self.report_unknown(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
+        return found
+
+    def report_unknown(self, pattern: str, path: Path, what: str, known: Sequence[str]) -> None:
+        """Report that nothing matches a pattern, with what there is."""
+        names = list(dict.fromkeys(known))
+        listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        self._report(
+            "unknown-target",
+            f"there is {what} {quoted(pattern)}",
+            path,
+            expected=f"one of {listed}" if names else None,
+            suggestion=nearest(pattern, names),
+        )
+        raise ReportedError
+
+    def vector(self, values: Sequence[float], groups: Sequence[AgentGroup], path: Path) -> NDArray[np.float64]:
+        """A vector with one number for each element of the state of all groups; shape (nx,)."""
+        for group in groups:
+            width = len(group.model.state)
+            if len(values) != width:
+                names = ", ".join(quantity.name for quantity in group.model.state)
+                message = f"there are {len(values)} numbers for a state of {width}"
+                self._report("wrong-length", message, path, expected=f"{width}: {names}")
+                raise ReportedError
+        return np.array(values, float)
+
+
+def _rows(group: AgentGroup, pattern: str) -> list[int]:
+    """The rows of a group that match a pattern: all if the group's name matches, otherwise by the agents' ids."""
+    if fnmatch.fnmatchcase(group.name, pattern):
+        return list(range(len(group)))
+    return [row for row, id in enumerate(group.ids) if fnmatch.fnmatchcase(id, pattern)]
