@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,10 @@ class KnowledgeModel(Plugin):
     Attributes:
         system: The transition system; a box is labelled with the regions that contain all of it.
         bounds: The least and the greatest coordinates of each box [m]; shape (n, 2, 2), as [cell, axis, which].
+        folder: The scenario's folder, below which files are found.
     """
 
+    folder: Path = Path()
     system: TransitionSystem
     bounds: Array
 

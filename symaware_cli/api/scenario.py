@@ -6,7 +6,7 @@ import math
 import os
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,6 +16,7 @@ from symaware_cli.api.changes import Changes, texts
 from symaware_cli.api.result import RunResult, result_of
 
 if TYPE_CHECKING:
+    from symaware_cli.abstraction.knowledge_model import KnowledgeModel
     from symaware_cli.api.scenario_outline import Outline
     from symaware_cli.api.stepping import SteppedSimulation
     from symaware_cli.core import Event
@@ -82,6 +83,19 @@ class Scenario:
         built = self._build(changes, seed, mode, duration, pace)
         with built.simulation.environment:
             return outline(built)
+
+    def knowledge_models(self) -> Mapping[str, KnowledgeModel]:
+        """Return the knowledge models of the scenario in its present form, by name.
+
+        Raises:
+            ScenarioError: It has problems.
+            LogError: The log cannot be read, or contains no scenario.
+        """
+        from symaware_cli.abstraction.knowledge_model import KnowledgeModel
+
+        simulation = self._build(None, None, None, None, None).simulation
+        models = {name: each for group in simulation.groups for name, each in group.knowledge_models.items()}
+        return {name: each for name, each in models.items() if isinstance(each, KnowledgeModel)}
 
     def run(
         self,

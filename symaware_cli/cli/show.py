@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, bold, fail, print_json
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, bold, fail, print_json, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.scenario.description import Description
@@ -24,11 +25,24 @@ def _completed(incomplete: str) -> list[str]:
 
 def show(
     name: Annotated[
-        str, typer.Argument(help="Name of a plugin, such as `control.go-to-goal`.", autocompletion=_completed)
+        str,
+        typer.Argument(
+            help="Name of a plugin, such as `control.go-to-goal`; or a scenario, to draw its knowledge models.",
+            autocompletion=_completed,
+        ),
     ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Of a scenario: the figure, .png, .svg or .pdf; by default NAME.svg."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show a plugin: what it does, its parameters with units and defaults, its events."""
+    """Show a plugin: what it does, its parameters with units and defaults. Of a scenario: draw the knowledge models."""
+    if Path(name).suffix in (".yaml", ".yml", ".toml"):
+        _draw(Path(name), output, as_json)
+        return
+    if output is not None:
+        fail("--output goes with a scenario", WRONG_INPUT, as_json)
     from symaware_cli.scenario.catalogue import PluginError
     from symaware_cli.scenario.description import describe
 
@@ -41,6 +55,33 @@ def show(
         print_json([description.to_json() for description in descriptions])
         return
     typer.echo("\n\n".join(_text(description) for description in descriptions))
+
+
+def _draw(scenario: Path, output: Path | None, as_json: bool) -> None:
+    """Draw the knowledge models of a scenario."""
+    with trouble_shown(as_json):
+        from symaware_cli.api.scenario import load
+        from symaware_cli.scenario.files import unused_path
+
+        models = load(scenario).knowledge_models()
+        if not models:
+            fail(f"{scenario} has no knowledge models", WRONG_INPUT, as_json)
+        from symaware_cli.viewing.plotting.plot import matplotlib_required
+
+        file = output or unused_path(scenario.stem, suffix=".svg")
+        with matplotlib_required():
+            from symaware_cli.viewing.plotting.cell_map import draw_models
+        draw_models(models, file)
+    facts = {
+        name: {"cells": len(model.system.states), "transitions": sum(map(len, model.system.successors))}
+        for name, model in models.items()
+    }
+    if as_json:
+        print_json({"file": str(file), "models": facts})
+        return
+    for name, each in facts.items():
+        typer.echo(f"{name}: {each['cells']} cells, {each['transitions']} transitions")
+    typer.echo(f"drawn in {file}")
 
 
 def _text(description: Description) -> str:

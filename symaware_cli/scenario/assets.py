@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 from symaware_cli.core import Entity, Environment, Mesh, Obstacle, Urdf, WorldError
 from symaware_cli.environments import asset
 from symaware_cli.scenario.document import ScenarioDocument
+from symaware_cli.scenario.section import Use
 from symaware_cli.scenario.source import Path
 
 
@@ -47,7 +48,7 @@ def assets(document: ScenarioDocument, folder: FilePath) -> dict[str, bytes]:
 def _named(document: ScenarioDocument) -> Iterator[tuple[Path, str, Mesh | Urdf | None]]:
     """Yield the path of every name of a file, the name, and the shape that it defines, if it is one.
 
-    A parameter of a component is a file if it is a mapping with the key ``file``.
+    A parameter of a component or of a knowledge model is a file if it is a mapping with the key ``file``.
     """
     bodies: dict[Path, Entity | Obstacle] = {
         ("environment", "entities", name): entity for name, entity in document.environment.entities.items()
@@ -58,8 +59,10 @@ def _named(document: ScenarioDocument) -> Iterator[tuple[Path, str, Mesh | Urdf 
         body = (shape.mesh or shape.urdf) if shape else None
         if shape and body:
             yield (*path, "shape", shape.kind, "file"), body.file, body
+    uses: dict[Path, Use] = {("knowledge_models", name): model for name, model in document.knowledge_models.items()}
     for name, agents in document.agents.items():
-        for component, use in agents.components.items():
-            for key, value in use.with_.items():
-                if isinstance(value, dict) and isinstance(value.get("file"), str):
-                    yield ("agents", name, "components", component, "with", key, "file"), value["file"], None
+        uses |= {("agents", name, "components", component): use for component, use in agents.components.items()}
+    for path, use in uses.items():
+        for key, value in use.with_.items():
+            if isinstance(value, dict) and isinstance(value.get("file"), str):
+                yield (*path, "with", key, "file"), value["file"], None

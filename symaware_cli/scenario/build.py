@@ -339,6 +339,7 @@ class _SimulationBuilder:
         for name, entry in entries.items():
             path: Path = ("knowledge_models", name)
             for model in self._factory.make(mapping(entry), path):
+                model.folder = self._folder
                 try:
                     model.prepare(document.regions)
                 except ParameterError as error:

@@ -62,6 +62,16 @@ def test_a_model_is_shown_with_its_state_and_control_input(command: Command) -> 
     assert "rad/s" in done.stdout
 
 
+def test_the_knowledge_models_of_a_scenario_are_drawn(command: Command, tmp_path: Path) -> None:
+    scenarios = Path(__file__).parents[2] / "scenarios"
+    shown = json.loads(command("show", scenarios / "door.yaml", "--output", "floor.svg", "--json").stdout)
+    assert shown["models"] == {"floor": {"cells": 31, "transitions": 123}}
+    assert "<svg" in (tmp_path / "floor.svg").read_text()
+    without = command("show", scenarios / "hello.yaml")
+    assert without.returncode == 2
+    assert "has no knowledge models" in without.stderr
+
+
 def test_a_misspelt_plugin_is_answered_with_the_nearest(command: Command) -> None:
     done = command("show", "unicicle")
     assert (done.returncode, done.stdout) == (2, "")

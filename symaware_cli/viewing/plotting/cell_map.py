@@ -1,0 +1,89 @@
+"""Draws knowledge models: cells with their names and labels, and arrows for the transitions between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, Rectangle
+
+from symaware_cli.abstraction.knowledge_model import KnowledgeModel
+from symaware_cli.viewing.plotting.figure_style import save, styled
+
+#: The greatest side of a model in the figure [inch].
+_SIDE = 7.0
+#: The number of cells above which they are drawn without words.
+_WORDS = 150
+
+
+def draw_models(models: Mapping[str, KnowledgeModel], path: Path, dpi: int = 150) -> None:
+    """Draw knowledge models side by side into a file.
+
+    Args:
+        models: The models by name, one or more.
+        path: The file; its suffix determines the format.
+        dpi: Dots per inch.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    extents = []
+    for model in models.values():
+        low, high = model.bounds[:, :, 0].min(axis=0), model.bounds[:, :, 1].max(axis=0)
+        extents.append((high - low) * _SIDE / (high - low).max())
+    width = sum(extent[0] for extent in extents) + 0.8 * len(extents)
+    height = max(extent[1] for extent in extents) + 1.0
+    with styled(1.0):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        for number, (name, model) in enumerate(models.items()):
+            axes = figure.add_subplot(1, len(models), number + 1)
+            transitions = sum(map(len, model.system.successors))
+            axes.set_title(f"{name}: {len(model.system.states)} cells, {transitions} transitions", loc="left")
+            _draw(axes, model, _SIDE / float(np.ptp(model.bounds, axis=(0, 2)).max()))
+        save(figure, path, dpi)
+
+
+def _draw(axes: Axes, model: KnowledgeModel, scale: float) -> None:
+    system = model.system
+    for state, ((left, right), (bottom, top)) in enumerate(model.bounds):
+        labels = sorted(system.observation(state) - {system.states[state]})
+        special = bool([each for each in labels if len(system.labels[each]) < len(system.states)])
+        face = "#dceafa" if special else "#f6f6f4"
+        axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, facecolor=face, edgecolor="#b5b5b0"))
+        if len(system.states) <= _WORDS:
+            said = [each for each in labels if len(system.labels[each]) < len(system.states)]
+            # In the corners, where there are no arrows.
+            longest = max(map(len, [system.states[state], *said]))
+            size = max(4.0, min(9.0, 60.0 * scale * (right - left) / max(longest, 8)))
+            edge = 0.05 / scale
+            axes.text(left + edge, top - edge, system.states[state], ha="left", va="top", fontsize=size)
+            low = bottom + edge
+            axes.text(left + edge, low, "\n".join(said), ha="left", va="bottom", fontsize=size, color="#1f5fa8")
+    both = {(one, other) for one, after in enumerate(system.successors) for other in after}
+    for one, other in sorted(both):
+        if one == other or ((other, one) in both and other < one):
+            continue
+        start, gate, end = model.centre(one), model.gate(one, other), model.centre(other)
+        axes.add_patch(
+            FancyArrowPatch(
+                tuple(gate + 0.2 * (start - gate)),
+                tuple(gate + 0.2 * (end - gate)),
+                arrowstyle="<|-|>" if (other, one) in both else "-|>",
+                mutation_scale=max(3.0, min(9.0, 9.0 * scale / 1.2)),
+                color="#555550",
+                linewidth=0.8,
+                shrinkA=0,
+                shrinkB=0,
+            )
+        )
+    for state, after in enumerate(system.successors):
+        if state not in after:  # a cell that must be left at once
+            axes.plot(*model.centre(state), marker="x", color="#b23a2e", markersize=5)
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+    axes.autoscale_view()
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
