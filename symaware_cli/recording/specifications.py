@@ -225,6 +225,21 @@ def _presumption(logged: LoggedSpecification, begun: NDArray[np.intp]) -> int | 
     return int(np.where(verdicts == 0, logged.presumptions[-1][begun], verdicts).min())
 
 
+def verdicts_of(content: v1.Specification) -> tuple[list[int] | None, list[int], list[float]]:
+    """Return what a message of a specification says of the verdicts.
+
+    Returns:
+        The rows that it is about, None for all; their verdicts, 1 satisfied, -1 violated, 0 undecided; and upper bounds
+        of their robustness. The latter are empty if nothing changed.
+    """
+    return list(content.rows) or None, [_DECODED[code][0] for code in content.verdicts], list(content.upper)
+
+
+def has_begun(content: v1.Specification) -> bool:
+    """Whether any row counts that a message of a specification is about."""
+    return any(code != _NOT_BEGUN for code in content.verdicts)
+
+
 def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message]) -> LoggedSpecification:
     """Assemble a specification from its messages.
 

@@ -168,6 +168,8 @@ def _overviews(run_view: RunView, detail: Detail, content: ReplayContent) -> Ite
     cameras = _cameras(run_view, detail, content)
     if cameras:
         yield rrb.Grid(*cameras, grid_columns=min(len(cameras), 2), name="Cameras")
+    if len(run_view.specifications) > _CURVES:
+        yield rrb.TextDocumentView(origin="specifications", name="Specifications")
     for name, rows in _specifications(run_view):
         yield _curves(f"Specification {name}", [f"+ curves/specifications/{name}/**"], legend=len(rows) <= _LEGEND)
     if _has_risk(content):
@@ -213,12 +215,14 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
 def _row_shares(run_view: RunView, content: ReplayContent) -> list[int]:
     """Return the relative heights of the overviews above the events."""
     cameras = [5] * any("/image/" in topic for topic in content.topics)
-    return cameras + [3] * (len(_specifications(run_view)) + _has_risk(content) + (run_view.agent_count > 1))
+    table = [min(12, 3 + len(run_view.specifications) // 3)] * (len(run_view.specifications) > _CURVES)
+    return cameras + table + [3] * (len(_specifications(run_view)) + _has_risk(content) + (run_view.agent_count > 1))
 
 
 def _specifications(run_view: RunView) -> list[tuple[str, Sequence[tuple[str, ...]]]]:
-    """Return the specifications that have a view: the first few."""
-    return list(run_view.specifications.items())[:_CURVES]
+    """Return the specifications that have a view of their curves: all if they are few, otherwise they are a table."""
+    few = len(run_view.specifications) <= _CURVES
+    return list(run_view.specifications.items()) if few else []
 
 
 def _has_risk(content: ReplayContent) -> bool:

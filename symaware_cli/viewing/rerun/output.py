@@ -167,6 +167,13 @@ def _show_modes(columns: Columns, mark: marks.Modes) -> None:
     columns.send(mark.path, mark.times, rr.StateChange.columns(state=list(mark.modes)))
 
 
+def _show_documents(columns: Columns, mark: marks.Documents) -> None:
+    import rerun as rr
+
+    kinds = ["text/markdown"] * len(mark.texts)
+    columns.send(mark.path, mark.times, rr.TextDocument.columns(text=list(mark.texts), media_type=kinds))
+
+
 _SHOWN: Mapping[type, Callable[[Columns, Any], None]] = {
     marks.Lines: show_lines,
     marks.Points: _show_points,
@@ -183,4 +190,5 @@ _SHOWN: Mapping[type, Callable[[Columns, Any], None]] = {
     marks.Curves: _show_curves,
     marks.Journal: _show_journal,
     marks.Modes: _show_modes,
+    marks.Documents: _show_documents,
 }

@@ -26,6 +26,7 @@ from symaware_cli.viewing.scene.risk import RiskCurves
 from symaware_cli.viewing.scene.scenery import SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans
 from symaware_cli.viewing.scene.specification_curves import EverySpecificationCurve, SpecificationCurves, Violations
+from symaware_cli.viewing.scene.specification_table import SpecificationTable
 from symaware_cli.viewing.scene.trails import Trails
 from symaware_cli.viewing.scene.uncertainties import Uncertainties
 from symaware_cli.viewing.views import RunView
@@ -54,7 +55,13 @@ SCENE: tuple[type[Drawing], ...] = (
     Knowledge,
 )
 #: Curves of selected quantities, and tables from which users choose what to plot.
-CURVES: tuple[type[Drawing], ...] = (SpecificationCurves, RiskCurves, SeparationCurve, AwarenessCurves)
+CURVES: tuple[type[Drawing], ...] = (
+    SpecificationCurves,
+    SpecificationTable,
+    RiskCurves,
+    SeparationCurve,
+    AwarenessCurves,
+)
 TABLES: tuple[type[Drawing], ...] = (NumberTables,)
 #: The drawings for plots of a whole run.
 PLOTTED: tuple[type[Drawing], ...] = (

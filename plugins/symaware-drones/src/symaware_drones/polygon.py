@@ -29,7 +29,7 @@ def faces(corners: Corners) -> list[tuple[float, float, float]]:
 
 def support(corners: Corners, x: float, y: float) -> float:
     """Return the greatest scalar product of a vector with a point of a polygon."""
-    return max(x * corner[0] + y * corner[1] for corner in corners)
+    return max([x * corner_x + y * corner_y for corner_x, corner_y in corners])
 
 
 def clipped(corners: Corners, x: float, y: float, offset: float, tolerance: float = 0.0) -> list[Corner]:

@@ -1,0 +1,113 @@
+"""A table of specifications over time: state, robustness, and what components record of each, with bars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.specifications import has_begun, verdicts_of
+from symaware_cli.viewing.chunk import Chunk
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Documents, Times
+from symaware_cli.viewing.views import RunView
+
+Array = NDArray[np.float64]
+
+#: Interval between two tables [ns], and the maximum number of their rows.
+_STEP, _MOST = 100_000_000, 40
+#: Number of characters of the longest bar. Rerun has no glyph for finer steps, or for bars outside of code.
+_LONGEST = 16
+_STATES = {1: "satisfied", -1: "**violated**", 0: "active"}
+
+
+class SpecificationTable(Drawing):
+    """Draws a table with a row for each specification.
+
+    It has the upper bound of the robustness, the least of all rows, and a column for each signal that components record
+    under the names of specifications, such as barrier functions: the least of all agents.
+    """
+
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
+        self._names = list(run_view.specifications)[:_MOST]
+        #: For each specification its state, and for each row an upper bound of the robustness and the verdict.
+        self._states = dict.fromkeys(self._names, "")
+        self._upper = {name: np.full(len(run_view.specifications[name]), np.nan) for name in self._names}
+        self._verdicts = {name: np.zeros(len(run_view.specifications[name]), np.int8) for name in self._names}
+        #: For each signal, its topics with the column of each specification.
+        self._signals: dict[str, list[tuple[str, Mapping[str, int]]]] = {}
+        for group_view in run_view.group_views.values():
+            for field, signal in group_view.signals.items():
+                columns = {name: place for place, name in enumerate(signal.column_names) if name in self._upper}
+                if columns and signal.kind == "vector":
+                    self._signals.setdefault(signal.name, []).append((group_view.topic(field), columns))
+        self._next = 0
+
+    def marks(self, chunk: Chunk) -> Iterator[Documents]:
+        """Yield the tables of the instants of a chunk."""
+        first = max(self._next, -(-chunk.start // _STEP))
+        moments = np.arange(first, chunk.end // _STEP + 1, dtype=np.int64) * _STEP
+        told = sorted(
+            (time, place, name, content)
+            for name in self._names
+            for place, (time, content) in enumerate(chunk.entries.get(f"/specifications/{name}", ()))
+        )
+        recorded = {signal: self._recorded(topics, moments, chunk) for signal, topics in self._signals.items()}
+        texts, taken = [], 0
+        for place, moment in enumerate(moments.tolist()):
+            while taken < len(told) and told[taken][0] <= moment:
+                self._take(*told[taken][2:])
+                taken += 1
+            texts.append(self._table({signal: values[place] for signal, values in recorded.items()}))
+        for each in told[taken:]:
+            self._take(*each[2:])
+        if texts and self._names:
+            self._next = int(moments[-1] // _STEP) + 1
+            yield Documents(path="specifications", times=moments, texts=texts)
+
+    def _take(self, name: str, content: v1.Specification) -> None:
+        """Take note of a message of a specification."""
+        rows, verdicts, upper = verdicts_of(content)
+        chosen = slice(None) if rows is None else rows
+        if len(verdicts):
+            self._verdicts[name][chosen] = verdicts
+            worst = int(self._verdicts[name].min())
+            self._states[name] = _STATES[worst] if has_begun(content) or self._states[name] else ""
+        if len(upper):
+            self._upper[name][chosen] = upper
+
+    def _recorded(self, topics: Sequence[tuple[str, Mapping[str, int]]], moments: Times, chunk: Chunk) -> Array:
+        """Return the least value of all agents for each specification; (k, specifications), NaN where unknown."""
+        found = np.full((len(moments), len(self._names)), np.nan)
+        for topic, columns in topics:
+            frames = chunk.frames.get(topic)
+            if frames is not None:
+                values = np.fmin.reduce(frames.at(moments), axis=1)
+                for number, name in enumerate(self._names):
+                    if name in columns:
+                        found[:, number] = np.fmin(found[:, number], values[:, columns[name]])
+        return found
+
+    def _table(self, recorded: Mapping[str, Array]) -> str:
+        least = [np.fmin.reduce(self._upper[name]) if self._states[name] else np.nan for name in self._names]
+        columns = {"robustness": np.array(least, float), **recorded}
+        bars = [_bars(np.where(np.isfinite(values), values, np.nan)) for values in columns.values()]
+        lines = [f"| specification | | {' | | '.join(columns)} | |", "|---|---|" + "--:|:--|" * len(columns)]
+        for number, name in enumerate(self._names):
+            cells = [cell for column in bars for cell in column[number]]
+            lines.append(f"| {name} | {self._states[name]} | {' | '.join(cells)} |")
+        return "\n".join(lines)
+
+
+def _bars(values: Array) -> list[tuple[str, str]]:
+    """Return each number with its bar, relative to the greatest of them; nothing for what is unknown or negative."""
+    greatest = float(np.fmax.reduce(values, initial=0.0))
+    cells = []
+    for value in values.tolist():
+        length = round(_LONGEST * max(value, 0.0) / greatest) if greatest > 0.0 and value == value else 0
+        cells.append((f"{value:.3f}" if value == value else "", f"`{'█' * length}`" if length else ""))
+    return cells

@@ -1,0 +1,53 @@
+"""Specifications are a table in a replay: state, robustness and what components record of them, as numbers and bars."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from symaware_cli import open_log
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+from symaware_cli.viewing.detail import detail_of
+from symaware_cli.viewing.scene.marks import Documents
+from symaware_cli.viewing.scene.scene import Scene
+from symaware_cli.viewing.scene.specification_table import SpecificationTable
+from symaware_cli.viewing.views import run_view_of
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "shortcut.yaml"
+
+
+def rows_at(path: Path, second: float, size: int = 1 << 22) -> dict[str, Sequence[str]]:
+    log = open_log(path)
+    run_view = run_view_of(log)
+    scene = Scene(run_view, detail_of(run_view), [SpecificationTable])
+    texts: dict[int, str] = {}
+    for chunk in scene.chunk_reader().chunks(log.messages(), size):
+        for mark in scene.marks(chunk):
+            assert isinstance(mark, Documents)
+            assert not texts.keys() & {*mark.times.tolist()}
+            texts |= dict(zip(mark.times.tolist(), mark.texts, strict=True))
+    lines = texts[round(second * 1e9)].splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in (lines[0], *lines[2:])]
+    return {row[0]: row[1:] for row in cells}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = tmp_path_factory.mktemp("log") / "shortcut.mcap"
+    execute(build(SCENARIO, ["run.duration=6", "specifications.apart.from=2"]), found)
+    return found
+
+
+def test_a_row_has_the_state_the_robustness_and_its_bar(path: Path) -> None:
+    before, after = rows_at(path, 1.0), rows_at(path, 6.0)
+    assert before["apart"] == ["", "", ""]
+    assert (after["apart"][0], before["safe"][0]) == ("**violated**", "active")
+    assert float(after["apart"][1]) < 0.0
+    assert after["apart"][2] == ""
+    bars = {name: len(row[2]) for name, row in before.items() if row[2]}
+    assert max(bars.values()) == 18
+
+
+def test_chunks_do_not_matter(path: Path) -> None:
+    assert rows_at(path, 4.0, 5_000) == rows_at(path, 4.0)
