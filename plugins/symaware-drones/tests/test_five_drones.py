@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import yaml
 from drone_flights import SCENARIOS, command, fly
+from symaware_drones.schedule import Schedule, ScheduledTask
+from symaware_drones.task import Task
 
 from symaware_cli import Log
 from symaware_cli.formulas import Region
@@ -32,16 +34,40 @@ def interval(name: str) -> tuple[int, int]:
     return (13, 16) if name == "slot-2-2" else TIMES[kind][int(phase) - 1]
 
 
+def scheduled(regions: dict[str, Region], starts: dict[str, tuple[float, float]]) -> dict[str, ScheduledTask]:
+    """The tasks by name, as the controllers schedule them from where the drones are at first."""
+    tasks = []
+    for name, region in regions.items():
+        kind, *which, phase = name.replace("area", "point").split("_")
+        label = "-".join([kind, *which, phase])
+        begin, end = (int(second * 1e9) for second in interval(label))
+        agents = ("hub", f"drone.{which[0]}") if which else ("hub",)
+        corners = tuple((x, y) for x, y in region.polygon or ())
+        tasks.append(Task(label, agents, corners, begin, begin, end - begin))
+    schedule = Schedule(tasks, starts)
+    return {each.task.name: each for every in schedule.tasks.values() for each in every}
+
+
 def check_agreement(log: Log) -> int:
-    """Check that barriers and predicates agree at every sample; returns how many samples there were."""
+    """Check that barriers and predicates agree at every sample; returns at how many they were due.
+
+    With the widths g of the faces, which are 0 once a task is due, b <= least of margin + g <= b + ln(n) / eta.
+    """
     said = yaml.safe_load(log.attachments["resolved.yaml"])["regions"]
     regions = {name: Region.model_validate(region) for name, region in said.items()}
     compared = 0
+    agents = ("hub", *(f"drone.{number}" for number in range(4)))
     hub = log.series("hub", "world")
-    for agent in ("hub", *(f"drone.{number}" for number in range(4))):
+    for agent in agents:
         own, barriers = log.series(agent, "world"), log.series(agent, "steer.barrier")
         places = np.searchsorted(own.times, barriers.times)
         assert (own.times[places] == barriers.times).all()
+        # The hub may have moved before a drone knows that it leads.
+        first = {
+            id: each.values[np.searchsorted(each.times, barriers.times[0], "right") - 1]
+            for id, each in ((id, log.series(id, "world")) for id in agents)
+        }
+        tasks = scheduled(regions, {id: (float(start[0]), float(start[1])) for id, start in first.items()})
         for column, name in enumerate(barriers.columns):
             if agent not in ("hub", f"drone.{name.split('-')[1]}") or (agent == "hub" and name.startswith("slot")):
                 continue
@@ -52,8 +78,14 @@ def check_agreement(log: Log) -> int:
             corners = np.array(region.polygon)
             along = np.roll(corners, -1, axis=0) - corners
             normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-            margins = (np.sum(normals * corners, axis=1) - points @ normals.T).min(axis=1)
+            faces = np.sum(normals * corners, axis=1) - points @ normals.T
+            margins = faces.min(axis=1)
             start, end = interval(name)
+            early = known & (seconds < start)
+            widths = [tasks[name].width(now) for now in barriers.times[early].tolist()]
+            least = (faces[early] + np.array(widths).reshape(-1, FACES)).min(axis=1, initial=np.inf)
+            assert (values[early] <= least + 1e-9).all(), name
+            assert (least <= values[early] + math.log(FACES) / ETA + 1e-9).all(), name
             due = known & (seconds >= start) & (seconds <= end)
             assert (values[due] <= margins[due] + 1e-9).all(), name
             assert (margins[due] <= values[due] + math.log(FACES) / ETA + 1e-9).all(), name
