@@ -75,9 +75,9 @@ class Auction(CommunicationReceiver):
         bids: str | None = Field(
             None,
             min_length=1,
-            description="The knowledge with the agent's bids, written by a component that comes before: by "
-            "specification the numbers `since` (of the offer) and `at` (when it was made) [s], and `cost`, null if the "
-            "agent cannot take it. By default the cost is minus the robustness on what was measured.",
+            description="The knowledge with the agent's bids, which another component writes: by specification the "
+            "`cost`, null if the agent cannot take it, and `at`, when it was made [s]. Bids are removed from it once "
+            "they are used or outdated. By default the cost is minus the robustness on what was measured.",
         )
         most: int | None = Field(
             None, ge=1, description="How many undecided specifications the agent has at most at a time."
@@ -121,7 +121,9 @@ class Auction(CommunicationReceiver):
                 self._close(each)
         for each in self._rounds:
             self._accept(each)
-        self._rounds = [each for each in self._rounds if self.now < each.end + self._deadline]
+        over = [each for each in self._rounds if self.now >= each.end + self._deadline]
+        self._discard_bids([name for each in over for name in each.bids.get(self._agent.id, ())])
+        self._rounds = [each for each in self._rounds if each not in over]
         self._bid()
         for each in self._rounds:
             self.send(Message(self._agent.id, EVERYBODY, each.message(), AUCTION))
@@ -172,12 +174,19 @@ class Auction(CommunicationReceiver):
         if self.parameters.bids is None:
             return {name: (-measured[name], measured[name]) for name in names}
         made = agent.self_knowledge.get(self.parameters.bids, {})
-        ready = [
-            name
-            for name in names
-            if name in made and made[name]["since"] == since and nanoseconds(made[name]["at"]) > self._accepted_at
-        ]
-        return {name: (made[name]["cost"], measured[name]) for name in ready} if len(ready) == len(names) else None
+        if any(name not in made or not self._is_valid(made[name]["at"], since) for name in names):
+            return None
+        return {name: (made[name]["cost"], measured[name]) for name in names}
+
+    def _is_valid(self, made_at: float, since: float) -> bool:
+        """Whether a bid was made after the offer, and after the agent accepted something last."""
+        return made_at >= since and nanoseconds(made_at) >= self._accepted_at
+
+    def _discard_bids(self, names: Collection[str]) -> None:
+        """Remove bids from the knowledge of the agent, so that new ones are made."""
+        knowledge, key = self._agent.self_knowledge, self.parameters.bids
+        if key is not None and any(name in knowledge.get(key, {}) for name in names):
+            knowledge[key] = {name: bid for name, bid in knowledge[key].items() if name not in names}
 
     def _close(self, each: AuctionRound) -> None:
         """End the bidding of a round, and assign if it is this agent's turn to do so."""
@@ -219,6 +228,7 @@ class Auction(CommunicationReceiver):
             if self.accept(name):
                 self._accepted.append(name)
                 self._accepted_at = self.now
+                self._discard_bids([*self._agent.self_knowledge.get(self.parameters.bids or "", ())])
                 self._agent.self_knowledge.update(terms["knowledge"])
             else:
                 self.emit("refused", f"`{name}` is not open", specification=name, round=each.number)

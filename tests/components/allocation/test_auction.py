@@ -27,12 +27,12 @@ ROBOTS: dict[str, Any] = {
         "drive": {"use": "control.go-to-goal", "with": {"speed": 1.0}},
     },
 }
-NORTH = {
+NORTH: dict[str, Any] = {
     "each": "robot",
     "offer": {"at": 1.0, "epsilon": 0.1, "knowledge": {"goal": [2.9, 3]}},
     "formula": "eventually[0, 12] inside(position, north)",
 }
-SOUTH = {
+SOUTH: dict[str, Any] = {
     "each": "robot",
     "offer": {"at": 1.0, "epsilon": 0.1, "knowledge": {"goal": [1, -3]}},
     "formula": "eventually[0, 12] inside(position, south)",
@@ -192,6 +192,7 @@ def test_lost_messages_delay_an_auction_and_give_nothing_to_two(ran: Ran, decisi
 
 def test_agents_that_cannot_hear_each_other_all_assign_and_the_first_has_it(ran: Ran) -> None:
     # All that they learn, late, is what the operator tells them.
+    hearing: dict[str, Any] = {"hear": {"use": "communication.flooding"}, **ROBOTS["components"]}
     agents: dict[str, Any] = {
         "operator": {
             "model": {"use": "single-integrator"},
@@ -200,7 +201,7 @@ def test_agents_that_cannot_hear_each_other_all_assign_and_the_first_has_it(ran:
         },
         "robot": {
             **ROBOTS,
-            "components": {"hear": {"use": "communication.flooding"}} | ROBOTS["components"],
+            "components": hearing,
         },
     }
     offer = {**NORTH["offer"], "to": "operator"}

@@ -118,17 +118,27 @@ class TubeControl(Component):
             None, gt=0, description="Variance of w along each axis [m^2]; that of the model's noise if null."
         )
         max_input: float | None = Field(
-            None, gt=0, description="Greatest magnitude of each element of u [m]; that of the model if null."
+            None,
+            gt=0,
+            description="Greatest magnitude of each element of u [m]; that of the model if null. Robots that know a "
+            "`max_input` have that one.",
         )
         energy: float = Field(0.001, ge=0, description="Cost of the square of each element of u [1/m^2].")
         tangents: int = Field(3, ge=3, le=101, description="Of how many tangents these squares consist in a search.")
         gap: float = Field(0.05, ge=0, description="By how much a plan may cost more than the best.")
         nodes: int = Field(5_000, ge=1, description="Limit of a search: the nodes of its tree.")
         bids: bool = Field(True, description="Whether to bid on what is offered.")
+        notice: float = Field(
+            0.0,
+            ge=0,
+            description="How much later than its bid the robot has to reckon with acceptance [s]. The bid is about a "
+            "robot that follows its present plan until then.",
+        )
 
     def check(self, group: AgentGroup) -> None:
         """Check that the model is x+ = x + u + w with limited u and known noise."""
-        self._planner_of(group, group.model.time_step or 1.0, 0)
+        for row in range(len(group)):
+            self._planner_of(group, row, group.model.time_step or 1.0, 0)
 
     def check_specification(self, specification: Specification, group: AgentGroup) -> None:
         """Check that a specification is linear in the state."""
@@ -159,7 +169,7 @@ class TubeControl(Component):
         self._step = self.environment.time_step
         #: The step of the world at which the robot begins; its own steps count from there.
         self._origin = -(-self.now // self._step)
-        self._planner = self._planner_of(agent.group, seconds(self._step), self._origin)
+        self._planner = self._planner_of(agent.group, agent.row, seconds(self._step), self._origin)
         self._progress: Progress | None = None
         self._plan: PlannedTube | None = None
         self._starts: Mapping[str, int] = {}
@@ -292,7 +302,13 @@ class TubeControl(Component):
         offers = self._agent.offers
         held = " ".join(each.name for each in required if each.epsilon is not None)
         marks = {name: f"{name} since {offers[name]['since']} beside {held}" for name in sorted(offers)}
-        needed = {name: offers[name]["since"] for name, mark in marks.items() if mark not in self._answered}
+        # An auction removes bids that are used: new ones are needed then.
+        made = self._agent.self_knowledge.get("bids", {})
+        needed = {
+            name: offers[name]["since"]
+            for name, mark in marks.items()
+            if mark not in self._answered or name not in made
+        }
         return tuple(marks.values()), needed
 
     def _bid(self, name: str, required: Sequence[Commitment], progress: Progress) -> Bid:
@@ -301,12 +317,14 @@ class TubeControl(Component):
         held = [each for each in required if each.name != name]
         if progress.step >= self._planner.steps:
             return Bid(None, "infeasible")
-        return self._planner.bid(self._commitment(name, self._start(name, progress.step)), held, progress)
+        notice = min(nanoseconds(self.parameters.notice) // self._step, self._planner.steps - 1 - progress.step)
+        start = self._start(name, progress.step)
+        return self._planner.bid(self._commitment(name, start), held, progress.along(self._plan, notice))
 
     # The planner
 
-    def _planner_of(self, group: AgentGroup, step: float, origin: int) -> Planner:
-        """Return the planner of the robots of a group.
+    def _planner_of(self, group: AgentGroup, row: int, step: float, origin: int) -> Planner:
+        """Return the planner of one robot of a group.
 
         Raises:
             ValueError: The model is not x+ = x + u + w, or limits or noise are not known.
@@ -319,9 +337,12 @@ class TubeControl(Component):
             raise ValueError("the model must be x+ = x + u + w in the plane")
         if not (np.array_equal(dynamics.A, unit) and np.array_equal(dynamics.B, unit)) or len(dynamics.normals):
             raise ValueError("the model must be x+ = x + u + w, with a limit of each element of u")
-        if given.max_input is not None:
-            least = np.maximum(dynamics.least, -given.max_input)
-            greatest = np.minimum(dynamics.greatest, given.max_input)
+        max_input = group.knowledge[row].get("max_input", given.max_input)
+        if max_input is not None:
+            if not isinstance(max_input, int | float) or not max_input > 0:
+                raise ValueError(f"the knowledge `max_input` of {group.ids[row]} must be a number above 0")
+            least = np.maximum(dynamics.least, -max_input)
+            greatest = np.minimum(dynamics.greatest, max_input)
             dynamics = replace(dynamics, least=least, greatest=greatest)
         if not np.isfinite([*dynamics.least, *dynamics.greatest]).all():
             raise ValueError("a plan needs a limit of u: that of the model, or `max_input`")

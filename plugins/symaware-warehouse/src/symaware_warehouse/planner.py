@@ -101,6 +101,15 @@ class Progress:
         """Return the progress one step later, with the state that was measured then and the risk that was taken."""
         return Progress(np.concatenate([self.states, state[None]]), np.append(self.risks, risk))
 
+    def along(self, plan: PlannedTube | None, steps: int) -> Progress:
+        """Return the progress some steps later if a plan is followed without errors; without a plan, none is made."""
+        progress = self
+        if plan is None:
+            return progress
+        for step in range(self.step + 1, self.step + 1 + steps):
+            progress = progress.after(plan.positions[step - plan.start], plan.risk_at(step))
+        return progress
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTube:

@@ -1,0 +1,41 @@
+"""Robots auction what is offered by the risk that they would have; failures lead to another auction."""
+
+from __future__ import annotations
+
+import pytest
+from warehouse_runs import run
+
+from symaware_cli import Log
+
+
+def holders(log: Log) -> dict[str, list[str]]:
+    """The robots that accepted each specification, in order."""
+    found: dict[str, list[str]] = {}
+    for event in log.events():
+        if event.name == "accepted":
+            found.setdefault(event.data["specification"], []).append(event.data["agent"])
+    return found
+
+
+def test_equal_bids_go_to_the_first_robot_and_what_was_accepted_holds() -> None:
+    log = run("two-robots.yaml")
+    assert holders(log) == {"fetch_2": ["robot.0"], "fetch_3": ["robot.1"]}
+    assert [each.verdict for each in log.outcomes] == ["satisfied"] * 3
+
+
+@pytest.mark.slow
+def test_robots_with_weak_motors_fetch_nothing() -> None:
+    log = run("_weak-motors.yaml")
+    fetched = {agent for name, agents in holders(log).items() if name.startswith("fetch") for agent in agents}
+    assert fetched == {"robot.0", "robot.1", "robot.3"}
+    assert all(each.verdict == "satisfied" for each in log.outcomes)
+
+
+@pytest.mark.slow
+def test_what_a_failed_robot_held_goes_to_another_and_nothing_that_was_accepted_is_violated() -> None:
+    log = run("failing-robots.yaml")
+    assert holders(log)["fetch_4"] == ["robot.1", "robot.3"]
+    assert holders(log)["home_d"] == ["robot.3"]
+    verdicts = {each.name: each.verdict for each in log.outcomes}
+    assert {name for name, verdict in verdicts.items() if verdict == "rejected"} == {"home_a", "home_b"}
+    assert set(verdicts.values()) == {"satisfied", "rejected"}
