@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     )
     from symaware_cli.api.checking import CheckResult, check_log
     from symaware_cli.api.comparison import ComparisonResult, compare
+    from symaware_cli.api.falsifying import Falsification, falsify
     from symaware_cli.api.html_report import write_report
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
@@ -128,6 +129,7 @@ __all__ = [
     "Environment",
     "EnvironmentParameters",
     "Event",
+    "Falsification",
     "GroupCommunicationReceiver",
     "GroupComponent",
     "GroupOutline",
@@ -195,6 +197,7 @@ __all__ = [
     "certify",
     "check_log",
     "compare",
+    "falsify",
     "generator",
     "load",
     "nanoseconds",
@@ -213,6 +216,7 @@ _HOMES = {
     "symaware_cli.abstraction.knowledge_model": ("KnowledgeModel",),
     "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
     "symaware_cli.api.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
+    "symaware_cli.api.falsifying": ("Falsification", "falsify"),
     "symaware_cli.api.html_report": ("write_report",),
     "symaware_cli.api.branching": ("BranchError", "BranchResult", "branch"),
     "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),

@@ -94,7 +94,7 @@ def sweep(
     options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
     options["claim"] = None if claim is None else json.dumps(claim, ensure_ascii=False)
     request = SweepRequest(
-        over=[text for path, values in (over or {}).items() for text in _varied(path, values)],
+        over=[text for path, values in (over or {}).items() for text in varied(path, values)],
         set=texts(changes),
         variants=[(name, "; ".join(texts(each))) for name, each in (variants or {}).items()],
         options={key: str(value) for key, value in options.items() if value is not None},
@@ -165,7 +165,8 @@ def require_pyarrow() -> None:
         raise LogError("a sweep needs the module `pyarrow`, which is not installed: pip install 'symaware-cli[sweep]'")
 
 
-def _varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Sequence[str]:
+def varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Sequence[str]:
+    """Return what varies as ``--over`` takes it."""
     if isinstance(values, str):
         return (f"{path}={values}",)
     if isinstance(values, Mapping):

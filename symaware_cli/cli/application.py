@@ -12,6 +12,7 @@ from symaware_cli.cli import (
     check,
     diff,
     export,
+    falsify,
     inspect,
     list,  # noqa: A004 (a verb)
     merge,
@@ -71,6 +72,7 @@ for _verb in (
     check.check,
     verify.verify,
     certify.certify,
+    falsify.falsify,
     diff.diff,
     reporting.report,
     branch.branch,

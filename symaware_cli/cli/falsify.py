@@ -1,0 +1,117 @@
+"""``symaware falsify``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from symaware_cli.cli.terminal import (
+    INTERRUPTED,
+    VIOLATED,
+    WRONG_INPUT,
+    Json,
+    Overrides,
+    ScenarioPath,
+    fail,
+    output_kept,
+    print_json,
+    printable,
+    progress_shown,
+    trouble_shown,
+)
+
+if TYPE_CHECKING:
+    from symaware_cli.api.falsifying import Falsification
+
+
+def falsify(
+    scenario: ScenarioPath,
+    specification: Annotated[
+        str, typer.Option("--specification", help="The specification that is to be violated.", metavar="NAME")
+    ],
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            help="What may vary: `PATH={uniform: [0, 1]}` or `PATH=1,2,5`; may be repeated.",
+            metavar="PATH=VALUES",
+        ),
+    ] = None,
+    seeds: Annotated[
+        int, typer.Option(min=0, help="How many seeds are tried as well, from 0 on; by default that of the scenario.")
+    ] = 0,
+    overrides: Overrides = None,
+    method: Annotated[
+        str, typer.Option(help="How to search: random or differential-evolution.")
+    ] = "differential-evolution",
+    runs: Annotated[
+        int, typer.Option(min=1, max=10_000_000, help="How many runs at most, besides those that simplify a violation.")
+    ] = 200,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="What the search draws from.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="A new folder for the counterexample and its log.", metavar="DIR"),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Search for a violation of a specification, and simplify what is found. Exit status 3 if there is one."""
+    with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.falsifying import falsify
+        from symaware_cli.study.falsification import METHODS
+
+        chosen = next((each for each in METHODS if each == method), None)
+        if chosen is None:
+            fail(f"--method takes {' or '.join(METHODS)}, not {method}", WRONG_INPUT, as_json)
+        try:
+            with progress_shown("runs", not as_json) as shown:
+                found = falsify(
+                    scenario,
+                    specification,
+                    output,
+                    over=over or (),
+                    seeds=seeds,
+                    changes=overrides,
+                    method=chosen,
+                    runs=runs,
+                    seed=seed,
+                    on_progress=shown,
+                )
+        except KeyboardInterrupt:
+            fail(f"{scenario}: interrupted", INTERRUPTED, as_json)
+    if as_json:
+        print_json(found.to_json())
+    else:
+        typer.echo("\n".join(_lines(found)))
+    raise typer.Exit(VIOLATED if found.is_found else 0)
+
+
+def _lines(found: Falsification) -> Iterator[str]:
+    result, outcome = found.result, found.outcome
+    failed = f", {result.failed:,} of them failed" if result.failed else ""
+    looked = f"{result.runs:,} runs by {found.method}, seed {found.seed}{failed}"
+    if not found.is_found:
+        yield f"{found.scenario}: no violation of {found.specification} found, which does not prove that there is none"
+        yield f"  {'looked':<12} {looked}"
+        for text in found.over:
+            yield f"  {'over':<12} {printable(text)}"
+        if outcome is not None:
+            yield f"  {'least robust':<12} {printable(str(outcome))}"
+        for path, value in result.values.items():
+            yield f"  {'with':<12} {path}={json.dumps(value)}"
+        if found.bound is not None:
+            yield f"  {'at most':<12} {found.bound:.3g} of such draws violate it, with confidence 0.95"
+        return
+    yield f"{found.scenario}: {found.specification} is violated"
+    yield f"  {'reason':<12} {printable(str(outcome))}"
+    for path, value in result.values.items():
+        yield f"  {'with':<12} {path}={json.dumps(value)}"
+    if not result.values:
+        yield f"  {'with':<12} nothing changed: the scenario itself violates it"
+    yield f"  {'found after':<12} {looked}; {result.shrinking:,} more to simplify {len(result.found or ()):,} values"
+    if found.folder is not None:
+        yield f"  {'to repeat':<12} symaware run {found.folder / 'counterexample.yaml'}"
+        yield f"  {'log':<12} {found.folder / 'counterexample.mcap'}"

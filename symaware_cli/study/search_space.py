@@ -1,0 +1,117 @@
+"""What a search for a violation may vary: points between 0 and 1 in each coordinate stand for values of a scenario."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.scenario.build import Built, build_composition
+from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.compose import compose
+from symaware_cli.scenario.execution import prepared
+from symaware_cli.scenario.problem import ScenarioError
+from symaware_cli.specification.outcome import Outcome
+from symaware_cli.study.statistics.interval_estimate import Array
+from symaware_cli.study.statistics.parameter_distribution import Choice, ParameterDistribution
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_plan import ParameterChange
+from symaware_cli.study.sweep_source import SweepSource, texts_of
+
+
+class SearchSpace:
+    """The coordinates of a search, and the runs at its points.
+
+    Attributes:
+        distributions: From which distribution each value comes, by its path in the scenario.
+        specification: The name of the specification that is to be violated.
+    """
+
+    def __init__(self, source: SweepSource, specification: str, seeds: int = 0) -> None:
+        """Take what varies from a sweep: lists and distributions.
+
+        Args:
+            source: The sweep.
+            specification: The name of the specification.
+            seeds: How many seeds are tried, from 0 on; 0 for that of the scenario alone.
+
+        Raises:
+            SweepError: Nothing varies, or there is no such specification.
+            ScenarioError: The scenario has problems.
+        """
+        document = source.plan.document
+        self._scenario = source.scenario
+        self._shared = [ParameterChange(path, value, ("set", path)) for path, value in document.set.items()]
+        self._catalogue = Catalogue()
+        self.specification = specification
+        distributions: dict[str, ParameterDistribution] = {path: Choice(each) for path, each in document.listed.items()}
+        distributions.update({path: each.distribution for path, each in document.drawn.items()})
+        if seeds:
+            distributions["seed"] = Choice(range(seeds))
+        if not distributions:
+            raise SweepError("there is nothing to vary: --over 'PATH={uniform: [0, 1]}', or --seeds 100")
+        self.distributions: Mapping[str, ParameterDistribution] = distributions
+        known = self.built({}).document.specifications
+        if specification not in known:
+            raise SweepError(f"there is no specification `{specification}`, only {', '.join(known) or 'none'}")
+        # Values elsewhere may be refused, which makes runs that fail; a path that does not exist is reported at once.
+        self.built(self.values(np.full(len(distributions), 0.5)))
+
+    def values(self, point: Array) -> dict[str, Any]:
+        """Return the values at a point (d,), by their paths."""
+        inside = np.clip(point, 2.0**-53, 1.0 - 2.0**-53)
+        pairs = zip(self.distributions.items(), inside, strict=True)
+        return {path: each.values(np.array([coordinate]))[0] for (path, each), coordinate in pairs}
+
+    def simpler(self, path: str, value: Any) -> Sequence[float]:
+        """Return near numbers with fewer significant digits, the simplest first, that the distribution may give."""
+        distribution = self.distributions[path]
+        if isinstance(distribution, Choice) or not isinstance(value, float):
+            return ()
+        low, high = distribution.values(np.array([2.0**-53, 1.0 - 2.0**-53]))
+        found = [float(round(value)) + 0.0, *(float(f"{value:.{digits}g}") for digits in range(1, 7))]
+        return [each for each in dict.fromkeys(found) if each != value and low <= each <= high]
+
+    def built(self, values: Mapping[str, Any]) -> Built:
+        """Build the scenario with some values.
+
+        Raises:
+            ScenarioError: They are not valid.
+        """
+        changes = [*self._shared, *(ParameterChange(path, value, ("over", path)) for path, value in values.items())]
+        composition = compose(self._scenario, texts_of(changes))
+        return build_composition(composition, self._scenario.parent, None, self._catalogue)
+
+    def outcome(self, values: Mapping[str, Any]) -> Outcome | None:
+        """Run the scenario with some values, and return what became of the specification; None if it failed.
+
+        Raises:
+            KeyboardInterrupt: A signal ended the run.
+        """
+        try:
+            built = self.built(values)
+        except ScenarioError:
+            return None
+        with prepared(built, None, may_exit=False) as run:
+            run.advance()
+        if run.signal is not None:
+            raise KeyboardInterrupt
+        if run.failure is not None:
+            return None
+        return next(each for each in run.summary.specifications if each.name == self.specification)
+
+
+def is_violated(outcome: Outcome | None) -> bool:
+    """Whether an outcome is a violation."""
+    return outcome is not None and outcome.verdict == "violated"
+
+
+def merit(outcome: Outcome | None) -> float:
+    """What a search minimises: the robustness, and less than any where a specification without one is violated."""
+    if outcome is None:
+        return math.inf
+    if is_violated(outcome):
+        return min(outcome.robustness or 0.0, 0.0)
+    return math.inf if outcome.robustness is None else outcome.robustness
