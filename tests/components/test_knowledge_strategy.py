@@ -113,6 +113,85 @@ def test_an_environment_that_leaves_no_choice_makes_the_robot_break_a_guarantee(
     assert [name for _, name in events(log, "guarantee-broken")] == ["guarantee-broken"]
 
 
+LIGHTS = """
+symaware: 1
+name: lights
+run: {duration: 6000.0}
+environment: {use: kinematic, with: {time_step: 0.5}}
+regions:
+  arena: {box: [0, 5, 0, 1]}
+  gate: {box: [2, 3, 0, 1]}
+  west: {box: [0, 1, 0, 1]}
+  east: {box: [4, 5, 0, 1]}
+  lit: {box: [-0.5, 0.5, 2.5, 3.5]}
+knowledge_models:
+  floor: {use: abstraction.grid, with: {cell: 1.0, region: arena}}
+agents:
+  green: {model: {use: single-integrator, with: {max_speed: 10}}, state: [0, 2], components: {}}
+  red: {model: {use: single-integrator, with: {max_speed: 10}}, state: [0, 3], components: {}}
+  robot:
+    model: {use: single-integrator, with: {max_speed: 1.0}}
+    state: [0.5, 0.5]
+    components:
+      sense: {use: perception.omniscient}
+      decide:
+        use: knowledge.strategy
+        with:
+          model: floor
+          labels: {green: {agent: green, inside: lit}, red: {agent: red, inside: lit}}
+          assumptions: [always not (green and red), always eventually green]
+          guarantees:
+            - always (not green and not gate implies not next gate)
+            - always (gate implies not next gate)
+            - always eventually west
+            - always eventually east
+      steer: {use: control.cells, with: {model: floor, speed: 1.0}}
+"""
+
+
+def lights(folder: Path, steps: int) -> tuple[list[str], list[float], list[float]]:
+    """Run a robot at a gate with two lights that change at random, and are both lit in the last steps only.
+
+    Returns:
+        The names of its events, the times at which it decided to enter the gate although it was not green, and those of
+        broken assumptions [s].
+    """
+    (folder / "lights.yaml").write_text(LIGHTS)
+    draw, shown = np.random.default_rng(1), [(0, 1)]
+    with load(folder / "lights.yaml").start(output=folder / "a.mcap") as simulation:
+        for number in range(steps):
+            wanted = (1, 1) if number >= steps - 3 else ((0, 1), (1, 0), (0, 0))[int(draw.integers(3))]
+            for name, now, before in zip(("green", "red"), wanted, shown[-1], strict=True):
+                simulation.set_control(name, [0.0, 2.0 * (now - before)])
+            simulation.step()
+            shown.append(wanted)
+    log = open_log(folder / "a.mcap")
+    plan = log.series("robot", "decide.plan")
+    wrong = []
+    for (_, before), (time, after) in itertools.pairwise(zip(plan.times.tolist(), plan.values.tolist(), strict=True)):
+        if before != after and after[0] != 2 == after[1] and not shown[round(time / 5e8)][0]:
+            wrong.append(time / 1e9)
+    named = [each for each in log.events() if each.source == "agents.robot.decide"]
+    return [each.name for each in named], wrong, [each.time / 1e9 for each in named if each.name == "assumption-broken"]
+
+
+def check_lights(folder: Path, steps: int) -> None:
+    names, wrong, broken = lights(folder, steps)
+    assert not wrong
+    assert names.count("goal-met") > steps / 15
+    assert names.count("assumption-broken") >= 1
+    assert (steps - 2) * 0.5 <= min(broken) <= (steps - 1) * 0.5  # while both are lit, and never before
+
+
+def test_in_a_random_legal_environment_all_goals_are_met_and_an_illegal_step_is_reported(tmp_path: Path) -> None:
+    check_lights(tmp_path, 600)
+
+
+@pytest.mark.slow
+def test_in_10000_steps_of_a_random_legal_environment_all_goals_are_met_again_and_again(tmp_path: Path) -> None:
+    check_lights(tmp_path, 10_000)
+
+
 SCRIPT = """
 import runpy, sys
 from symaware_cli.synthesis.strategy import synthesise
