@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from symaware_cli.synthesis.game import Game
 
@@ -23,6 +22,9 @@ class MoveGraph:
     """
 
     def __init__(self, game: Game) -> None:
+        # SciPy takes as long to import as a short run does.
+        from scipy.sparse import csr_array
+
         self.size = game.size
         self._moves = game.moves
         table = np.full((game.vocabulary.cell.size, len(self._moves)), -1, np.int32)

@@ -12,8 +12,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from symaware_cli.synthesis.game import Game
 from symaware_cli.synthesis.vocabulary import CELL
@@ -131,6 +129,10 @@ class Check:
 
     def _unfair(self, starts: Array, ends: Array, nodes: Array) -> str | None:
         """Return which goal a fair environment can prevent for ever; None if there is none."""
+        # SciPy takes as long to import as a short run does.
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
         game = self._game
         place = np.full(len(self._choices) * game.size, -1, np.intp)
         place[nodes] = np.arange(len(nodes))
