@@ -43,7 +43,7 @@ class SearchResult:
     outcome: Outcome | None
 
 
-class _FoundError(Exception):
+class _SearchOverError(Exception):
     """Ends a search."""
 
 
@@ -62,7 +62,7 @@ class _Search:
     def look(self, point: Array) -> float:
         """Make the run at a point, and return what is to be minimised."""
         if self.runs == self.most:
-            raise _FoundError
+            raise _SearchOverError
         values = self.space.values(point)
         outcome = self.space.outcome(values)
         self.runs += 1
@@ -73,7 +73,7 @@ class _Search:
             self.values, self.outcome = values, outcome
         if is_violated(outcome):
             self.values, self.outcome = values, outcome
-            raise _FoundError
+            raise _SearchOverError
         found = merit(outcome)
         return found if math.isfinite(found) else 1e300
 
@@ -105,7 +105,7 @@ def search(
                     state.look(point)
         else:
             _evolve(state, seed)
-    except _FoundError:
+    except _SearchOverError:
         pass
     if not is_violated(state.outcome):
         return SearchResult(state.runs, state.failed, 0, state.values, None, state.outcome)

@@ -14,6 +14,9 @@ from symaware_cli import load
 
 Array = NDArray[np.float64]
 
+#: The last bits do not matter here.
+pytestmark = pytest.mark.filterwarnings("ignore::symaware_cli.ProcessorWarning")
+
 #: Which robot had which specification: the place, when it began, and how long each leg may take.
 FETCHES = {
     "fetch_1": (3, "collect_1", 1, 10),
