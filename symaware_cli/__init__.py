@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from symaware_cli.api.scenario import Scenario, load
     from symaware_cli.api.scenario_outline import GroupOutline, Outline
     from symaware_cli.api.stepping import SteppedSimulation
+    from symaware_cli.api.sweep_comparison import SweepComparison, compare_sweeps
     from symaware_cli.api.sweep_verification import SweepVerification
     from symaware_cli.api.sweeps import sweep, verify_sweep
     from symaware_cli.api.verification import VerificationResult, verify_log
@@ -175,6 +176,7 @@ __all__ = [
     "SpecificationStatus",
     "StateError",
     "SteppedSimulation",
+    "SweepComparison",
     "SweepError",
     "SweepVerification",
     "TimeSeries",
@@ -197,6 +199,7 @@ __all__ = [
     "certify",
     "check_log",
     "compare",
+    "compare_sweeps",
     "falsify",
     "generator",
     "load",
@@ -223,6 +226,7 @@ _HOMES = {
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
+    "symaware_cli.api.sweep_comparison": ("SweepComparison", "compare_sweeps"),
     "symaware_cli.api.sweep_verification": ("SweepVerification",),
     "symaware_cli.api.sweeps": ("sweep", "verify_sweep"),
     "symaware_cli.api.verification": ("VerificationResult", "verify_log"),

@@ -108,21 +108,21 @@ def _composed(path: Path, folder: Path) -> Composition:
 
 
 def _changes(one: Composition, other: Composition) -> Iterator[ScenarioChange]:
-    for path, values in _differing(one.data, other.data, ()):
+    for path, values in differing_values(one.data, other.data, ()):
         places = tuple(_place(each, path, value) for each, value in zip((one, other), values, strict=True))
         yield ScenarioChange(".".join(map(str, path)), values, (places[0], places[1]))
 
 
-def _differing(
+def differing_values(
     one: Any, other: Any, path: tuple[str | int, ...]
 ) -> Iterator[tuple[tuple[str | int, ...], tuple[Any, Any]]]:
-    """Yield the deepest values that differ."""
+    """Yield the deepest values in which plain data differ, with their paths."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         for key in dict.fromkeys([*one, *other]):
-            yield from _differing(one.get(key), other.get(key), (*path, key))
+            yield from differing_values(one.get(key), other.get(key), (*path, key))
     elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         for place, values in enumerate(zip(one, other, strict=True)):
-            yield from _differing(*values, (*path, place))
+            yield from differing_values(*values, (*path, place))
     elif one != other:
         yield path, (one, other)
 

@@ -12,6 +12,7 @@ from symaware_cli.cli.terminal import FAILED, WRONG_INPUT, Json, fail, print_jso
 
 if TYPE_CHECKING:
     from symaware_cli.api.comparison import ComparisonResult
+    from symaware_cli.api.sweep_comparison import SweepComparison
     from symaware_cli.recording.log_comparison import ChannelDifference
 
 #: How many lines of a kind are shown.
@@ -19,23 +20,67 @@ _MOST = 20
 
 
 def diff(
-    one: Annotated[Path, typer.Argument(help="A log or a scenario.", metavar="A")],
+    one: Annotated[Path, typer.Argument(help="A log, a scenario, or the folder of a sweep.", metavar="A")],
     other: Annotated[Path, typer.Argument(help="Another one.", metavar="B")],
     as_json: Json = False,
 ) -> None:
-    """Tell two logs or two scenarios apart. Exit status 0 if they are equal, 1 if they differ."""
-    for path in (one, other):
-        if path.is_dir():
-            fail(f"{path} is a folder: diff compares logs and scenarios", WRONG_INPUT, as_json)
+    """Tell two logs, scenarios or sweeps apart. Exit status 0 if they are equal, 1 if they differ."""
+    result: ComparisonResult | SweepComparison
     with trouble_shown(as_json):
-        from symaware_cli.api.comparison import compare
+        if one.is_dir() and other.is_dir():
+            result = _compared_sweeps(one, other, as_json)
+            lines = _sweep_lines(result)
+        else:
+            for path in (one, other):
+                if path.is_dir():
+                    fail(f"{path} is a folder, which is compared with another folder of a sweep", WRONG_INPUT, as_json)
+            from symaware_cli.api.comparison import compare
 
-        result = compare(one, other)
+            result = compare(one, other)
+            lines = _lines(result)
     if as_json:
         print_json(result.to_json())
     else:
-        typer.echo("\n".join(_lines(result)))
+        typer.echo("\n".join(lines))
     raise typer.Exit(0 if result.is_equal else FAILED)
+
+
+def _compared_sweeps(one: Path, other: Path, as_json: bool) -> SweepComparison:
+    from symaware_cli.api.sweep_comparison import compare_sweeps
+    from symaware_cli.study.sweep_error import SweepError
+
+    try:
+        return compare_sweeps(one, other)
+    except SweepError as error:
+        fail(str(error), WRONG_INPUT, as_json)
+
+
+def _sweep_lines(result: SweepComparison) -> Iterator[str]:
+    """The report on two sweeps."""
+    one, other = result.paths
+    yield f"{one} and {other}: {'equal' if result.is_equal else 'different'}"
+    for title, changes in (("plan", result.plan), ("scenario", result.scenario)):
+        for change in changes[:_MOST]:
+            first, second = change.values
+            yield f"  {title:<12} {printable(change.path)}: {_text(first)} and {_text(second)}"
+        yield from _more(len(changes), title)
+    rows, others = result.rows
+    kind = "with the same seeds" if result.is_paired else "with seeds of their own"
+    yield f"  {'rows':<12} {rows:,} and {others:,}; {result.compared:,} in both, {kind}"
+    if result.first is not None:
+        yield f"  {'different':<12} {result.differing:,} rows, from run {result.first} on"
+    if result.columns:
+        yield f"  {'column':<28} {'first':>11} {'second':>11} {'difference':>11}  interval of 95 %"
+    for each in result.columns[:_MOST]:
+        interval = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
+        means = f"{each.means[0]:>11.4g} {each.means[1]:>11.4g} {each.difference:>11.4g}"
+        yield f"  {printable(each.name):<28} {means}  {interval}".rstrip()
+    yield from _more(len(result.columns), "column")
+    for path, names in zip(result.paths, result.only, strict=True):
+        if names:
+            yield f"  {'columns':<12} only {path} has {printable(', '.join(names))}"
+    for version in result.versions[:_MOST]:
+        yield f"  {'version':<12} {printable(f'{version.name}: {version.then} and {version.now}')}"
 
 
 def _lines(result: ComparisonResult) -> Iterator[str]:

@@ -1,11 +1,15 @@
 """``symaware diff`` as a user sees it."""
 
 import json
+import shutil
 from pathlib import Path
+from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+from symaware_cli import sweep
 from symaware_cli.cli.application import application
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
@@ -60,3 +64,62 @@ def test_folders_and_what_is_no_log_are_wrong_input(logs: Path, tmp_path: Path) 
     assert diff(tmp_path, logs / "one.mcap")[0] == 2
     (tmp_path / "no.mcap").write_bytes(b"nothing")
     assert diff(tmp_path / "no.mcap", logs / "one.mcap")[0] == 2
+
+
+@pytest.fixture(scope="module")
+def sweeps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sweeps")
+    apart = {"each": "robot", "formula": "always nearest > 2.5"}
+    common: dict[str, Any] = {"run.duration": 3.0, "specifications.apart": apart}
+    for name, speed, seed in (("one", 1.2, 3), ("same", 1.2, 3), ("slower", 1.0, 3), ("other", 1.2, 4)):
+        changes = {**common, "agents.robot.components.steer.with.speed": speed}
+        sweep(HELLO, folder / name, runs=4, seed=seed, changes=changes)
+    return folder
+
+
+def test_equal_sweeps_have_exit_status_0(sweeps: Path) -> None:
+    status, out, _ = diff(sweeps / "one", sweeps / "same")
+    assert status == 0
+    assert "4 and 4; 4 in both, with the same seeds" in out
+
+
+def test_metrics_of_two_sweeps_stand_side_by_side(sweeps: Path) -> None:
+    status, out, _ = diff(sweeps / "one", sweeps / "slower")
+    assert status == 1
+    assert "scenario     agents.robot.components.steer.with.speed: 1.2 and 1.0" in out
+    said = json.loads(diff(sweeps / "one", sweeps / "slower", "--json")[1])
+    columns = {each["name"]: each for each in said["columns"]}
+    assert columns["satisfied.apart"]["means"] == [0.0, 1.0]
+    assert columns["path_length"]["difference"] == pytest.approx(-4 * 3 * 0.2)
+    assert columns["path_length"]["differing"] == 4
+    assert said["is_paired"]
+    assert said["first"] == 0
+
+
+def test_sweeps_with_other_seeds_are_not_paired(sweeps: Path) -> None:
+    said = json.loads(diff(sweeps / "one", sweeps / "other", "--json")[1])
+    assert not said["equal"]
+    assert not said["is_paired"]
+    assert [each["path"] for each in said["plan"]] == ["seed"]
+
+
+def test_a_changed_number_in_a_table_is_found(sweeps: Path, tmp_path: Path) -> None:
+    shutil.copytree(sweeps / "one", tmp_path / "forged")
+    table = pq.read_table(tmp_path / "forged" / "runs.parquet")
+    place = table.column_names.index("closest")
+    values = table["closest"].to_pylist()
+    values[2] += 1e-12
+    pq.write_table(table.set_column(place, table.schema.field("closest"), [values]), tmp_path / "forged/runs.parquet")
+    said = json.loads(diff(sweeps / "one", tmp_path / "forged", "--json")[1])
+    assert (said["differing"], said["first"]) == (1, 2)
+    assert [each["name"] for each in said["columns"]] == ["closest"]
+
+
+def test_a_folder_is_compared_with_another_sweep_only(sweeps: Path, tmp_path: Path) -> None:
+    assert diff(sweeps / "one", HELLO)[0] == 2
+    assert diff(sweeps / "one", tmp_path)[0] == 2
+    shutil.copytree(sweeps / "one", tmp_path / "unfinished")
+    (tmp_path / "unfinished" / "runs.parquet").unlink()
+    status, _, err = diff(sweeps / "one", tmp_path / "unfinished")
+    assert status == 2
+    assert "has no table yet" in err
