@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from symaware_cli.scenario.section import Identifier, Name, Section, Use
 from symaware_cli.study.claim import Claim
@@ -25,6 +25,10 @@ def _kept(text: str) -> str:
     if not re.fullmatch(r"none|failed|all|worst:[1-9][0-9]{0,5}", text):
         raise ValueError("say none, failed, all, or worst:N such as worst:5")
     return text
+
+
+#: What editors know of a claim; the rest is checked by `Claim.parse`.
+_CLAIM = {"type": "string", "maxLength": 500, "pattern": r"^\s*P\(.+\)\s*>"}
 
 
 def _claim(text: str) -> str:
@@ -78,7 +82,7 @@ class SweepDocument(Section):
         description="Rule that ends the runs of each combination before `runs` of them were made, such as "
         "`halfwidth(satisfied.safe) < 0.01`.",
     )
-    claim: Annotated[str, AfterValidator(_claim)] | None = Field(
+    claim: Annotated[str, AfterValidator(_claim), WithJsonSchema(_CLAIM)] | None = Field(
         None,
         max_length=500,
         description="What `symaware certify` is to certify, such as `P(safe) > 0.99 with confidence 0.99, sequential`: "

@@ -20,6 +20,9 @@ SHIPPED = sorted([*TOP.glob("sweeps/*.yaml"), *TOP.glob("plugins/*/sweeps/*.yaml
 
 #: What a schema cannot know: the order of numbers, sums over several keys, and what the scenario says.
 BEYOND = {
+    "claim-about-nothing",
+    "claim-beside-a-rule",
+    "claim-of-too-few-runs",
     "design-without-a-distribution",
     "drawn-and-listed",
     "drawn-seed",
