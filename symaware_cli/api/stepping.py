@@ -164,14 +164,17 @@ class SteppedSimulation:
         return _part(group.awareness.state, row, group.model.state, columns)
 
     def awareness(self, name: str, part: str, *columns: str) -> Array:
-        """A part of the agents' awareness of themselves, such as ``risk``; see `state`.
+        """A part of the agents' awareness of themselves, such as ``risk``, or a signal of a component; see `state`.
 
-        For a series, this is the first point. Values that were never written are NaN.
+        A signal is called by its component and its name, such as ``steer.barrier``. For a series, this is the first
+        point. Values that were never written are NaN.
         """
         group, row = self._find(name)
-        column, declared = group.awareness.columns.get(part), group.awareness.parts.get(part)
-        if column is None or declared is None:
-            raise KeyError(_unknown("part of awareness", part, list(group.awareness.columns)))
+        known = {**group.awareness.parts, **group.awareness.signals}
+        column, declared = group.awareness.columns.get(part), known.get(part)
+        if column is None or declared is None or declared.kind == "table":
+            kinds = [each for each, of in known.items() if of.kind != "table" and each in group.awareness.columns]
+            raise KeyError(_unknown("part of awareness", part, kinds))
         values = np.array([column.present(each) for each in range(len(group))])
         return _part(values, row, declared.columns or (), columns)
 

@@ -273,3 +273,10 @@ def test_what_is_shown_tells_where_it_stands(scenario: Scenario) -> None:
         simulation.set_control("robot.0", [0.0, 0.0])
         assert repr(simulation) == "<SteppedSimulation swap: stands at 0.1 s, step 2 of 40>"
         assert "1 controlled from outside" in simulation._repr_html_()
+
+
+def test_a_signal_of_a_component_is_read_like_a_part_of_awareness() -> None:
+    with sa.load(Path(__file__).parents[2] / "scenarios" / "market.yaml").start() as simulation:
+        assert np.isnan(simulation.awareness("robot", "keep.barrier")).all()
+        simulation.step(2)
+        assert np.isfinite(simulation.awareness("robot", "keep.barrier")).all()
