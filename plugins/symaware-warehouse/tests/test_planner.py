@@ -174,6 +174,14 @@ def test_bids_are_the_least_risk_over_all_choices_of_200_instances() -> None:
     assert 40 <= sum(found) <= 160
 
 
+def test_what_needs_more_than_its_epsilon_is_not_bid_on() -> None:
+    box, text = (-2.0, 2.0, -2.0, 2.0), "always[0, 5] inside(position, goal)"
+    for epsilon, is_possible in ((0.05, True), (0.04, False)):
+        offer = commitment(text, {"goal": box}, epsilon=epsilon)
+        bid = Planner(DYNAMICS, TUBE, 5).bid(offer, [], Progress.beginning(np.zeros(2)))
+        assert (bid.cost is not None) == is_possible
+
+
 def test_a_plan_is_a_rollout_and_its_tube_keeps_to_what_is_required() -> None:
     box = (6.0, 8.5, -1.0, 1.0)
     goal = commitment("eventually[0, 5] inside(position, goal)", {"goal": box}, epsilon=3.0)

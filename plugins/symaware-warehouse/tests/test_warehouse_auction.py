@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from warehouse_runs import run
+from warehouse_runs import SCENARIOS, command, run
 
 from symaware_cli import Log
 
@@ -21,6 +21,14 @@ def test_equal_bids_go_to_the_first_robot_and_what_was_accepted_holds() -> None:
     log = run("two-robots.yaml")
     assert holders(log) == {"fetch_2": ["robot.0"], "fetch_3": ["robot.1"]}
     assert [each.verdict for each in log.outcomes] == ["satisfied"] * 3
+
+
+def test_an_epsilon_below_the_least_risk_of_all_steps_is_refused_before_the_run() -> None:
+    done = command("validate", SCENARIOS / "two-robots.yaml", "--set", "parameters.epsilon=0.05")
+    assert done.returncode == 2
+    assert "its 14 steps have a risk of at least 0.14, above its epsilon of 0.05" in done.stderr
+    sets = ("--set", "parameters.epsilon=0.05", "--set", "parameters.least_risk=0.001")
+    assert command("validate", SCENARIOS / "two-robots.yaml", *sets).returncode == 0
 
 
 @pytest.mark.slow

@@ -141,12 +141,20 @@ class TubeControl(Component):
             self._planner_of(group, row, group.model.time_step or 1.0, 0)
 
     def check_specification(self, specification: Specification, group: AgentGroup) -> None:
-        """Check that a specification is linear in the state."""
+        """Check that a specification is linear in the state, and that its epsilon is possible."""
         if specification.each is None:
             raise ValueError("it is about pairs or the world, which one robot does not plan for")
         if specification.automaton is not None:
             raise ValueError("it is in linear temporal logic")
-        Commitment.of(specification, group.model, group.regions, 0, None)
+        epsilon = None if specification.offer is None else specification.offer.epsilon
+        commitment = Commitment.of(specification, group.model, group.regions, 0, epsilon)
+        planner = self._planner_of(group, 0, group.model.time_step or 1.0, 0)
+        if epsilon is not None and not commitment.is_possible(planner.steps, planner.tube):
+            count = len(commitment.steps(planner.steps))
+            raise ValueError(
+                f"its {count} steps have a risk of at least {count * planner.tube.least_risk:g}, above its epsilon of "
+                f"{epsilon:g}: a `least_risk` of {epsilon / count:.3g} makes it possible"
+            )
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
         """Declare the intent as positions, and the uncertainty as covariances and radii."""

@@ -74,6 +74,10 @@ class Commitment(NamedTuple):
         end = last if horizon is None else min(last, self.start + horizon)
         return range(self.start + 1, end + 1)
 
+    def is_possible(self, last: int, tube: Tube) -> bool:
+        """Return whether its epsilon allows the least risk in all of its steps."""
+        return self.epsilon is None or len(self.steps(last)) * tube.least_risk <= self.epsilon * (1.0 + 1e-9)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Progress:
@@ -170,7 +174,8 @@ class Planner:
     program, and each predicate in use holds everywhere in there. The risk of a step bounds the probability that the
     robot is not in its tube (`Tube`). The risks of the steps of an accepted specification, so far and to come, add up
     to at most its epsilon; then it fails with at most that probability. What past steps have used up leaves at least
-    the least risk for each step to come, so that it makes nothing infeasible; the excess is in the recorded risk.
+    the least risk for each step to come, so that it makes nothing infeasible; the excess is in the recorded risk. What
+    needs more than its epsilon even so is not bid on.
 
     Attributes:
         dynamics: The dynamics of a step.
@@ -198,6 +203,8 @@ class Planner:
         The cost is the least sum of the risks of the specifications that the robot would have then, each over its own
         steps, from the present on. It is rounded to six decimals, so that bids which are equal are equal to the bit.
         """
+        if not offer.is_possible(self.steps, self.tube):
+            return Bid(None, "infeasible")
         program = _TubeProgram(self, [*accepted, offer], progress, energy=False)
         found = program.specifications.solve(nodes=self.nodes, gap=1e-6)
         return Bid(None if found.states is None else round(found.solution.cost, 6), found.status)
