@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from symaware_cli.components.knowledge_strategy import KnowledgeStrategy
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.problem import quoted
 
@@ -22,11 +21,11 @@ def check_circular_assumptions(entries: Sequence[ComponentEntry], report: Callab
     waits: dict[str, dict[tuple[str, int], set[str]]] = {}
     group_of = {agent: entry.group.name for entry in entries for agent in entry.group.ids}
     for entry in entries:
-        component = entry.components[0]
-        if isinstance(component, KnowledgeStrategy):
-            for number, others in component.awaited.items():
-                awaited = {group_of[each] for each in others if each in group_of}
-                waits.setdefault(entry.group.name, {})[entry.name, number] = awaited
+        # Components with strategies have `awaited`; to import their class would slow down every run.
+        awaited: Mapping[int, set[str]] = getattr(entry.components[0], "awaited", {})
+        for number, others in awaited.items():
+            groups = {group_of[each] for each in others if each in group_of}
+            waits.setdefault(entry.group.name, {})[entry.name, number] = groups
     after = {group: set[str]().union(*places.values()) for group, places in waits.items()}
     for group, places in waits.items():
         for (name, number), others in places.items():

@@ -94,12 +94,19 @@ def check_agreement(log: Log) -> int:
     return compared
 
 
+def greatest_speed(log: Log) -> float:
+    """The greatest norm of the inputs that the controllers asked for [m/s]."""
+    agents = ("hub", *(f"drone.{number}" for number in range(4)))
+    return max(float(np.hypot(*log.series(agent, "requested_control").values.T).max()) for agent in agents)
+
+
 @pytest.mark.parametrize("scenario", ["five-drones.yaml", "asynchronous.yaml"])
 def test_the_first_tasks_hold_in_both_modes_and_barriers_agree_with_predicates(scenario: str) -> None:
     log = fly(scenario, FIRST)
     found = robustness(log)
     assert min(found[name] for name in PHASE) > 0.005
     assert check_agreement(log) > 700
+    assert greatest_speed(log) <= 3.0 + 1e-9
 
 
 def test_every_drone_knows_who_leads() -> None:
@@ -161,3 +168,4 @@ def test_all_tasks_hold(scenario: str) -> None:
     assert len(found) == 15
     assert min(found.values()) > 0.005
     assert check_agreement(log) > 3000
+    assert greatest_speed(log) <= 3.0 + 1e-9
