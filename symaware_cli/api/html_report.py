@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from symaware_cli.api.certification import CERTIFICATE
+from symaware_cli.api.printing import print_page, require_printing
 from symaware_cli.api.sweeps import FilePath, read_shares, scenario_of
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError
@@ -23,8 +24,11 @@ from symaware_cli.study.row import Row
 from symaware_cli.study.signed_statement import read_statement
 from symaware_cli.study.sweep_files import JOURNAL, SWEEP, WRITTEN
 from symaware_cli.study.sweep_journal import SweepJournal
+from symaware_cli.viewing.embedded_viewer import POLICY, embedded_viewer
 from symaware_cli.viewing.moving_map import moving_map
 from symaware_cli.viewing.plotting.plot import plot
+from symaware_cli.viewing.replay_session import replay_session
+from symaware_cli.viewing.viewer import require
 
 _STYLE = """\
 svg{max-width:100%;height:auto}canvas{border:1px solid #dde2ea;border-radius:4px}
@@ -34,16 +38,24 @@ pre{background:#f5f7fa;padding:.8rem 1rem;border-radius:4px;white-space:pre-wrap
 summary{cursor:pointer;color:#566072}.k{color:#175a99}.c{color:#78828f}.s{color:#136f3a}
 .satisfied{color:#136f3a}.violated,.failed{color:#a3261d}.undecided,.rejected{color:#8a5a00}
 #certificate{margin-top:1.8rem}#certificate h1{font-size:1.15rem}
-@media print{.controls,.jumps{display:none}}
+.replay canvas{width:100%;height:36rem}
+svg,tr{break-inside:avoid}h2{break-after:avoid}
+@media print{.screen{display:none}.note,th,summary{color:#333}summary{list-style:none}
+.versions{columns:2;font-size:.75em}.versions td{overflow-wrap:anywhere}}
 """
 #: Nothing is fetched, whatever the content of a log says.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+
+#: What is folded on the screen is printed in full.
+_UNFOLDED = (
+    '<script>addEventListener("beforeprint",()=>document.querySelectorAll("details").forEach(e=>e.open=true))</script>'
+)
 
 #: The most text of a scenario that is shown [characters].
 _MOST_TEXT = 100_000
 
 
-def write_report(path: FilePath, output: FilePath) -> Path:
+def write_report(path: FilePath, output: FilePath, viewer: bool = False, pdf: FilePath | None = None) -> Path:
     """Write the report of a log or of the folder of a sweep.
 
     That of a sweep shows the run with the least robustness, which is made again for it.
@@ -51,28 +63,35 @@ def write_report(path: FilePath, output: FilePath) -> Path:
     Args:
         path: The log or the folder.
         output: The page; one that is there is replaced.
+        viewer: Whether the page has the Rerun viewer with a replay of the run in it, which takes about 19 MB.
+        pdf: A file for the page as a browser prints it; None for none.
 
     Returns:
         The page.
 
     Raises:
-        LogError: There is no log and no sweep, or a package is missing.
+        LogError: There is no log and no sweep, a package is missing, or there is no browser for a PDF.
         OutputError: The page cannot be written.
     """
     path, output = Path(path), Path(output)
-    title, parts = _of_sweep(path) if path.is_dir() else _of_log(path)
+    if pdf is not None:
+        require_printing(Path(pdf))
+    title, parts = _of_sweep(path, viewer) if path.is_dir() else _of_log(path, viewer)
+    policy = _POLICY.replace("script-src", f"script-src {POLICY}") if viewer else _POLICY
     page = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}"><title>{escape(title)}</title>'
-        f"<style>{STYLE}{_STYLE}</style></head><body><h1>{escape(title)}</h1>{''.join(parts)}</body></html>\n"
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}"><title>{escape(title)}</title>'
+        f"<style>{STYLE}{_STYLE}</style></head><body><h1>{escape(title)}</h1>{''.join(parts)}{_UNFOLDED}</body></html>\n"
     )
     with whole_file(output, *([] if path.is_dir() else [path])) as partial:
         partial.write_text(page, encoding="utf-8", errors="replace")
+    if pdf is not None:
+        print_page(output, Path(pdf))
     return output
 
 
-def _of_log(path: Path) -> tuple[str, list[str]]:
+def _of_log(path: Path, viewer: bool) -> tuple[str, list[str]]:
     log = open_log(path)
     found = overview(log)
     agents = ", ".join(f"{count} {name}" for name, count in found.agents.items())
@@ -84,7 +103,7 @@ def _of_log(path: Path) -> tuple[str, list[str]]:
         "simulated time": f"{found.simulated_time or 0:g} s, {found.steps} steps of {found.time_step} s",
         "digest": digest(log).combined,
     }
-    parts = [_table(facts), *_of_specifications(log), *_of_motion(log)]
+    parts = [_table(facts), *_of_specifications(log), *_of_motion(log, viewer)]
     if found.events:
         parts += [_heading("Events"), _table({name: f"{count:,}" for name, count in found.events.items()})]
     texts = {name: data for name, data in log.attachments.items() if name in found.scenario}
@@ -93,7 +112,7 @@ def _of_log(path: Path) -> tuple[str, list[str]]:
     return f"{found.name or path.name}: {found.status}", parts
 
 
-def _of_sweep(path: Path) -> tuple[str, list[str]]:
+def _of_sweep(path: Path, viewer: bool) -> tuple[str, list[str]]:
     folder = SweepFolder.opened(path)
     document = folder.plan.document
     with SweepJournal(folder.path / JOURNAL) as journal:
@@ -113,7 +132,7 @@ def _of_sweep(path: Path) -> tuple[str, list[str]]:
         parts.append(f"<p>{escape(said)}. <code>symaware run {escape(path.name)} --index {worst.index}</code></p>")
         with tempfile.TemporaryDirectory() as temporary:
             log = open_log(_repeated(path, worst.index, Path(temporary)))
-            parts += [*_of_specifications(log), *_of_motion(log)]
+            parts += [*_of_specifications(log), *_of_motion(log, viewer)]
     files = {each.name: each.read_bytes() for each in (folder.path / WRITTEN, folder.path / SWEEP) if each.exists()}
     files[folder.source.scenario.name] = folder.source.scenario.read_bytes()
     parts += _of_scenario(files, "")
@@ -152,15 +171,30 @@ def _of_specifications(log: Log) -> Iterator[str]:
     yield "</table>"
 
 
-def _of_motion(log: Log) -> Iterator[str]:
+def _of_motion(log: Log, viewer: bool) -> Iterator[str]:
+    if viewer:
+        yield from _on_screen("Replay", *_of_replay(log))
     try:
-        yield f"{_heading('The run')}{moving_map(log)}"
+        yield from _on_screen("The run", moving_map(log))
         with tempfile.TemporaryDirectory() as temporary:
             picture = Path(temporary, "plot.svg")
             plot(log, picture)
             yield _heading("Figures") + _inline(picture)
     except LogError as error:
         yield f'<p class="note">{escape(str(error))}</p>'
+
+
+def _of_replay(log: Log) -> Iterator[str]:
+    require()
+    with tempfile.TemporaryDirectory() as temporary:
+        recording = Path(temporary, "run.rrd")
+        replay_session(log).save(recording)
+        yield from embedded_viewer(recording)
+
+
+def _on_screen(title: str, *content: str) -> Iterator[str]:
+    """Yield a part of the page that is of no use on paper."""
+    yield from ('<div class="screen">', _heading(title), *content, "</div>")
 
 
 def _of_metrics(path: Path) -> Iterator[str]:
@@ -224,7 +258,8 @@ def _of_repetition(commands: Sequence[str], versions: Mapping[str, str]) -> Iter
     package = versions.get("symaware-cli", "")
     shown = [f"pip install 'symaware-cli[all]{f'=={package}' if package else ''}'", *commands]
     yield f"<pre>{escape(chr(10).join(shown))}</pre>"
-    yield f"<details><summary>All {len(versions)} versions</summary>{_table(versions)}</details>"
+    listed = f'<div class="versions">{_table(versions)}</div>'
+    yield f"<details><summary>All {len(versions)} versions</summary>{listed}</details>"
 
 
 def _highlighted(text: str) -> str:

@@ -16,6 +16,14 @@ def report(
         Path | None,
         typer.Option("--output", "-o", help="The page, by default named after the log or the folder.", metavar="FILE"),
     ] = None,
+    viewer: Annotated[
+        bool,
+        typer.Option("--viewer", help="Put the Rerun viewer with a replay of the run into the page, about 19 MB."),
+    ] = False,
+    pdf: Annotated[
+        Path | None,
+        typer.Option("--pdf", help="Also print the page into a file, with Chromium, Chrome or Edge.", metavar="FILE"),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write a page of HTML that needs no network: what ran, a map to play, figures, verdicts, how to repeat it."""
@@ -26,11 +34,14 @@ def report(
 
         name = path.resolve().name if path.is_dir() else path.stem
         try:
-            page = write_report(path, output or unused_path(name, suffix=".html"))
+            page = write_report(path, output or unused_path(name, suffix=".html"), viewer, pdf)
         except KeyboardInterrupt:
             fail(f"{path}: interrupted", INTERRUPTED, as_json)
-        size = page.stat().st_size
+        files = [page, *([pdf] if pdf else [])]
+        sizes = [file.stat().st_size for file in files]
     if as_json:
-        print_json({"source": str(path), "file": str(page), "size": size})
+        printed = {"pdf": str(pdf), "pdf_size": sizes[1]} if pdf else {}
+        print_json({"source": str(path), "file": str(page), "size": sizes[0], **printed})
     else:
-        typer.echo(f"{page}: {size_in_words(size)}")
+        for file, size in zip(files, sizes, strict=True):
+            typer.echo(f"{file}: {size_in_words(size)}")

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import time
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,12 @@ import pytest
 import yaml
 from browser import Browser
 from matplotlib.image import imread
-from rerun_files import needs_browser
+from rerun_files import needs_browser, pixels
 from typer.testing import CliRunner
 
 import symaware_cli as sa
 from symaware_cli.cli.application import application
+from symaware_cli.viewing.palette import BACKGROUND
 
 #: Two robots that pass each other.
 SCENARIO: dict[str, Any] = {
@@ -115,3 +117,33 @@ def test_a_browser_without_a_network_draws_the_map(log: Path, tmp_path: Path) ->
             if agent["colour"] in colours:
                 break
     assert agent["colour"] in colours
+
+
+@needs_browser
+def test_a_report_is_printed_with_what_is_folded_on_the_screen(log: Path, tmp_path: Path) -> None:
+    arguments = ["report", str(log), "-o", str(tmp_path / "tiny.html"), "--pdf", str(tmp_path / "tiny.pdf"), "--json"]
+    result = CliRunner().invoke(application, arguments)
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert said["pdf_size"] == (tmp_path / "tiny.pdf").stat().st_size > 10_000
+    assert "beforeprint" in (tmp_path / "tiny.html").read_text()
+
+
+@pytest.mark.slow
+@needs_browser
+def test_a_browser_without_a_network_shows_the_replay_within_the_page(log: Path, tmp_path: Path) -> None:
+    page = sa.write_report(log, log.with_suffix(".html"), viewer=True)
+    assert page.stat().st_size < 25_000_000
+    text = page.read_text()
+    assert "default-src 'none'" in text
+    assert not re.findall(r"""<[a-z]+ [^>]*(?:src|href)=["']([^#"']+)""", text)
+    executable = shutil.which("chromium")
+    assert executable
+    shown: set[tuple[int, int, int]] = set()
+    deadline = time.monotonic() + 120
+    with Browser(executable, tmp_path / "profile", (900, 1400)) as browser:
+        browser.open(f"{page.as_uri()}#viewer")
+        while BACKGROUND not in shown and time.monotonic() < deadline:
+            time.sleep(1)
+            shown = {tuple(pixel) for pixel in pixels(browser.screenshot())[::2, ::2].reshape(-1, 3).tolist()}
+    assert BACKGROUND in shown
