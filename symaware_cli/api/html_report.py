@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from symaware_cli.api.certification import CERTIFICATE
-from symaware_cli.api.printing import print_page, require_printing
+from symaware_cli.api.page_printer import print_page, require_printing
 from symaware_cli.api.sweeps import FilePath, read_shares, scenario_of
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError

@@ -6,7 +6,7 @@ import pytest
 from rerun_files import needs_browser
 from typer.testing import CliRunner
 
-from symaware_cli.api.printing import print_page
+from symaware_cli.api.page_printer import print_page
 from symaware_cli.cli.application import application
 from symaware_cli.recording.error import LogError, OutputError
 
