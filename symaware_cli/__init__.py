@@ -14,6 +14,7 @@ from symaware_cli.version import __version__ as __version__
 processor.pin()
 
 if TYPE_CHECKING:
+    from symaware_cli.abstraction.bisimulation import Bisimulation, bisimulation
     from symaware_cli.abstraction.knowledge_model import KnowledgeModel
     from symaware_cli.abstraction.transition_system import TransitionSystem
     from symaware_cli.api.branching import BranchError, BranchResult, branch
@@ -109,6 +110,7 @@ __all__ = [
     "AgentGroup",
     "AwarenessDatabase",
     "AwarenessVector",
+    "Bisimulation",
     "Box",
     "BranchError",
     "BranchResult",
@@ -195,6 +197,7 @@ __all__ = [
     "VerificationResult",
     "Wall",
     "WorldError",
+    "bisimulation",
     "branch",
     "certify",
     "check_log",
@@ -216,6 +219,7 @@ __all__ = [
 
 #: The module that defines each public name that `symaware_cli.core` does not provide.
 _HOMES = {
+    "symaware_cli.abstraction.bisimulation": ("Bisimulation", "bisimulation"),
     "symaware_cli.abstraction.knowledge_model": ("KnowledgeModel",),
     "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
     "symaware_cli.api.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),

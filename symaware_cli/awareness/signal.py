@@ -13,7 +13,7 @@ from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.world.model import Quantity
 
 Kind = Literal["vector", "series", "table"]
-Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links"]
+Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links", "boxes"]
 SignalColumn: TypeAlias = "Column | SeriesColumn | TableColumn"
 
 MEASUREMENT = "measurement"
@@ -21,12 +21,14 @@ MEASUREMENT = "measurement"
 
 #: The columns that define the positions of points: in the world, or relative to the body.
 _PLACES = (("x", "y"), ("distance", "bearing"))
+#: The columns that define boxes.
+BOX_COLUMNS = ("x_low", "x_high", "y_low", "y_high")
 
 #: How each kind can be drawn.
 _DRAWN: dict[str, tuple[str | None, ...]] = {
     "vector": ("curve", "bars", "points", None),
     "series": ("curve", "path", "ellipse", "bars", None),
-    "table": ("curve", "points", "links", None),
+    "table": ("curve", "points", "links", "boxes", None),
 }
 
 
@@ -44,7 +46,8 @@ class Signal:
             whole, such as probabilities; or as ``points``, which requires the columns ``x`` and ``y`` (and ``z``) in
             the world, or ``distance`` and ``bearing`` (and ``elevation``) relative to the body, counter-clockwise from
             its heading; or as ``links``, arrows to the agents or entities whose indices in the roster the column
-            ``agent`` has. None if it is not drawn.
+            ``agent`` has; or as ``boxes`` in the plane, which require the columns ``x_low``, ``x_high``, ``y_low`` and
+            ``y_high``, with a cross where the column ``crossed`` is not 0. None if it is not drawn.
         description: Its meaning, in a few words.
     """
 
@@ -69,9 +72,8 @@ class Signal:
                 raise ValueError(f"`{key}` of {what} is one of {listed}, not {given!r}")
         if self.drawn not in _DRAWN[self.kind]:
             kinds = " or a ".join(kind for kind, known in _DRAWN.items() if self.drawn in known)
-            drawn = {"ellipse": "an ellipse", "bars": "bars", "points": "points", "links": "links"}.get(
-                self.drawn or "", f"a {self.drawn}"
-            )
+            plural = {each: each for each in ("bars", "points", "links", "boxes")}
+            drawn = {"ellipse": "an ellipse", **plural}.get(self.drawn or "", f"a {self.drawn}")
             raise ValueError(f"{what} is a {self.kind}, and only a {kinds} is drawn as {drawn}")
         if self.columns is None:
             return
@@ -84,9 +86,11 @@ class Signal:
         if self.drawn == "points" and not any({*pair} <= {*self.column_names} for pair in _PLACES):
             pairs = ", or ".join(f"`{one}` and `{other}`" for one, other in _PLACES)
             raise ValueError(f"{what} is drawn as points, which takes columns {pairs}")
-
         if self.drawn == "links" and "agent" not in self.column_names:
             raise ValueError(f"{what} is drawn as links, which takes a column `agent`")
+        if self.drawn == "boxes" and not {*BOX_COLUMNS} <= {*self.column_names}:
+            listed = ", ".join(f"`{each}`" for each in BOX_COLUMNS)
+            raise ValueError(f"{what} is drawn as boxes, which takes columns {listed}")
 
     @property
     def column_names(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.attempt import attempt
 from symaware_cli.synthesis.conflict import conflict
 from symaware_cli.synthesis.counterstrategy import Counterstrategy, oppose
+from symaware_cli.synthesis.environment_cells import EnvironmentCells
 from symaware_cli.synthesis.fragment import LIVENESS
 from symaware_cli.synthesis.game import Statement
 from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthesise
@@ -29,6 +30,13 @@ PLAN = Signal(
     "plan",
     columns=(Quantity("cell", ""), Quantity("next_cell", ""), Quantity("goal", "")),
     description="the cell that the agent came to, the one that it goes to, and the number of the goal that it pursues",
+)
+ENVIRONMENT = Signal(
+    "environment",
+    "table",
+    [*(Quantity(each, "m") for each in ("x_low", "x_high", "y_low", "y_high")), Quantity("crossed", "1")],
+    drawn="boxes",
+    description="cells of others as believed or played; and, crossed, those that the environment closes to the agent",
 )
 
 
@@ -73,7 +81,7 @@ class KnowledgeStrategy(GroupComponent):
     the agent stops in its cell.
     """
 
-    signals = (PLAN,)
+    signals = (PLAN, ENVIRONMENT)
     events: ClassVar = {
         "strategy-made": "A strategy was made before the run; `digest` identifies it.",
         "counterstrategy-made": "There is no strategy; the environment plays a counterstrategy.",
@@ -87,7 +95,14 @@ class KnowledgeStrategy(GroupComponent):
         "cells-left": "An agent is neither in the cell that it came from nor in the one that it goes to.",
     }
     # Made from the parameters and the model before the run, and the same in each run of the scenario.
-    uncaptured: ClassVar[Collection[str]] = ("_knowledge", "_game", "_strategy", "_counterstrategy", "_goals")
+    uncaptured: ClassVar[Collection[str]] = (
+        "_knowledge",
+        "_game",
+        "_strategy",
+        "_counterstrategy",
+        "_goals",
+        "_cells",
+    )
 
     class Parameters(GameParameters):
         """What is known about the environment, what is to be achieved, and what to do otherwise."""
@@ -147,6 +162,7 @@ class KnowledgeStrategy(GroupComponent):
         self._knowledge = KnowledgeGame(self.parameters, group)
         self._game = game = self._knowledge.game
         self._goals = game.goals(game.assumptions)
+        self._cells = EnvironmentCells(game, self._knowledge.model)
         self._counterstrategy: Counterstrategy | None = None
         try:
             self._strategy: Strategy = synthesise(game, self._knowledge.starts, StrategyCache.of_user())
@@ -211,6 +227,17 @@ class KnowledgeStrategy(GroupComponent):
             float,
         )
         self.record(PLAN, plan)
+        self._show_environment()
+
+    def _show_environment(self) -> None:
+        """Record what each agent knows of the cells of others and of closed ones, where that changed."""
+        shown = self._group.awareness[ENVIRONMENT.field(self.name)]
+        tables = [
+            self._cells.table(each.state) if each.state >= 0 else before
+            for each, before in zip(self._memory, shown, strict=True)
+        ]
+        if not all(map(np.array_equal, tables, shown)):
+            self.record(ENVIRONMENT, tables)
 
     def _decided(
         self, row: int, memory: StrategyMemory, position: Array, observed: tuple[int, ...], reports: list[_Report]

@@ -8,12 +8,13 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.signal import Drawn
 from symaware_cli.recording.reader import Log, LogMessage
 from symaware_cli.viewing.blueprint import ReplayContent
 from symaware_cli.viewing.chunk import Chunk, ChunkReader
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.rerun.output import RerunOutput
-from symaware_cli.viewing.scene import bars, declared_links
+from symaware_cli.viewing.scene import bars
 from symaware_cli.viewing.scene.scene import CURVES, SCENE, Scene
 from symaware_cli.viewing.views import RunView, in_space
 
@@ -86,7 +87,9 @@ class Replay:
         kinds = [
             f"| bars beside agents | {name}, from left to right: {meaning} |" for name, meaning in bars.legend(run_view)
         ]
-        kinds += [f"| arrows between agents | {name}: {meaning} |" for name, meaning in declared_links.legend(run_view)]
+        words: dict[Drawn, str] = {"links": "arrows between agents", "boxes": "outlines on the ground"}
+        for how, drawn in words.items():
+            kinds += [f"| {drawn} | {name}: {meaning} |" for name, meaning in run_view.described(how).items()]
         if run_view.windows:
             kinds.append("| areas | filled while a specification about them counts; dashed before, faint after |")
         shared = "".join(f"{kind}\n" for kind in kinds)

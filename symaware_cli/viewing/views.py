@@ -201,6 +201,14 @@ class RunView:
             for row, agent in enumerate(group_view.agents)
         }
 
+    def described(self, how: Drawn) -> Mapping[str, str]:
+        """Return the description of each signal, by name, that is drawn in a given way."""
+        return {
+            name: group_view.signals[name].description
+            for group_view in self.group_views.values()
+            for name, _ in group_view.drawn(how)
+        }
+
     @property
     def agents(self) -> Sequence[str]:
         """The ids of all agents."""

@@ -21,6 +21,8 @@ POINTS = Signal("points", "table", PLACES, "points", "in the world")
         (("Points", "table", PLACES), "an identifier in lower case"),
         (("points", "heap", PLACES), "`kind` of the signal `points` is one of vector, series, table"),
         (("points", "table", PLACES, "bars"), "only a vector or a series is drawn as bars"),
+        (("boxes", "vector", PLACES, "boxes"), "only a table is drawn as boxes"),
+        (("boxes", "table", PLACES, "boxes"), "takes columns `x_low`, `x_high`, `y_low`, `y_high`"),
         (("points", "vector", PLACES[:1], "points"), "takes columns `x` and `y`, or `distance` and `bearing`"),
     ],
 )

@@ -92,13 +92,3 @@ class DeclaredLinks(Drawing):
 
     def _name(self, index: float) -> str:
         return self.run_view.roster[int(index)]
-
-
-def legend(run_view: RunView) -> Iterator[tuple[str, str]]:
-    """Yield the name of each signal that is drawn as links, and its description."""
-    shown = {
-        name: group_view.signals[name].description
-        for group_view in run_view.group_views.values()
-        for name, _ in group_view.drawn("links")
-    }
-    return iter(shown.items())

@@ -9,6 +9,7 @@ from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.scene.bars import Bars
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.bodies import Agents
+from symaware_cli.viewing.scene.boxes import Boxes
 from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
 from symaware_cli.viewing.scene.curves import AwarenessCurves, NumberTables, RecordedNumbers, SeparationCurve
 from symaware_cli.viewing.scene.declared_links import DeclaredLinks
@@ -45,6 +46,7 @@ SCENE: tuple[type[Drawing], ...] = (
     DeclaredLinks,
     Bars,
     SignalPoints,
+    Boxes,
     Scans,
     Cameras,
     Messages,
