@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core import Model
+from symaware_cli.geometry.faces import Faces, ball_faces, region_faces
 from symaware_cli.geometry.region import Region, RegionShape
 from symaware_cli.specification.formulation import Formulation
 from symaware_cli.specification.node import (
@@ -28,9 +29,6 @@ from symaware_cli.specification.printing import printed
 from symaware_cli.specification.token import ExpressionError
 
 Array: TypeAlias = NDArray[np.float64]
-
-#: The numbers of sides of the polygons within and around a disc.
-_INNER, _OUTER = 16, 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,23 +232,7 @@ class _Compiler:
             return _ball(
                 place.plus(Affine.constant(-np.array(shape.circle.centre), self._size)), shape.circle.radius, positive
             )
-        if shape.box is not None:
-            bounds = np.array(shape.box).reshape(-1, 2)
-            axes = np.eye(len(bounds))
-            normals = np.concatenate([axes, -axes])
-            offsets = np.concatenate([-bounds[:, 0], bounds[:, 1]])
-            deepest = float(0.5 * (bounds[:, 1] - bounds[:, 0]).min())
-        else:
-            corners = np.array(shape.polygon)
-            along = np.roll(corners, -1, axis=0) - corners
-            edges = np.sqrt((along * along).sum(axis=1))
-            normals = np.stack([-along[:, 1], along[:, 0]], axis=1) / edges[:, None]
-            offsets = -(normals * corners).sum(axis=1)
-            x, y = corners.T
-            area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-            # The inscribed disc of a convex polygon has at most this radius.
-            deepest = 2.0 * area / float(edges.sum())
-        return _convex(place, normals, offsets, deepest, positive)
+        return _convex(place, region_faces(shape), _deepest(shape), positive)
 
     def _named(self, member: str | RegionShape) -> RegionShape:
         return self._regions[member] if isinstance(member, str) else member
@@ -302,25 +284,31 @@ def joined(parts: Sequence[StateSet], every: bool) -> StateSet:
     return parts[0] if len(parts) == 1 else Intersection(tuple(parts)) if every else Union(tuple(parts))
 
 
-def _convex(place: Affine, normals: Array, offsets: Array, deepest: float, positive: bool) -> StateSet:
+def _convex(place: Affine, faces: Faces, deepest: float, positive: bool) -> StateSet:
     """Return the set of states whose place lies within all half spaces, or outside one of them."""
     side = 1.0 if positive else -1.0
-    matrix, moved = side * normals @ place.matrix, side * (normals @ place.offset + offsets)
+    matrix, moved = side * faces.normals @ place.matrix, side * (faces.normals @ place.offset + faces.offsets)
     parts = tuple(Face(tuple(row.tolist()), float(offset)) for row, offset in zip(matrix, moved, strict=True))
     return Intersection(parts, deepest) if positive else Union(parts)
 
 
 def _ball(place: Affine, radius: float, positive: bool) -> StateSet:
     """Return the set of states whose place has at most a distance from the origin, or at least."""
-    dimensions = len(place.matrix)
-    if dimensions == 2:
-        count = _INNER if positive else _OUTER
-        angles = 2.0 * np.pi * np.arange(count) / count
-        outward, within = np.stack([np.cos(angles), np.sin(angles)], axis=1), float(np.cos(np.pi / count))
-    else:
-        outward, within = np.concatenate([np.eye(dimensions), -np.eye(dimensions)]), 1.0 / np.sqrt(dimensions)
-    distance = radius * within if positive else radius
-    return _convex(place, -outward, np.full(len(outward), distance), distance, positive)
+    faces = ball_faces(len(place.matrix), radius, around=not positive)
+    return _convex(place, faces, float(faces.offsets[0]), positive)
+
+
+def _deepest(shape: RegionShape) -> float:
+    """Return an upper bound of the distance of a point in a box or polygon from its faces [m]."""
+    if shape.box is not None:
+        bounds = np.array(shape.box).reshape(-1, 2)
+        return float(0.5 * (bounds[:, 1] - bounds[:, 0]).min())
+    corners = np.array(shape.polygon)
+    along = np.roll(corners, -1, axis=0) - corners
+    x, y = corners.T
+    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    # The inscribed disc of a convex polygon has at most this radius.
+    return 2.0 * area / float(np.sqrt((along * along).sum(axis=1)).sum())
 
 
 def margin(states: StateSet, state: Array) -> float:

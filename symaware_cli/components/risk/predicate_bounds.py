@@ -13,9 +13,10 @@ from symaware_cli.components.risk.state_conditions import (
     HalfSpace,
     InsideDisc,
     Negation,
+    Polytope,
     StateCondition,
-    face,
 )
+from symaware_cli.geometry.faces import region_faces
 from symaware_cli.geometry.region import Region, RegionShape
 from symaware_cli.specification.columns import Lookup, values
 from symaware_cli.specification.node import (
@@ -86,19 +87,7 @@ def _within(shape: RegionShape, point: Node, regions: Mapping[str, Region]) -> S
     place = values(point)
     if shape.circle is not None:
         return InsideDisc(place, np.array(shape.circle.centre), shape.circle.radius)
-    if shape.box is not None:
-        bounds = np.array(shape.box).reshape(-1, 2)
-        axes = np.eye(len(bounds))
-        low = [face(place, axis, -bound[0]) for axis, bound in zip(axes, bounds, strict=True)]
-        high = [face(place, -axis, bound[1]) for axis, bound in zip(axes, bounds, strict=True)]
-        return _every([*low, *high])
-    assert shape.polygon is not None
-    corners = np.array(shape.polygon)
-    along = np.roll(corners, -1, axis=0) - corners
-    inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    return _every(
-        [face(place, normal, -float(normal @ corner)) for normal, corner in zip(inward, corners, strict=True)]
-    )
+    return Polytope(place, region_faces(shape))
 
 
 def _every(parts: list[StateCondition]) -> StateCondition:

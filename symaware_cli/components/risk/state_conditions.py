@@ -7,21 +7,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from symaware_cli.geometry.faces import Faces, ball_faces
 from symaware_cli.specification.columns import Lookup
 
 Array = NDArray[np.float64]
 
 #: What is assumed about the states: that they are normal, or nothing but their mean and covariance.
 Tail = Literal["normal", "chebyshev"]
-
-#: The number of sides of the polygon that stands for a disc.
-_SIDES = 16
 
 
 class Moments(NamedTuple):
@@ -138,6 +137,25 @@ class Conjunction(StateCondition):
         return HalfSpaces(slopes[safest, :, rows].swapaxes(0, 1), offsets[safest, :, rows].T)
 
 
+class Polytope(Conjunction):
+    """A point that is linear in the state lies in a convex region."""
+
+    def __init__(self, point: Callable[[Lookup], Any], faces: Faces) -> None:
+        """Create the condition.
+
+        Args:
+            point: Returns the point, of shape (n, d), from the values of names.
+            faces: The faces of the region, of d dimensions or fewer.
+        """
+
+        def margin(look_up: Lookup, normal: Array, offset: float) -> Any:
+            return (point(look_up)[:, : len(normal)] * normal).sum(axis=1) + offset
+
+        super().__init__(
+            [HalfSpace(partial(margin, normal=normal, offset=offset)) for normal, offset in zip(*faces, strict=True)]
+        )
+
+
 class Negation(StateCondition):
     """A condition does not hold."""
 
@@ -167,9 +185,8 @@ class InsideDisc(StateCondition):
         self._point = point
         self._centre = centre
         self._radius = radius
-        self._inner = Conjunction(
-            [face(point, -normal, radius * scale + float(normal @ centre)) for normal, scale in _inscribed(len(centre))]
-        )
+        normals, offsets = ball_faces(len(centre), radius)
+        self._inner = Polytope(point, Faces(normals, offsets - normals @ centre))
 
     def half_spaces(self, moments: Moments, holds: bool = True) -> HalfSpaces:
         """See the base class."""
@@ -182,11 +199,6 @@ class InsideDisc(StateCondition):
         length = np.sqrt((away * away).sum(axis=1))
         normal = np.where(length[:, None] > 0.0, away / np.where(length > 0.0, length, 1.0)[:, None], 0.0)
         return HalfSpace(lambda look_up: radius - (normal * (point(look_up)[:, : len(centre)] - centre)).sum(axis=1))
-
-
-def face(point: Callable[[Lookup], Any], normal: Array, offset: float) -> HalfSpace:
-    """Return the condition that a point is on the side of a plane that its normal points to."""
-    return HalfSpace(lambda look_up: (point(look_up)[:, : len(normal)] * normal).sum(axis=1) + offset)
 
 
 def exceeding(margin: Array, deviation: Array, tail: Tail) -> tuple[Array, Array]:
@@ -247,16 +259,3 @@ def _padded(sides: HalfSpaces, count: int) -> HalfSpaces:
         np.pad(sides.slopes, ((0, more), (0, 0), (0, 0))),
         np.pad(sides.offsets, ((0, more), (0, 0)), constant_values=np.inf),
     )
-
-
-def _inscribed(dimensions: int) -> list[tuple[Array, float]]:
-    """Return outward normals of a polytope within a disc or ball of radius 1, and the distances of its faces."""
-    if dimensions == 1:
-        return [(np.array([sign]), 1.0) for sign in (1.0, -1.0)]
-    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    near = float(np.cos(np.pi / _SIDES))
-    if dimensions == 2:
-        return [(normal, near) for normal in circle]
-    # The corners of a cube are at a distance of at most 1 if its faces are at one over the root of 3.
-    return [(sign * axis, 1.0 / np.sqrt(3.0)) for axis in np.eye(3) for sign in (1.0, -1.0)]
