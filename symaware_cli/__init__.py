@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from symaware_cli.api.comparison import ComparisonResult, compare
     from symaware_cli.api.falsifying import Falsification, falsify
     from symaware_cli.api.html_report import write_report
+    from symaware_cli.api.rare_events import RareEventEstimate, estimate
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
     from symaware_cli.api.scenario_outline import GroupOutline, Outline
@@ -159,6 +160,7 @@ __all__ = [
     "PortEvent",
     "ProcessorWarning",
     "Quantity",
+    "RareEventEstimate",
     "RiskEstimator",
     "Roster",
     "RunFailedError",
@@ -203,6 +205,7 @@ __all__ = [
     "check_log",
     "compare",
     "compare_sweeps",
+    "estimate",
     "falsify",
     "generator",
     "load",
@@ -224,6 +227,7 @@ _HOMES = {
     "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
     "symaware_cli.api.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
     "symaware_cli.api.falsifying": ("Falsification", "falsify"),
+    "symaware_cli.api.rare_events": ("RareEventEstimate", "estimate"),
     "symaware_cli.api.html_report": ("write_report",),
     "symaware_cli.api.branching": ("BranchError", "BranchResult", "branch"),
     "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),

@@ -253,21 +253,24 @@ class SteppedSimulation:
         """
         return capture(self._run, self._digest, __version__)
 
-    def restore(self, state: SimulationState) -> None:
+    def restore(self, state: SimulationState, seed: int | None = None) -> None:
         """Restore a state of this simulation, or of another one of the same scenario.
 
         It continues in the same way as that one, including the log, message by message. If the state was captured while
-        the present log was written, later entries are removed from the log.
+        the present log was written, later entries are removed from the log. A simulation without a log can be restored
+        after its end as well.
 
         Args:
             state: The result of `capture` or `SimulationState.from_bytes`.
+            seed: What everything random is drawn from thereafter; by default from the seed of the state, as if nothing
+                had been restored. Generators that a component made for itself continue as captured.
 
         Raises:
             StateError: The state is one of another scenario, seed or version, or cannot be restored here; the message
                 gives the reason. Nothing was changed.
             LogError: The log cannot be written.
         """
-        restore(self._run, state, self._digest, __version__)
+        restore(self._run, state, self._digest, __version__, seed)
         self._events.clear()
 
     def close(self) -> None:

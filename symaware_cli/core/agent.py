@@ -52,6 +52,10 @@ class Surroundings:
         self.clock = clock
         self.events = events
 
+    def reseed(self, seed: int) -> None:
+        """Let components that have drawn nothing yet draw from another seed."""
+        self.seed = seed
+
 
 class AgentGroup(EntityGroup):
     """Agents that share a model, a body and a list of components. Their data are stored in columns.

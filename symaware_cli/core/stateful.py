@@ -38,5 +38,12 @@ class Stateful(Protocol):
             StateError: It cannot; the message gives the reason.
         """
 
+    def reseed(self, seed: int) -> None:
+        """Take another seed for all further draws; optional, for objects that keep the seed of the run or keys of it.
+
+        A state may be restored with another seed, so that what follows is drawn anew. Generators that components get as
+        `random` do this by themselves.
+        """
+
     def restored(self, state: Any) -> None:
         """Restore a state that `captured` returned, after all attributes were restored."""

@@ -67,6 +67,10 @@ class Transmission:
         self._ids = ids
         self._queues: dict[int, LinkQueue[QueuedMessage]] = {}
 
+    def reseed(self, seed: int) -> None:
+        """Draw the fates of messages from another seed from now on."""
+        self._seed = seed
+
     @cached_property
     def _states(self) -> LinkStates:
         return LinkStates(self._seed, self._ids)

@@ -240,6 +240,10 @@ class _Noise:
         self._numbers = agent_numbers(entry.group.ids)
         self._turns = Turns()
 
+    def reseed(self, seed: int) -> None:
+        """Draw from another seed from now on."""
+        self._seed = seed
+
     def draw(self, rows: Sequence[int], now: int) -> Array:
         """Draw the noise of some agents for the turn that ends now [ns]; shape (k, nx)."""
         noise = np.zeros((len(rows), len(self._deviation)))

@@ -81,11 +81,11 @@ class Kernel:
             step: The number of steps made.
             time: Simulated time in nanoseconds.
         """
-        self.done = step
+        self.done, self.began = step, time
         self.queue.begin(time)
 
     def run(self, hooks: Hooks) -> Generator[None, None, str | None]:
-        """Process instants, yielding before each step but the first.
+        """Process instants, from a step of the world on, yielding before each step but the first.
 
         Between two steps nothing is in progress, and the clock is at an instant that has not begun.
 
@@ -94,7 +94,7 @@ class Kernel:
         """
         queue, steady, time_step = self.queue, self.steady, self.time_step
         entries, clock = queue.entries, queue.clock
-        self.began = self.next_step = clock.now
+        self.next_step = clock.now
         while True:
             now = clock.now
             is_step = self.is_at_step = now == self.next_step

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Array
 from symaware_cli.core import AgentGroup, Level, SubscriberError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.attribution import attribute_livelock, attribute_subscriber_error
 from symaware_cli.runtime.awaiting import Awaiter
@@ -213,7 +214,7 @@ class Run:
         self.advance()
         return self.summary
 
-    def advance(self, steps: int | None = None) -> None:
+    def advance(self, steps: int | None = None, until: Callable[[], bool] | None = None) -> None:
         """Make some steps, or fewer if the run ends before; the log is finished when the run ends.
 
         The first call initialises the components, even if no steps are requested. Between two calls no turn is in
@@ -221,13 +222,14 @@ class Run:
 
         Args:
             steps: The number of steps; None for all remaining ones.
+            until: Returns, after each step, whether no further ones are to be made.
 
         Raises:
             LogError: The log cannot be written.
         """
         with self._in_progress():
             try:
-                ending = self._make_steps(steps)
+                ending = self._make_steps(steps, until)
                 if ending is None:
                     self._interruption.unshield()
                     self._interruption.shield()
@@ -245,6 +247,27 @@ class Run:
             except LogError as error:
                 self._shut_down("failed", str(error))
                 raise
+
+    def check_reopening(self) -> None:
+        """Check that a run that is over can go on from an earlier state.
+
+        Raises:
+            StateError: It cannot; the message gives the reason.
+        """
+        reasons = {
+            "its log is finished": self.recorder,
+            "its connections to other processes are closed": self._participant,
+            "its workers have ended": any(entry.timing.in_process for entry in self.simulation.entries),
+            "it has a pace": self._pacer,
+        }
+        for reason, holds in reasons.items():
+            if holds:
+                raise StateError(f"the run of {self.simulation.name} is over, and {reason}: it cannot go on")
+
+    def reopen(self) -> None:
+        """Let a run that is over go on, once an earlier state is restored."""
+        self.status = self.failure = self.signal = None
+        self._generator = self._run_all()
 
     def leave(self, reason: str) -> None:
         """End the run between two steps, unless it has ended; its log ends with the present state.
@@ -300,7 +323,7 @@ class Run:
             finally:
                 self._elapsed += time.monotonic() - started
 
-    def _make_steps(self, steps: int | None) -> str | None:
+    def _make_steps(self, steps: int | None, until: Callable[[], bool] | None) -> str | None:
         """Make some steps, and return why the run ended, if it did."""
         generator = self._generator
         try:
@@ -308,6 +331,8 @@ class Run:
                 next(generator)
             for _ in repeat(None) if steps is None else repeat(None, steps):
                 next(generator)
+                if until is not None and until():
+                    break
         except StopIteration as end:
             return str(end.value)
         return None
@@ -354,8 +379,9 @@ class Run:
         """
         simulation = self.simulation
         try:
-            self._begin()
-            yield
+            if not self.kernel.has_begun:
+                self._begin()
+                yield
             if self._pacer:
                 self._pacer.lead(0)  # wall time starts here
             over = yield from self.kernel.run(self._hooks)

@@ -149,6 +149,12 @@ class TurnScheduler:
             self._timetables[row] = Timetable(timing, step, queue.grid, key)
             self._enter_turn([row], 0, queue.clock.now)
 
+    def reseed(self, seed: int) -> None:
+        """Draw the jitter of the turns that are not yet queued from another seed."""
+        if self._timing.jitter:
+            for row, component in enumerate(self.entry.components):
+                self._timetables[row].rekey(key_of(seed, component.path, "jitter"))
+
     def _enter_turn(self, rows: Sequence[int] | None, number: int, earliest: int) -> None:
         """Queue the next periodic turn; turns that were due before this process joined the run are skipped."""
         row = rows[0] if rows else 0

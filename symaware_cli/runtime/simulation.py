@@ -179,6 +179,10 @@ class Simulation:
             group.surroundings = surroundings
             group.awareness.clock = self.clock
 
+    def reseed(self, seed: int) -> None:
+        """Let latencies and faults that begin from now on draw from another seed."""
+        self.seed = seed
+
     @property
     def agent_count(self) -> int:
         """The number of agents, present or absent."""

@@ -135,6 +135,10 @@ class Timetable:
         self._delays: list[int] = []
         self._first = 0
 
+    def rekey(self, key: int) -> None:
+        """Draw the jitter with another key from now on."""
+        self._key, self._delays = key, []
+
     def turn(self, number: int, earliest: int) -> tuple[int, int] | None:
         """Find the first turn at or after an instant.
 

@@ -149,6 +149,7 @@ class SpecificationMonitor:
         begun: Which rows count: those that have ever been present, or that have accepted it; shape (rows,).
         rejection: Why nobody has accepted it; empty if that is open, or if it is not offered.
         decisions: The decisions in the order in which they were made.
+        begins: Whether evaluation begins by itself, once for each row.
         cohorts: The rows that are evaluated, by the instant at which their evaluation began.
         is_over: Whether further values are ignored.
         is_continued: Whether forecasts are made; to be set before the first value.
@@ -175,7 +176,7 @@ class SpecificationMonitor:
         self.is_continued = False
         self._time_step = time_step
         self._is_offered = specification.offer is not None
-        self._begins = begins and not self._is_offered
+        self.begins = begins and not self._is_offered
         self.rejection = ""
         self._now = 0
         self._due: list[NDArray[np.intp]] = []
@@ -273,7 +274,7 @@ class SpecificationMonitor:
     @property
     def awaited(self) -> NDArray[np.bool_]:
         """Which rows begin with the next step, if they are present then; shape (rows,)."""
-        awaited = ~self.begun if self._begins else np.zeros(len(self.begun), bool)
+        awaited = ~self.begun if self.begins else np.zeros(len(self.begun), bool)
         for rows in self._due:
             awaited[rows] = True
         return awaited
@@ -346,7 +347,7 @@ class SpecificationMonitor:
     def _arrive(self, present: NDArray[np.bool_] | None, now: int) -> None:
         """Begin the evaluation of rows that are due and present."""
         specification = self.specification
-        if self._begins and not self.begun.all():
+        if self.begins and not self.begun.all():
             self._due.append(np.flatnonzero(~self.begun))
         for due in self._due:
             rows = due if present is None else due[present[due]]
@@ -401,7 +402,7 @@ class SpecificationMonitor:
     def _combine(self) -> None:
         """Combine the results of all instances; decided instances are dropped."""
         interval = self.specification.interval
-        if not self._begins and not self._is_offered:
+        if not self.begins and not self._is_offered:
             for cohort in self.cohorts:
                 if cohort.told.all():
                     self._ended.add(cohort, interval)

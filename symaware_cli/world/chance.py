@@ -194,18 +194,27 @@ class GroupChance:
             purpose: The purpose; the same for all agents, and different from all other purposes.
             numbers: The numbers of the agents, from `agent_numbers`; shape (n,).
         """
-        self._seeds = (seed,) if isinstance(seed, int) else tuple(seed)
-        #: How many rows each run has.
-        self._share = max(1, len(numbers) // len(self._seeds))
-        #: How the text of a key begins, for each run.
-        self._beginnings = [f"{each}\0{purpose}\0".encode() for each in self._seeds]
+        self._purpose = purpose
         self._numbers = numbers
+        self._seeds: tuple[int, ...] = ()
+        #: How many rows each run has.
+        self._share = 1
+        #: How the text of a key begins, for each run.
+        self._beginnings: list[bytes] = []
         self._turn = Turn(-1)
         self._used: dict[tuple[str, ...], int] = {}
         #: The time from the previous turn to this one [ns], and whether it equals the one before.
         self._step = 0
         self._is_regular = False
         self._ahead: dict[tuple[str | int, ...], _Ahead] = {}
+        self.reseed(seed)
+
+    def reseed(self, seed: Seed) -> None:
+        """Draw from another seed from now on."""
+        self._seeds = (seed,) if isinstance(seed, int) else tuple(seed)
+        self._share = max(1, len(self._numbers) // len(self._seeds))
+        self._beginnings = [f"{each}\0{self._purpose}\0".encode() for each in self._seeds]
+        self._ahead = {}
 
     def at(self, turn: Turn) -> Self:
         """Select the draws of a turn; in the same turn as before, continue."""
@@ -363,6 +372,10 @@ class AgentChance:
         self._path = path
         self._turn: Turn | None = None
         self._generator: np.random.Generator | None = None
+
+    def reseed(self, seed: int) -> None:
+        """Draw from another seed from the next turn on."""
+        self._seed = seed
 
     def at(self, turn: Turn) -> np.random.Generator:
         """Return the generator of a turn: in its present state within the turn, else reset to the turn's beginning."""

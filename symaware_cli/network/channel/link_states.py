@@ -41,7 +41,7 @@ class LinkStates:
         self._count = len(ids)
         self.congestion = 0
         self._agents = agent_numbers(ids)
-        self._key = key_of(seed, "links")
+        self._key = 0
         #: sender * count + receiver of each known link, ascending, and the row of each.
         self._known = np.empty(0, np.int64)
         self._rows = np.empty(0, np.intp)
@@ -57,6 +57,13 @@ class LinkStates:
         self.recent = RecentTransmissions()
         self.bad = np.zeros(0, np.int8)
         self.channel = np.zeros(0, np.intp)
+        self.reseed(seed)
+
+    def reseed(self, seed: int) -> None:
+        """Draw the fates of messages from another seed from now on."""
+        self._key = key_of(seed, "links")
+        if self._used:
+            self._draw_keys(slice(0, self._used))
 
     def rows(self, senders: Indices, receivers: Indices) -> tuple[Indices, slice | None]:
         """Return the rows of links, adding new ones.
@@ -98,8 +105,12 @@ class LinkStates:
             self.residue = np.concatenate([self.residue, np.zeros(room)])
             self.backlog.grow(room)
             self.recent.grow(room)
-        senders, receivers = np.divmod(links, self._count)
         self._links[rows] = links
+        self._draw_keys(rows)
+
+    def _draw_keys(self, rows: slice) -> None:
+        """Make the keys of some rows, from the ends of their links."""
+        senders, receivers = np.divmod(self._links[rows], self._count)
         self.keys[rows] = combined(self._agents[senders], self._agents[receivers], self._key)
 
     def ends(self, rows: slice) -> tuple[Indices, Indices]:

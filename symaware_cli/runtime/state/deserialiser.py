@@ -40,6 +40,12 @@ class Deserialiser:
             live.restored(state[0])
         return found
 
+    def reseed(self, seed: int) -> None:
+        """Let the restored objects that draw random numbers draw from another seed from now on."""
+        for number, made in self._made.items():
+            if self._counterparts.entries[number][0] == "object" and hasattr(type(made), "reseed"):
+                made.reseed(seed)
+
     def _value(self, content: Any) -> Any:
         """The value of an atom or a reference."""
         if type(content) is not tuple:

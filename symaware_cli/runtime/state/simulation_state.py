@@ -93,18 +93,33 @@ def capture(run: Run, scenario: str, version: str) -> SimulationState:
     return SimulationState(scenario, version, run.simulation.clock.now, run.done, entries)
 
 
-def restore(run: Run, state: SimulationState, scenario: str, version: str) -> None:
+def restore(run: Run, state: SimulationState, scenario: str, version: str, seed: int | None = None) -> None:
     """Restore a state in the run in which it was captured, or in another one of the same scenario.
+
+    Args:
+        run: The run; it has begun. If it is over, it goes on from the state.
+        state: The state.
+        scenario: The digest of the scenario of the run.
+        version: The version of the package.
+        seed: What is drawn from then on; None for the seed of the state, as if nothing had been restored.
 
     Raises:
         StateError: The state is of another scenario or version, or cannot be restored here. Nothing was changed.
     """
-    _check(run)
+    if run.status is None:
+        _check(run)
     if state.version != version:
         raise StateError(f"the state was captured by version {state.version} of the package, and this is {version}")
     if state.scenario != scenario:
         raise StateError("the state belongs to another scenario, to other overrides of it, or to another seed")
-    Deserialiser(Counterparts(state.entries, _roots(run), packages(run.simulation))).restore()
+    if run.status is not None:
+        run.check_reopening()
+    deserialiser = Deserialiser(Counterparts(state.entries, _roots(run), packages(run.simulation)))
+    if run.status is not None:
+        run.reopen()
+    deserialiser.restore()
+    if seed is not None:
+        deserialiser.reseed(seed)
 
 
 def _check(run: Run) -> None:

@@ -1,0 +1,121 @@
+"""Estimates how probable a rare event is, by splitting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.api.changes import Changes, texts
+from symaware_cli.api.scenario import FilePath
+from symaware_cli.study.rare_event import EventKind, RareEvent
+from symaware_cli.study.repeats import Repeat, SplittingPlan, repeat
+from symaware_cli.study.splitting import mean_of_repeats
+from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
+
+
+@dataclass(frozen=True, slots=True)
+class RareEventEstimate:
+    """How probable a rare event is, by splitting. It is an estimate: nothing is certified by it.
+
+    Attributes:
+        plan: What every repeat did.
+        repeats: What came of each, by its number.
+        probability: The mean of the repeats with its interval.
+    """
+
+    plan: SplittingPlan
+    repeats: Sequence[Repeat]
+    probability: IntervalEstimate
+
+    @property
+    def shares(self) -> Sequence[float]:
+        """The share of trials that reached the end of each stage, of all repeats that came to the stage."""
+        shares = []
+        for stage in range(self.plan.event.stages):
+            there = [each.counts[stage] for each in self.repeats if stage < len(each.counts)]
+            trials = sum(each.trials for each in there)
+            shares.append(sum(each.reached for each in there) / trials if trials else 0.0)
+        return shares
+
+    @property
+    def missed(self) -> int:
+        """How many repeats never came to the event; their estimate is 0."""
+        return sum(each.estimate == 0.0 for each in self.repeats)
+
+    @property
+    def failed(self) -> int:
+        """In how many trials a component failed; they did not reach the end of their stage."""
+        return sum(each.failed for each in self.repeats)
+
+    @property
+    def steps(self) -> int:
+        """How many steps all repeats took."""
+        return sum(each.steps for each in self.repeats)
+
+    @property
+    def cpu_time(self) -> float:
+        """The CPU time that all repeats took [s]; the only figure that differs when they are made again."""
+        return sum(each.cpu_time for each in self.repeats)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            **self.plan.to_json(),
+            "probability": asdict(self.probability),
+            "shares": list(self.shares),
+            "missed": self.missed,
+            "failed": self.failed,
+            "steps": self.steps,
+            "cpu_time": self.cpu_time,
+            "repeats": [asdict(each) for each in self.repeats],
+        }
+
+
+def estimate(
+    scenario: FilePath,
+    specification: str,
+    levels: Sequence[float] = (),
+    *,
+    event: EventKind = "violated",
+    trials: int = 100,
+    repeats: int = 20,
+    changes: Changes | None = None,
+    seed: int = 0,
+    confidence: float = 0.95,
+    on_progress: Callable[[int, int], object] | None = None,
+) -> RareEventEstimate:
+    """Estimate how probable it is that a specification is violated, or satisfied, by splitting.
+
+    Runs are continued from where earlier ones came closer to the event: from states in which the robustness had reached
+    a level, with other draws from there on. So the probability is a product of probabilities that are not small.
+
+    Args:
+        scenario: A scenario, or a log of one. The state of its runs must be one that can be captured (docs/capture.md).
+        specification: The name of the specification.
+        levels: Robustness on the way to the event, in the unit of the formula: descending and above 0 to a violation,
+            ascending and below 0 otherwise. Without levels, all trials are plain runs.
+        event: ``violated`` or ``satisfied``, of all agents or pairs that the specification is about.
+        trials: The number of trials of each stage of each repeat.
+        repeats: The number of independent repeats, from which the interval is made.
+        changes: Values of the scenario to change.
+        seed: What everything is drawn from: the same seed gives the same estimate.
+        confidence: The confidence of the interval.
+        on_progress: Called after each repeat with how many were made, and how many there are.
+
+    Raises:
+        ScenarioError: The scenario has problems.
+        SweepError: It has no such event, or the state of its runs cannot be captured; the message names what cannot.
+        ValueError: There are no trials, or fewer than two repeats.
+        KeyboardInterrupt: A signal ended a run.
+    """
+    if trials < 1 or repeats < 2:
+        raise ValueError(f"at least one trial and two repeats are needed, not {trials} and {repeats}")
+    plan = SplittingPlan(Path(scenario), texts(changes), RareEvent(specification, event, tuple(levels)), trials, seed)
+    made = []
+    for number in range(repeats):
+        made.append(repeat(plan, number))
+        if on_progress is not None:
+            on_progress(len(made), repeats)
+    return RareEventEstimate(plan, made, mean_of_repeats([each.estimate for each in made], confidence))
