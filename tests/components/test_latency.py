@@ -114,6 +114,7 @@ CASES = {
         regions=REGIONS,
     ),
     "knowledge.strategy": Case(["signals"], PATROL, regions=REGIONS),
+    "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
     "communication.state": Case([]),

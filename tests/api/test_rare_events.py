@@ -1,0 +1,137 @@
+"""Estimates of rare events: what is known is found, and what cannot be split is refused with the reason."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import symaware_cli as sa
+from symaware_cli.cli.application import application
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+WALK = SCENARIOS / "random-walk.yaml"
+LEVELS = [-11.5, -8.5, -5.5, -2.5]
+
+
+def text_of(*arguments: str) -> tuple[int, str]:
+    done = CliRunner().invoke(application, ["estimate", *map(str, arguments)])
+    return done.exit_code, done.output
+
+
+def small(**changes: Any) -> sa.RareEventEstimate:
+    """An estimate from few trials."""
+    return sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, changes=changes or None)
+
+
+def test_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
+    found = sa.estimate(
+        WALK, "far", LEVELS, event="satisfied", trials=25, repeats=12, changes={"run.duration": 40.0}, confidence=0.999
+    )
+    assert found.probability.covers(0.00312465853)
+    assert len(found.shares) == 5
+    assert all(0.0 < share < 1.0 for share in found.shares)
+
+
+def test_the_same_seed_gives_the_same_estimate_and_another_one_another() -> None:
+    def plain(found: sa.RareEventEstimate) -> Any:
+        return [(each.counts, each.estimate, each.steps) for each in found.repeats]
+
+    one, two = small(), small()
+    assert plain(one) == plain(two)
+    other = sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, seed=1)
+    assert plain(other) != plain(one)
+
+
+def test_levels_descend_to_a_violation_and_the_answer_is_the_same() -> None:
+    changes = {"specifications": {"near": {"each": "walker", "formula": "always x < 19.5"}}, "run.duration": 100.0}
+    found = sa.estimate(WALK, "near", [11.5, 8.5, 5.5, 2.5], trials=20, repeats=3, changes=changes)
+    assert [each.counts for each in found.repeats] == [each.counts for each in small().repeats]
+
+
+def test_a_level_that_nobody_reaches_is_told() -> None:
+    arguments = [str(WALK), "--specification", "far", "--event", "satisfied", "--levels=-11.5", "--trials", "3"]
+    never = "agents.walker.components.walk.with.probabilities=[0, 1]"
+    status, text = text_of(*arguments, "--repeats", "2", "--set", never)
+    assert status == 0
+    assert "no repeat came to the event" in text
+    status, text = text_of(*arguments, "--repeats", "2", "--set", never, "--json")
+    found = json.loads(text)
+    assert (found["missed"], found["probability"]["value"], found["probability"]["upper"]) == (2, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "arguments", "reason"),
+    [
+        ("random-walk.yaml", ["--specification", "fra"], "there is no specification `fra`, only far"),
+        ("random-walk.yaml", ["--specification", "far", "--levels", "a"], "--levels takes numbers"),
+        ("random-walk.yaml", ["--specification", "far", "--levels", "1,2"], "are descending and above 0, not 1, 2"),
+        ("random-walk.yaml", ["--specification", "far", "--event", "late"], "--event takes violated or satisfied"),
+        ("random-walk.yaml", ["--specification", "far", "--confidence", "2"], "--confidence is between 0 and 1"),
+        (
+            "billiards.yaml",
+            [
+                "--specification",
+                "in",
+                "--set",
+                'specifications={in: {each: referee, formula: "always norm(position) < 99"}}',
+            ],
+            "the run cannot be split: the state of the environment cannot be captured: its engine",
+        ),
+    ],
+)
+def test_what_cannot_be_estimated_is_refused_with_the_reason(scenario: str, arguments: list[str], reason: str) -> None:
+    status, text = text_of(str(SCENARIOS / scenario), "--trials", "2", "--repeats", "2", *arguments)
+    assert status == 2
+    assert reason in text
+
+
+def test_a_state_has_as_many_futures_as_there_are_seeds() -> None:
+    with sa.load(SCENARIOS / "noisy.yaml").start() as simulation:
+        simulation.step(10)
+        state, group = simulation.capture(), next(iter(simulation.groups))
+
+        def future(seed: int | None) -> list[list[float]]:
+            simulation.restore(state, seed)
+            simulation.step(5)
+            found: list[list[float]] = simulation.state(group).tolist()
+            return found
+
+        futures = [future(seed) for seed in (None, 1, 2)]
+        assert futures[0] != futures[1] != futures[2]
+        assert [future(seed) for seed in (None, 1, 2)] == futures
+
+
+def test_messages_draw_their_fates_from_the_seed_of_their_future() -> None:
+    changes = {"topology.channel.loss": 0.5}
+    with sa.load(SCENARIOS / "flooding.yaml", changes).start() as simulation:
+        simulation.step(5)
+        state = simulation.capture()
+        dropped = []
+        for seed in (1, 2, 1):
+            simulation.restore(state, seed)
+            simulation.step(40)
+            dropped.append(simulation.capture().entries)
+        assert dropped[0] == dropped[2] != dropped[1]
+
+
+def test_a_run_without_a_log_goes_on_from_an_earlier_state_after_its_end(tmp_path: Path) -> None:
+    scenario = sa.load(SCENARIOS / "hello.yaml", {"run.duration": 1.0})
+    with scenario.start() as simulation:
+        simulation.step(5)
+        state = simulation.capture()
+        simulation.finish()
+        end = simulation.state("robot").tolist()
+        simulation.restore(state)
+        assert not simulation.done
+        assert simulation.steps == 5
+        simulation.finish()
+        assert simulation.state("robot").tolist() == end
+    with scenario.start(output=tmp_path / "hello.mcap") as simulation:
+        state = simulation.capture()
+        simulation.finish()
+        with pytest.raises(sa.StateError, match="its log is finished"):
+            simulation.restore(state)
