@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple, Protocol
 
 
@@ -50,6 +50,10 @@ OFFERS = "offers"
 
 class OfferBoard(Protocol):
     """Accepts specifications that are offered."""
+
+    @property
+    def holders(self) -> Mapping[str, str]:
+        """The ids of the agents that have accepted specifications and not given them up, by the names of these."""
 
     def accept(self, name: str, agent: str, path: str) -> bool:
         """Accept a specification for an agent, on behalf of the component with a path; whether the agent has it."""

@@ -91,6 +91,11 @@ class Offers:
             for group in simulation.groups:
                 group.offers = self
 
+    @property
+    def holders(self) -> Mapping[str, str]:
+        """The ids of the agents that have accepted specifications and not given them up, by the names of these."""
+        return {name: state.holder for name, state in self._states.items() if state.holder}
+
     def update(self, now: int) -> None:
         """Make the offers that are due at a step, reopen those whose agents are gone, and reject what is too late."""
         for name, state in self._states.items():

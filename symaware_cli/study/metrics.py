@@ -8,6 +8,7 @@ from typing import Any
 
 from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.specification.outcome import REJECTED, Outcome
 from symaware_cli.study.measurement import MOST_GOALS, RunMeasurement
 
 
@@ -47,6 +48,16 @@ class RunFigures:
 
 
 _Value = Callable[[RunFigures], Any]
+
+
+def _of_offers(run: RunFigures, counts: Callable[[Outcome, bool], bool]) -> int | None:
+    """Return how many specifications count, by their outcome and whether an agent holds them; None without offers."""
+    board = next((group.offers for group in run.simulation.groups if group.offers is not None), None)
+    if board is None:
+        return None
+    holders = board.holders
+    return sum(counts(each, each.name in holders) for each in run.summary.specifications)
+
 
 _BUILT_IN: tuple[tuple[MetricDescription, _Value], ...] = (
     (
@@ -96,6 +107,18 @@ _BUILT_IN: tuple[tuple[MetricDescription, _Value], ...] = (
     (
         MetricDescription("failures", "integer", "", "failures of components that did not end the run"),
         lambda run: run.summary.failures,
+    ),
+    (
+        MetricDescription("offers_accepted", "integer", "", "specifications that were offered and that an agent has"),
+        lambda run: _of_offers(run, lambda outcome, is_held: is_held),
+    ),
+    (
+        MetricDescription("offers_violated", "integer", "", "those of them that are violated"),
+        lambda run: _of_offers(run, lambda outcome, is_held: is_held and outcome.verdict == "violated"),
+    ),
+    (
+        MetricDescription("offers_rejected", "integer", "", "specifications that were offered and that nobody took"),
+        lambda run: _of_offers(run, lambda outcome, is_held: outcome.verdict == REJECTED),
     ),
 )
 

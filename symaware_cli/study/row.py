@@ -18,7 +18,7 @@ class Row:
     Attributes:
         index: Its number.
         state: How it ended.
-        verdicts: What became of each specification: ``satisfied``, ``violated`` or ``undecided``.
+        verdicts: What became of each specification: ``satisfied``, ``violated``, ``undecided`` or ``rejected``.
         robustness: The robustness of each; None where it is not known.
         metrics: The value of each metric.
         digest: A hash of the states and control inputs at every step, in hexadecimal; None unless it is done.
