@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from symaware_cli.optimal_control.mixed_integer_program import MixedIntegerProgram, MixedIntegerSolution
     from symaware_cli.optimal_control.optimal_control_problem import OptimalControlProblem
     from symaware_cli.optimal_control.plan import Plan, PlanDecision, Solution
+    from symaware_cli.optimal_control.sampled_formula import SampledFormula, sampled
     from symaware_cli.optimal_control.solver import Solver
     from symaware_cli.optimal_control.specification_program import SpecificationPlan, SpecificationProgram, margins
 
@@ -26,12 +27,14 @@ __all__ = [
     "OptimalControlProblem",
     "Plan",
     "PlanDecision",
+    "SampledFormula",
     "Solution",
     "Solver",
     "SpecificationPlan",
     "SpecificationProgram",
     "margins",
     "predicate_sets",
+    "sampled",
     "state_names",
 ]
 
@@ -44,12 +47,14 @@ _HOMES = {
     "OptimalControlProblem": "optimal_control_problem",
     "Plan": "plan",
     "PlanDecision": "plan",
+    "SampledFormula": "sampled_formula",
     "Solution": "plan",
     "Solver": "solver",
     "SpecificationPlan": "specification_program",
     "SpecificationProgram": "specification_program",
     "margins": "specification_program",
     "predicate_sets": "affine_predicate",
+    "sampled": "sampled_formula",
     "state_names": "affine_predicate",
 }
 

@@ -73,6 +73,10 @@ class TubeControl(Component):
     the plan begins anew at each step, where the robot is. If there is no plan, the last one is followed with the
     feedback that the tube is made for.
 
+    With a `step` the plan is one of positions for a robot with another model, such as a differential drive, which
+    `warehouse.track` moves along the straight ways between them. Then what a specification asks for holds on these
+    ways, too, and by `margin` beyond the tube.
+
     The specifications are those of the scenario that are in force by themselves, and those that are offered and that a
     component such as `allocation.nearest` or an auction accepts. One that is offered is bound to its epsilon.
 
@@ -128,6 +132,19 @@ class TubeControl(Component):
         gap: float = Field(0.05, ge=0, description="By how much a plan may cost more than the best.")
         nodes: int = Field(5_000, ge=1, description="Limit of a search: the nodes of its tree.")
         bids: bool = Field(True, description="Whether to bid on what is offered.")
+        step: float | None = Field(
+            None,
+            gt=0,
+            description="Duration of a step of the plan [s], for a robot with another model that `warehouse.track` "
+            "moves along the plan; give the component the same `period`. By default a step of the world, and the first "
+            "u of the plan is the control input.",
+        )
+        margin: float = Field(
+            0.0,
+            ge=0,
+            description="By how much specifications hold beyond the tube [m]: for the body, and for how far the robot "
+            "is from the straight way between two steps.",
+        )
         notice: float = Field(
             0.0,
             ge=0,
@@ -136,9 +153,15 @@ class TubeControl(Component):
         )
 
     def check(self, group: AgentGroup) -> None:
-        """Check that the model is x+ = x + u + w with limited u and known noise."""
+        """Check that the model is x+ = x + u + w with limited u and known noise, or that a plan can be made without."""
+        if self.parameters.step is not None and len(group.model.position) != 2:
+            raise ValueError("plans are for robots that move in a plane")
         for row in range(len(group)):
-            self._planner_of(group, row, group.model.time_step or 1.0, 0)
+            self._planner_of(group, row, self._plan_step(group), 0)
+
+    def _plan_step(self, group: AgentGroup) -> float:
+        """Return the duration of a step of the plan, before the world is known [s]."""
+        return self.parameters.step or group.model.time_step or 1.0
 
     def check_specification(self, specification: Specification, group: AgentGroup) -> None:
         """Check that a specification is linear in the state, and that its epsilon is possible."""
@@ -147,8 +170,10 @@ class TubeControl(Component):
         if specification.automaton is not None:
             raise ValueError("it is in linear temporal logic")
         epsilon = None if specification.offer is None else specification.offer.epsilon
-        commitment = Commitment.of(specification, group.model, group.regions, 0, epsilon)
-        planner = self._planner_of(group, 0, group.model.time_step or 1.0, 0)
+        commitment = Commitment.of(
+            specification, group.model, group.regions, 0, epsilon, self._every(specification.formulation.time_step)
+        )
+        planner = self._planner_of(group, 0, self._plan_step(group), 0)
         if epsilon is not None and not commitment.is_possible(planner.steps, planner.tube):
             count = len(commitment.steps(planner.steps))
             raise ValueError(
@@ -174,8 +199,9 @@ class TubeControl(Component):
     ) -> None:
         """Start without a plan."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
-        self._step = self.environment.time_step
-        #: The step of the world at which the robot begins; its own steps count from there.
+        time_step = self.environment.time_step
+        self._step = time_step * self._every(time_step)
+        #: The step of the plan at which the robot begins; its own steps count from there.
         self._origin = -(-self.now // self._step)
         self._planner = self._planner_of(agent.group, agent.row, seconds(self._step), self._origin)
         self._progress: Progress | None = None
@@ -188,7 +214,8 @@ class TubeControl(Component):
     # A turn
 
     def _compute(self) -> TubeDecision:
-        state, planner = self._agent.self_state, self._planner
+        planner = self._planner
+        state = self._agent.self_state[list(self._agent.group.model.position)]
         before, plan = self._progress, self._plan
         if before is None:
             progress = Progress.beginning(state)
@@ -214,7 +241,8 @@ class TubeControl(Component):
 
     def _update(self, value: TubeDecision) -> None:
         agent, awareness, now = self._agent, self._agent.self_awareness, self.computed_at
-        agent.model.control_input = value.control_input
+        if self.parameters.step is None:
+            agent.model.control_input = value.control_input
         self._progress, self._plan = value.progress, value.plan
         self._starts, self._required, self._answered = value.starts, value.required, value.answered
         awareness.risk = TimeSeries.sampled([now], [value.risk])
@@ -299,7 +327,8 @@ class TubeControl(Component):
         epsilon = None
         if specification.offer is not None:
             epsilon = math.inf if specification.offer.epsilon is None else specification.offer.epsilon
-        return Commitment.of(specification, group.model, group.regions, start, epsilon)
+        every = self._every(specification.formulation.time_step)
+        return Commitment.of(specification, group.model, group.regions, start, epsilon, every)
 
     # Bids
 
@@ -339,8 +368,12 @@ class TubeControl(Component):
         """
         given = self.parameters
         model = group.model
-        dynamics = LinearDynamics.of(model, step)
         unit = np.eye(2)
+        if given.step is not None:
+            free = np.full(2, np.inf)
+            dynamics = LinearDynamics(unit, unit, np.zeros(2), -free, free, np.zeros((0, 2)), np.zeros(0))
+        else:
+            dynamics = LinearDynamics.of(model, step)
         if dynamics.A.shape != (2, 2) or dynamics.B.shape != (2, 2) or dynamics.c.any():
             raise ValueError("the model must be x+ = x + u + w in the plane")
         if not (np.array_equal(dynamics.A, unit) and np.array_equal(dynamics.B, unit)) or len(dynamics.normals):
@@ -353,13 +386,24 @@ class TubeControl(Component):
             greatest = np.minimum(dynamics.greatest, max_input)
             dynamics = replace(dynamics, least=least, greatest=greatest)
         if not np.isfinite([*dynamics.least, *dynamics.greatest]).all():
-            raise ValueError("a plan needs a limit of u: that of the model, or `max_input`")
+            raise ValueError("a plan needs a limit of u: `max_input`, or that of the model")
         variance = given.variance
         if variance is None:
-            noise = model.noise_covariance(step)
+            noise = None if given.step is not None else model.noise_covariance(step)
             if noise is None or not noise.any():
-                raise ValueError("a tube needs noise: that of the model, or its `variance`")
+                raise ValueError("a tube needs noise: its `variance`, or that of the model")
             variance = float(np.linalg.eigvalsh(noise).max())
         tube = Tube.of(given.tube, variance / (1.0 - (1.0 - given.feedback) ** 2), given.least_risk, given.chords)
         last = round(nanoseconds(given.horizon) / nanoseconds(step)) - origin
-        return Planner(dynamics, tube, last, given.energy, given.tangents, given.gap, given.nodes)
+        return Planner(dynamics, tube, last, given.energy, given.tangents, given.gap, given.nodes, margin=given.margin)
+
+    def _every(self, time_step: int) -> int:
+        """Return how many steps of the world, in nanoseconds, a step of the plan takes.
+
+        Raises:
+            ValueError: It is not a whole number.
+        """
+        step = time_step if self.parameters.step is None else nanoseconds(self.parameters.step)
+        if step % time_step:
+            raise ValueError(f"the `step` of {seconds(step):g} s is not a multiple of {seconds(time_step):g} s")
+        return step // time_step

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -12,11 +13,13 @@ from numpy.typing import NDArray
 from symaware_cli import Model
 from symaware_cli.formulas import Region, Specification
 from symaware_cli.optimal_control import (
+    Affine,
     LinearDynamics,
     SpecificationPlan,
     SpecificationProgram,
     margins,
     predicate_sets,
+    sampled,
     state_names,
 )
 from symaware_warehouse.tube import Tube
@@ -38,7 +41,7 @@ class Commitment(NamedTuple):
 
     Attributes:
         name: The name of the specification.
-        formulation: Its formula.
+        formulation: Its formula, in steps of the plan.
         sets: Of each predicate the states in which it holds, and those in which its negation does.
         start: The step at which it begins.
         epsilon: The most that the risk of its steps may add up to; None for no limit.
@@ -58,15 +61,32 @@ class Commitment(NamedTuple):
         regions: Mapping[str, Region],
         start: int,
         epsilon: float | None,
+        every: int = 1,
     ) -> Commitment:
         """Return what a specification commits an agent to, from a step on.
 
+        Args:
+            specification: The specification.
+            model: The model.
+            regions: The regions by name.
+            start: The step of the plan at which it begins.
+            epsilon: The most that the risk of its steps may add up to; None for no limit.
+            every: How many steps of the world a step of the plan takes. Above 1, what holds at the steps of the plan
+                holds on straight ways between them, too.
+
         Raises:
-            ValueError: A predicate is not linear in the state of the model.
+            ValueError: A predicate is not linear in the state of the model, or in the position if there are steps in
+                between; or there is no formula for the steps of the plan.
         """
         formulation = specification.formulation
-        sets = predicate_sets(formulation, state_names(model), regions)
-        return cls(specification.name, formulation, sets, start, epsilon)
+        if every == 1:
+            sets = predicate_sets(formulation, state_names(model), regions)
+            return cls(specification.name, formulation, sets, start, epsilon)
+        place = np.eye(2)
+        names = {model.state[index].name: Affine(row) for index, row in zip(model.position, place, strict=True)}
+        sets = predicate_sets(formulation, {"position": Affine(place), **names}, regions)
+        found = sampled(formulation.formula, sets, every)
+        return cls(specification.name, found, found.sets, start, epsilon)
 
     def steps(self, last: int) -> range:
         """Return the steps whose risk counts: those after its start, up to its end or a last step."""
@@ -186,6 +206,7 @@ class Planner:
         gap: By how much a plan may cost more than the best.
         tolerance: By how much the energy may exceed that of the program.
         nodes: The limit of a search: the nodes of its tree.
+        margin: By how much predicates hold beyond the radius of the tube [m].
     """
 
     dynamics: LinearDynamics
@@ -196,6 +217,7 @@ class Planner:
     gap: float = 0.05
     nodes: int = 5_000
     tolerance: float = 1e-6
+    margin: float = 0.0
 
     def bid(self, offer: Commitment, accepted: Sequence[Commitment], progress: Progress) -> Bid:
         """Return what it would cost to accept a specification.
@@ -283,7 +305,14 @@ class _TubeProgram:
         planner, present = self._planner, self._progress.step
         first, sets = commitment.start - present, commitment.sets
         past = margins(sets, self._progress.states[commitment.start : present]) if first < 0 else ()
-        self.specifications.require(commitment.name, commitment.formulation.formula, sets, first=first, past=past)
+        self.specifications.require(
+            commitment.name,
+            commitment.formulation.formula,
+            sets,
+            first=first,
+            past=past,
+            reduction=lambda normal, _: planner.margin * math.sqrt(float(normal @ normal)),
+        )
         if commitment.epsilon is not None:
             risks = [int(self._risks[step - present - 1]) for step in commitment.steps(planner.steps) if step > present]
             left = max(commitment.epsilon - self.past_risk(commitment), len(risks) * planner.tube.least_risk)
