@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from symaware_cli.api.verification import VersionDifference, logged_versions, version_differences
+from symaware_cli.recording.error import LogError
 from symaware_cli.recording.log_comparison import (
     ChannelDifference,
     LogDifference,
@@ -21,6 +22,7 @@ from symaware_cli.recording.log_comparison import (
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.files import RESOLVED, extracted
+from symaware_cli.viewing.plotting.run_difference import plot_logs
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,15 +72,19 @@ class ComparisonResult:
         return {"equal": self.is_equal, **asdict(self), "paths": [str(path) for path in self.paths]}
 
 
-def compare(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> ComparisonResult:
+def compare(
+    one: str | os.PathLike[str], other: str | os.PathLike[str], plot: str | os.PathLike[str] | None = None
+) -> ComparisonResult:
     """Compare two logs, or two scenarios; of a log and a scenario, the scenarios.
 
     Args:
         one: A log or a scenario.
         other: Another one.
+        plot: Of two logs, a file for a figure of both; None for none.
 
     Raises:
-        LogError: A log cannot be read.
+        LogError: A log cannot be read or plotted, or a figure is asked for of what are not two logs.
+        OutputError: The figure cannot be written.
         ScenarioError: A scenario cannot be read.
     """
     one, other = Path(one), Path(other)
@@ -86,12 +92,17 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> Compa
         composed = [_composed(path, Path(folder, str(number))) for number, path in enumerate((one, other))]
     changes = list(_changes(*composed))
     if not (one.suffix == other.suffix == ".mcap"):
+        if plot is not None:
+            raise LogError("a figure of a difference is one of two logs")
         return ComparisonResult((one, other), changes)
     logs = open_log(one), open_log(other)
+    first = first_difference(*logs)
+    if plot is not None:
+        plot_logs(*logs, plot, None if first is None else first.time)
     return ComparisonResult(
         (one, other),
         changes,
-        first_difference(*logs),
+        first,
         channel_differences(*logs),
         attachment_differences(*logs),
         _events(*logs),

@@ -22,10 +22,21 @@ _MOST = 20
 def diff(
     one: Annotated[Path, typer.Argument(help="A log, a scenario, or the folder of a sweep.", metavar="A")],
     other: Annotated[Path, typer.Argument(help="Another one.", metavar="B")],
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot",
+            help="Of two logs: draw both runs on one map, and how far they are apart over time, into a .png, .svg or "
+            ".pdf.",
+            metavar="FILE",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Tell two logs, scenarios or sweeps apart. Exit status 0 if they are equal, 1 if they differ."""
     result: ComparisonResult | SweepComparison
+    if plot and not (one.suffix == other.suffix == ".mcap"):
+        fail("--plot goes with two logs", WRONG_INPUT, as_json)
     with trouble_shown(as_json):
         if one.is_dir() and other.is_dir():
             result = _compared_sweeps(one, other, as_json)
@@ -36,7 +47,7 @@ def diff(
                     fail(f"{path} is a folder, which is compared with another folder of a sweep", WRONG_INPUT, as_json)
             from symaware_cli.api.comparison import compare
 
-            result = compare(one, other)
+            result = compare(one, other, plot)
             lines = _lines(result)
     if as_json:
         print_json(result.to_json())

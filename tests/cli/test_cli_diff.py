@@ -50,6 +50,14 @@ def test_what_was_changed_and_since_when_is_told(logs: Path) -> None:
     assert world["agents"] == ["robot.0", "robot.1", "robot.2", "robot.3"]
 
 
+def test_a_figure_of_both_is_drawn_on_request(logs: Path, tmp_path: Path) -> None:
+    assert diff(logs / "one.mcap", logs / "slower.mcap", "--plot", tmp_path / "apart.png")[0] == 1
+    assert (tmp_path / "apart.png").read_bytes().startswith(b"\x89PNG")
+    status, _, said = diff(HELLO, logs / "one.mcap", "--plot", tmp_path / "none.png")
+    assert (status, said) == (2, "symaware: --plot goes with two logs\n")
+    assert diff(logs / "one.mcap", logs / "slower.mcap", "--plot", tmp_path / "apart.docx")[0] == 2
+
+
 def test_scenarios_are_compared_with_their_places(logs: Path, tmp_path: Path) -> None:
     text = HELLO.read_text()
     (tmp_path / "other.yaml").write_text(text.replace("seed: 7", "seed: 8"))

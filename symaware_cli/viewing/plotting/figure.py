@@ -104,6 +104,8 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
         handles, said = handles + marks, said + words
         if content.moment:
             axes.axvline(seconds(content.window.at), color=FAINT, linewidth=1.0, linestyle=":")
+        if content.since is not None:
+            axes.axvline(seconds(content.since), color=FAINT, linewidth=1.0, linestyle="--")
         lowest = layout.above or place.is_last_row() or panel is others[-1]
         axes.tick_params(labelbottom=lowest)
         axes.set_xlabel("simulated time [s]" if lowest else "")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -39,6 +39,8 @@ class Trajectories:
         time: The instant at which bodies are shown [ns].
         spatial: Whether bodies move in space.
         believed: Groups whose true states were not recorded, so that their beliefs are shown.
+        compared: The motion of the same agents in another run, if two are compared.
+        departures: Where agents are when they are first elsewhere in that run (1, 2) [m].
     """
 
     motion: Motion
@@ -51,6 +53,8 @@ class Trajectories:
     time: int
     spatial: bool
     believed: tuple[str, ...]
+    compared: Motion | None = None
+    departures: Mapping[str, Array] = field(default_factory=dict)
 
     name = "trajectories"
 
@@ -158,6 +162,7 @@ class Content:
         window: The interval of time.
         panels: The panels, in order.
         moment: Whether bodies are shown at a requested time.
+        since: An instant to mark in the panels over time [ns]; None for none.
     """
 
     name: str
@@ -167,6 +172,7 @@ class Content:
     window: Window
     panels: tuple[Panel, ...]
     moment: bool
+    since: int | None = None
 
     def facts(self) -> dict[str, Any]:
         """Return figures about all panels as plain data."""

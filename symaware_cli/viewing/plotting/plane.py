@@ -64,6 +64,7 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
     low, high = extent(content)
     handles = draw_surroundings(axes, content, low, high)
     said = _draw_paths(axes, content)
+    handles += _draw_compared(axes, content)
     handles += draw_goals(axes, content)
     handles += _draw_bodies(axes, content, float((high - low).max()))
     handles += _draw_contacts(axes, content)
@@ -107,8 +108,8 @@ def extent(content: Trajectories, further: Array | None = None) -> tuple[Array, 
     """
     radius = max((shape.radius for shape in content.motion.shapes if shape), default=0.0)
     positions = content.motion.positions[..., :2].reshape(-1, 2)
-    if further is not None:
-        positions = np.concatenate([positions, further])
+    others = () if content.compared is None else (content.compared.positions[..., :2].reshape(-1, 2),)
+    positions = np.concatenate([positions, *others, *(() if further is None else (further,))])
     points = np.concatenate([positions[~np.isnan(positions[:, 0])], *content.goals.values()])
     low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
     room = max(_AROUND * float((high - low).max()), 1e-3)
@@ -232,6 +233,30 @@ def _draw_paths(axes: Axes, content: Trajectories) -> list[str]:
     interval = round_interval(float(np.ptp(content.motion.times)) / 1e9)
     _draw_dots(axes, content, steps, interval)
     return [f"Paths grow darker with time, with a dot every {interval:g} s."]
+
+
+def _draw_compared(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
+    """Draw the paths of another run dashed, where they end, and where the agents part from them."""
+    compared = content.compared
+    if compared is None:
+        return []
+    for line in content.chosen.lines:
+        if line.name not in compared.names:
+            continue
+        way = _known(compared.positions[:, compared.names.index(line.name)])
+        if len(way):
+            axes.plot(*way.T, color=line.colour, linewidth=1.4, linestyle=DASHES, zorder=3.5)
+            axes.plot(*way[-1:].T, zorder=5.5, markerfacecolor="white", **_mark("s", line.colour, 5.5))
+    for colour, where in _by_colour(content.chosen.lines, content.departures).items():
+        axes.plot(*where.T, zorder=5.6, markerfacecolor="white", **_mark("D", colour, 6.0))
+    return [
+        Line2D([], [], label="second run", color=INK, linewidth=1.4, linestyle=DASHES),
+        Line2D([], [], label="its end", markerfacecolor="white", **_mark("s", INK, 5.5)),
+        *(
+            [Line2D([], [], label="where they part", markerfacecolor="white", **_mark("D", INK, 6.0))]
+            * bool(content.departures)
+        ),
+    ]
 
 
 def _draw_dots(axes: Axes, content: Trajectories, steps: NDArray[np.intp], interval: float) -> None:
