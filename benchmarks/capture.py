@@ -43,6 +43,12 @@ def scenarios() -> dict[Path, int]:
     return found
 
 
+def steps_made(path: Path, most: int) -> int:
+    """Return the number of steps that a run makes, at most some: its `until` may end it early."""
+    with sa.load(path).start() as simulation:
+        return simulation.step(most)
+
+
 def messages(path: Path, since: int) -> list[tuple[Any, ...]]:
     """Return the messages of a log from a sequence number on, without those of /timing."""
     return [
@@ -130,6 +136,8 @@ def main() -> None:
     steps = scenarios()
     order = draw.sample([*steps], len(steps))
     for path in islice(cycle(order), asked.pairs):
+        if path not in drawn:
+            steps[path] = steps_made(path, min(MOST_STEPS + asked.further + 1, steps[path]))
         instants = range(1, min(MOST_STEPS, steps[path] - asked.further - 1) + 1)
         drawn[path].add(draw.choice([each for each in instants if each not in drawn[path]]))
     lines = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,12 +12,14 @@ from typing import Any, Literal, get_args
 from symaware_cli.api.checking import check_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.log_comparison import first_difference
 from symaware_cli.recording.reader import open_log
 from symaware_cli.study import sweep_table, table_file
 from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
 from symaware_cli.study.folder import SweepFolder, identity_of
 from symaware_cli.study.identity import differences
 from symaware_cli.study.row import Row
+from symaware_cli.study.runner import Runner
 from symaware_cli.study.sweep_files import JOURNAL
 from symaware_cli.study.sweep_journal import SweepJournal
 
@@ -55,6 +58,8 @@ class SweepVerification:
         folder: The folder.
         level: How much was verified.
         rows: How many rows there are.
+        missing: How many runs of the plan have no row.
+        lost: How many rows are of runs that were lost, which are not made again.
         logs: How many logs were read.
         repeated: How many runs were made again.
         findings: What is not as it has to be.
@@ -64,6 +69,8 @@ class SweepVerification:
     folder: Path
     level: Level
     rows: int
+    missing: int
+    lost: int
     logs: int
     repeated: int
     findings: Sequence[Finding]
@@ -116,11 +123,12 @@ def verify_folder(
             chosen = sorted(random.Random(seed).sample(chosen, min(sample, len(chosen))), key=lambda row: row.index)
         runner = folder.runner(1)
         for number, row in enumerate(chosen):
-            found += _differing(row, runner.run(row.index))
+            found += _repeated(folder, row, runner)
             if on_progress is not None:
                 on_progress(number + 1, len(chosen))
     changed = differences(folder.identity, identity_of(folder.source, {})[0])
-    return SweepVerification(folder.path, level, len(rows), logs, len(chosen), found, changed)
+    missing, lost = folder.plan.count - len(rows), sum(row.state == "lost" for row in rows)
+    return SweepVerification(folder.path, level, len(rows), missing, lost, logs, len(chosen), found, changed)
 
 
 def _in_table(folder: SweepFolder, journal: SweepJournal) -> Iterator[Finding]:
@@ -195,6 +203,30 @@ def _in_log(folder: SweepFolder, row: Row) -> Iterator[Finding]:
             yield Finding(row.index, column, row.robustness.get(each.name), f"{each.robustness}, says the log")
     if log.manifest.get("seed") != folder.plan.seed(row.index):
         yield Finding(row.index, "log", f"seed {log.manifest.get('seed')}", f"seed {folder.plan.seed(row.index)}")
+
+
+def _repeated(folder: SweepFolder, row: Row, runner: Runner) -> Iterator[Finding]:
+    """What a row, or its log if that was kept, says otherwise than its run, made again."""
+    if row.log is None:
+        yield from _differing(row, runner.run(row.index))
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        repeated = runner.run(row.index, Path(scratch))
+        yield from _differing(row, repeated)
+        if repeated.log == row.log:
+            return
+        try:
+            logs = open_log(folder.logs / row.log), open_log(Path(scratch, repeated.log or ""))
+            first = first_difference(*logs)
+        except LogError as error:
+            yield Finding(row.index, "log", str(error), "a log")
+            return
+        if first is None:
+            yield Finding(row.index, "log", row.log, repeated.log)
+            return
+        place = f"log, {first.topic}" if first.time is None else f"log, {first.topic} at {first.time / 1e9:.9g} s"
+        about = " ".join(filter(None, (place, first.agent, first.element)))
+        yield Finding(row.index, about, *first.values)
 
 
 def _differing(row: Row, repeated: Row) -> Iterator[Finding]:

@@ -134,6 +134,10 @@ def _report(result: SweepVerification) -> Iterator[str]:
     yield from _findings(findings)
     for line in result.versions[:_MOST]:
         yield f"  {'version':<12} {printable(line)}"
+    if result.missing:
+        yield f"  {'note':<12} {result.missing:,} runs of the plan have no row"
+    if result.lost:
+        yield f"  {'note':<12} {result.lost:,} rows are of lost runs, which are not made again"
     if result.level == "arithmetic":
         yield f"  {'note':<12} a table that was forged consistently is found by repetition only"
 

@@ -11,6 +11,10 @@ import yaml
 
 from symaware_cli import verify_sweep
 from symaware_cli.api.sweep_verification import Level, SweepVerification
+from symaware_cli.recording.digest import digest
+from symaware_cli.recording.reader import open_log
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.request import SweepRequest
 from symaware_cli.study.session import conduct, write_table
@@ -152,3 +156,28 @@ def test_a_log_that_is_another_one_is_found(folder: SweepFolder) -> None:
     logs = sorted(folder.logs.glob("*.mcap"))
     logs[0].write_bytes(logs[1].read_bytes())
     assert {each.column for each in verified(folder, "monitor").findings} >= {"log"}
+
+
+def test_a_log_of_another_run_with_the_same_outcome_is_found_by_repetition(folder: SweepFolder) -> None:
+    with SweepJournal(folder.path / JOURNAL) as journal:
+        row = next(row for row in journal.rows() if row.index == 5)
+    assert row.log is not None
+    # It moves alike and says the same of every specification, but knows something else.
+    changes = ["agents.robot.knowledge.told=1"]
+    execute(build(folder.source.scenario, changes, folder.plan.seed(5)), folder.logs / "forged.mcap")
+    name = f"{digest(open_log(folder.logs / 'forged.mcap')).combined[:32]}.mcap"
+    assert name != row.log
+    (folder.logs / "forged.mcap").rename(folder.logs / name)
+    changed(folder, 'UPDATE runs SET log = ? WHERE "index" = 5', name)
+    assert verified(folder, "monitor").is_sound
+    (found,) = verified(folder, "all").findings
+    assert found.index == 5
+    assert found.column.startswith("log, ")
+    assert "knowledge" in found.column
+
+
+def test_runs_with_nothing_to_compare_are_counted(folder: SweepFolder) -> None:
+    changed(folder, 'DELETE FROM runs WHERE "index" = 7')
+    changed(folder, "UPDATE runs SET state = 'lost' WHERE \"index\" = 2")
+    result = verified(folder, "all")
+    assert (result.rows, result.missing, result.lost, result.repeated) == (7, 1, 1, 6)
