@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from itertools import islice
 
 import numpy as np
@@ -13,8 +13,10 @@ from symaware_cli.recording.reader import Log, LogMessage
 from symaware_cli.viewing.blueprint import ReplayContent
 from symaware_cli.viewing.chunk import Chunk, ChunkReader
 from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.outline import outlines
 from symaware_cli.viewing.rerun.output import RerunOutput
 from symaware_cli.viewing.scene import bars
+from symaware_cli.viewing.scene.regions_drawing import region_pieces
 from symaware_cli.viewing.scene.scene import CURVES, SCENE, Scene
 from symaware_cli.viewing.views import RunView, in_space
 
@@ -142,7 +144,21 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
                 margin = group_view.radius + 0.5
                 corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
     known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
+    low, high = np.min(known, axis=0), np.max(known, axis=0)
+    # A region far larger than the run would make everything in it too small to see.
+    reach = float(np.max(high - low))
+    for corner in _region_corners(run_view):
+        shown = np.append(np.clip(corner, low[:2] - reach, high[:2] + reach), low[2])
+        known.append(shown)
     return ReplayContent(np.min(known, axis=0), np.max(known, axis=0), topics)
+
+
+def _region_corners(run_view: RunView) -> Iterator[Array]:
+    """Yield two corners of the box around each piece of the regions that do not move; (2,) each [m]."""
+    for region in run_view.regions.values():
+        for outline in outlines(region_pieces(region, run_view.regions)) if region.around is None else ():
+            yield outline.min(axis=0)
+            yield outline.max(axis=0)
 
 
 def _sample(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:

@@ -9,11 +9,15 @@ import pytest
 from plot_logs import AIRCRAFT, YARD, log_of
 from rerun_files import STEP, Recording, Script, coloured, group, needs_graphics, pixels, saved
 
-from symaware_cli import Log
+from symaware_cli import Log, open_log
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing import chunk
+from symaware_cli.viewing.replay import content_of
 from symaware_cli.viewing.replay_session import replay_session
+from symaware_cli.viewing.views import run_view_of
 
 BODY = "/world/agents/cart/body", "Boxes3D:centers"
 
@@ -142,3 +146,18 @@ def test_the_examples_are_shown_without_complaint_be_they_few_or_a_thousand(
     assert {"Scene", "Risk", "Separation", "Events"} <= {view.name for view in views}
     picture = pixels((tmp_path / "a.png").read_bytes())
     assert coloured(picture[80:760, :740]) > 1000
+
+
+def test_regions_are_within_the_view_unless_they_are_far_larger_than_the_run(tmp_path: Path) -> None:
+    found = []
+    for number, regions in enumerate(
+        ("{}", "{near: {box: [-9, -7, 1, 8]}, far: {circle: {centre: [0, 0], radius: 5000}}}")
+    ):
+        path, scenario = tmp_path / f"{number}.mcap", Path(__file__).parents[2] / "scenarios" / "hello.yaml"
+        execute(build(scenario, ["run.duration=1", f"regions={{{regions}}}"]), path)
+        log = open_log(path)
+        found.append(content_of(log, run_view_of(log)))
+    bare, shown = found
+    size = (bare.high - bare.low).max()
+    assert bare.low[0] > -9 > shown.low[0]
+    assert 2.0 * size < (shown.high - shown.low).max() <= 3.01 * size

@@ -51,3 +51,22 @@ def test_a_row_has_the_state_the_robustness_and_its_bar(path: Path) -> None:
 
 def test_chunks_do_not_matter(path: Path) -> None:
     assert rows_at(path, 4.0, 5_000) == rows_at(path, 4.0)
+
+
+def test_a_column_names_who_holds_what_is_offered(tmp_path: Path) -> None:
+    path = tmp_path / "errands.mcap"
+    execute(build(SCENARIO.parent / "errands.yaml"), path)
+    log = open_log(path)
+    accepted = {event.data["specification"]: event for event in log.events() if event.name == "accepted"}
+    assert accepted
+    end = log.end_time or 0
+    final = rows_at(path, end // 100_000_000 / 10)
+    assert final["specification"][0] == "held by"
+    released = [event.data["specification"] for event in log.events() if event.name == "released"]
+    for name, event in accepted.items():
+        if name not in released:
+            assert final[name][0] == event.data["agent"]
+    first = min(event.time for event in accepted.values())
+    name = next(name for name, event in accepted.items() if event.time == first)
+    if first > 100_000_000:
+        assert rows_at(path, (first - 1) // 100_000_000 / 10)[name][0] in ("", "(open)")

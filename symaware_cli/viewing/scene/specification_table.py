@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.recording import logged_events
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.specifications import has_begun, verdicts_of
 from symaware_cli.viewing.chunk import Chunk
@@ -24,11 +25,16 @@ _LONGEST = 16
 _STATES = {1: "satisfied", -1: "**violated**", 0: "active"}
 
 
+#: What the table says of the holder of an offered specification after an event of it.
+_HOLDERS = {"offered": "(open)", "accepted": "{agent}", "released": "(open)", "rejected": "(rejected)"}
+
+
 class SpecificationTable(Drawing):
     """Draws a table with a row for each specification.
 
     It has the upper bound of the robustness, the least of all rows, and a column for each signal that components record
-    under the names of specifications, such as barrier functions: the least of all agents.
+    under the names of specifications, such as barrier functions: the least of all agents. If specifications are offered
+    during the run, a column names the agent that holds each.
     """
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
@@ -45,6 +51,8 @@ class SpecificationTable(Drawing):
                 columns = {name: place for place, name in enumerate(signal.column_names) if name in self._upper}
                 if columns and signal.kind == "vector":
                     self._signals.setdefault(signal.name, []).append((group_view.topic(field), columns))
+        #: The agent that holds each offered specification; a text in parentheses if it is open, or was rejected.
+        self._holders: dict[str, str] = {}
         self._next = 0
 
     def marks(self, chunk: Chunk) -> Iterator[Documents]:
@@ -56,18 +64,33 @@ class SpecificationTable(Drawing):
             for name in self._names
             for place, (time, content) in enumerate(chunk.entries.get(f"/specifications/{name}", ()))
         )
+        changes = self._changes_of_holders(chunk)
         recorded = {signal: self._recorded(topics, moments, chunk) for signal, topics in self._signals.items()}
-        texts, taken = [], 0
+        texts, taken, changed = [], 0, 0
         for place, moment in enumerate(moments.tolist()):
             while taken < len(told) and told[taken][0] <= moment:
                 self._take(*told[taken][2:])
                 taken += 1
+            while changed < len(changes) and changes[changed][0] <= moment:
+                self._holders[changes[changed][1]] = changes[changed][2]
+                changed += 1
             texts.append(self._table({signal: values[place] for signal, values in recorded.items()}))
         for each in told[taken:]:
             self._take(*each[2:])
+        self._holders |= {name: holder for _, name, holder in changes[changed:]}
         if texts and self._names:
             self._next = int(moments[-1] // _STEP) + 1
             yield Documents(path="specifications", times=moments, texts=texts)
+
+    def _changes_of_holders(self, chunk: Chunk) -> list[tuple[int, str, str]]:
+        """Return when holders of offered specifications change: the time, the name, and what the table says then."""
+        found = []
+        for time, message in chunk.entries.get("/events", ()):
+            event = logged_events.event(time, message)
+            name = event.source.removeprefix("specifications.")
+            if name in self._upper and name != event.source and event.name in _HOLDERS:
+                found.append((time, name, _HOLDERS[event.name].format(agent=event.data.get("agent", ""))))
+        return found
 
     def _take(self, name: str, content: v1.Specification) -> None:
         """Take note of a message of a specification."""
@@ -96,10 +119,15 @@ class SpecificationTable(Drawing):
         least = [np.fmin.reduce(self._upper[name]) if self._states[name] else np.nan for name in self._names]
         columns = {"robustness": np.array(least, float), **recorded}
         bars = [_bars(np.where(np.isfinite(values), values, np.nan)) for values in columns.values()]
-        lines = [f"| specification | | {' | | '.join(columns)} | |", "|---|---|" + "--:|:--|" * len(columns)]
+        held = bool(self._holders)
+        lines = [
+            f"| specification |{' held by |' * held} | {' | | '.join(columns)} | |",
+            f"|---|{'---|' * held}---|" + "--:|:--|" * len(columns),
+        ]
         for number, name in enumerate(self._names):
             cells = [cell for column in bars for cell in column[number]]
-            lines.append(f"| {name} | {self._states[name]} | {' | '.join(cells)} |")
+            holder = f" {self._holders.get(name, '')} |" * held
+            lines.append(f"| {name} |{holder} {self._states[name]} | {' | '.join(cells)} |")
         return "\n".join(lines)
 
 
