@@ -19,6 +19,7 @@ from symaware_cli.viewing.replay import content_of
 from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.views import run_view_of
 
+NEAR_AND_FAR = "{near: {box: [-9, -7, 1, 8]}, far: {circle: {centre: [0, 0], radius: 5000}}}"
 BODY = "/world/agents/cart/body", "Boxes3D:centers"
 
 
@@ -154,7 +155,7 @@ def test_regions_are_within_the_view_unless_they_are_far_larger_than_the_run(tmp
         ("{}", "{near: {box: [-9, -7, 1, 8]}, far: {circle: {centre: [0, 0], radius: 5000}}}")
     ):
         path, scenario = tmp_path / f"{number}.mcap", Path(__file__).parents[2] / "scenarios" / "hello.yaml"
-        execute(build(scenario, ["run.duration=1", f"regions={{{regions}}}"]), path)
+        execute(build(scenario, ["run.duration=1", f"regions={regions}"]), path)
         log = open_log(path)
         found.append(content_of(log, run_view_of(log)))
     bare, shown = found
