@@ -127,7 +127,9 @@ def verify_folder(
             if on_progress is not None:
                 on_progress(number + 1, len(chosen))
     changed = differences(folder.identity, identity_of(folder.source, {})[0])
-    missing, lost = folder.plan.count - len(rows), sum(row.state == "lost" for row in rows)
+    # A forged table may have rows that the plan has not.
+    missing = len({*range(folder.plan.count)} - {row.index for row in rows})
+    lost = sum(row.state == "lost" for row in rows)
     return SweepVerification(folder.path, level, len(rows), missing, lost, logs, len(chosen), found, changed)
 
 

@@ -135,9 +135,9 @@ def _report(result: SweepVerification) -> Iterator[str]:
     for line in result.versions[:_MOST]:
         yield f"  {'version':<12} {printable(line)}"
     if result.missing:
-        yield f"  {'note':<12} {result.missing:,} runs of the plan have no row"
+        yield f"  {'note':<12} runs of the plan without a row: {result.missing:,}"
     if result.lost:
-        yield f"  {'note':<12} {result.lost:,} rows are of lost runs, which are not made again"
+        yield f"  {'note':<12} lost runs, which are not made again: {result.lost:,}"
     if result.level == "arithmetic":
         yield f"  {'note':<12} a table that was forged consistently is found by repetition only"
 

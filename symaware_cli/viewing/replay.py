@@ -147,9 +147,8 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
     low, high = np.min(known, axis=0), np.max(known, axis=0)
     # A region far larger than the run would make everything in it too small to see.
     reach = float(np.max(high - low))
-    for corner in _region_corners(run_view):
-        shown = np.append(np.clip(corner, low[:2] - reach, high[:2] + reach), low[2])
-        known.append(shown)
+    shown = [np.clip(corner, low[:2] - reach, high[:2] + reach) for corner in _region_corners(run_view)]
+    known += [np.append(corner, low[2]) for corner in shown]
     return ReplayContent(np.min(known, axis=0), np.max(known, axis=0), topics)
 
 

@@ -19,6 +19,7 @@ from symaware_cli.viewing.replay import content_of
 from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.views import run_view_of
 
+#: A region beside the robots of hello.yaml, and one far larger than their world.
 NEAR_AND_FAR = "{near: {box: [-9, -7, 1, 8]}, far: {circle: {centre: [0, 0], radius: 5000}}}"
 BODY = "/world/agents/cart/body", "Boxes3D:centers"
 
@@ -151,9 +152,7 @@ def test_the_examples_are_shown_without_complaint_be_they_few_or_a_thousand(
 
 def test_regions_are_within_the_view_unless_they_are_far_larger_than_the_run(tmp_path: Path) -> None:
     found = []
-    for number, regions in enumerate(
-        ("{}", "{near: {box: [-9, -7, 1, 8]}, far: {circle: {centre: [0, 0], radius: 5000}}}")
-    ):
+    for number, regions in enumerate(("{}", NEAR_AND_FAR)):
         path, scenario = tmp_path / f"{number}.mcap", Path(__file__).parents[2] / "scenarios" / "hello.yaml"
         execute(build(scenario, ["run.duration=1", f"regions={regions}"]), path)
         log = open_log(path)

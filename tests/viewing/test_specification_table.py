@@ -56,17 +56,13 @@ def test_chunks_do_not_matter(path: Path) -> None:
 def test_a_column_names_who_holds_what_is_offered(tmp_path: Path) -> None:
     path = tmp_path / "errands.mcap"
     execute(build(SCENARIO.parent / "errands.yaml"), path)
-    log = open_log(path)
-    accepted = {event.data["specification"]: event for event in log.events() if event.name == "accepted"}
-    assert accepted
-    end = log.end_time or 0
-    final = rows_at(path, end // 100_000_000 / 10)
-    assert final["specification"][0] == "held by"
-    released = [event.data["specification"] for event in log.events() if event.name == "released"]
-    for name, event in accepted.items():
-        if name not in released:
-            assert final[name][0] == event.data["agent"]
-    first = min(event.time for event in accepted.values())
-    name = next(name for name, event in accepted.items() if event.time == first)
-    if first > 100_000_000:
-        assert rows_at(path, (first - 1) // 100_000_000 / 10)[name][0] in ("", "(open)")
+    events = [event for event in open_log(path).events() if event.name in ("accepted", "released", "rejected")]
+    told = [(event.time // 100_000_000, event.name, event.data["specification"]) for event in events]
+    assert (61, "released", "flowers") in told
+    assert ("rejected", "piano") in [each[1:] for each in told]
+    first, again = (event.data["agent"] for event in events if told[events.index(event)][1:] == ("accepted", "flowers"))
+    shown = {second: rows_at(path, second) for second in (0.5, 4.2, 5.0, 6.1, 7.0, 24.0)}
+    assert shown[0.5]["specification"][0] != "held by"
+    assert {rows["specification"][0] for second, rows in shown.items() if second > 1} == {"held by"}
+    assert [shown[second]["flowers"][0] for second in (4.2, 5.0, 6.1, 7.0)] == ["(open)", first, "(open)", again]
+    assert shown[24.0]["piano"][0] == "(rejected)"

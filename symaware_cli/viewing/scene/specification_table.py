@@ -23,8 +23,6 @@ _STEP, _MOST = 100_000_000, 40
 #: Number of characters of the longest bar. Rerun has no glyph for finer steps, or for bars outside of code.
 _LONGEST = 16
 _STATES = {1: "satisfied", -1: "**violated**", 0: "active"}
-
-
 #: What the table says of the holder of an offered specification after an event of it.
 _HOLDERS = {"offered": "(open)", "accepted": "{agent}", "released": "(open)", "rejected": "(rejected)"}
 
@@ -59,41 +57,39 @@ class SpecificationTable(Drawing):
         """Yield the tables of the instants of a chunk."""
         first = max(self._next, -(-chunk.start // _STEP))
         moments = np.arange(first, chunk.end // _STEP + 1, dtype=np.int64) * _STEP
-        told = sorted(
+        told: list[tuple[int, int, str, v1.Specification | str]] = [
             (time, place, name, content)
             for name in self._names
             for place, (time, content) in enumerate(chunk.entries.get(f"/specifications/{name}", ()))
-        )
-        changes = self._changes_of_holders(chunk)
+        ]
+        told += self._changes_of_holders(chunk)
+        told.sort(key=lambda each: each[:3])
         recorded = {signal: self._recorded(topics, moments, chunk) for signal, topics in self._signals.items()}
-        texts, taken, changed = [], 0, 0
+        texts, taken = [], 0
         for place, moment in enumerate(moments.tolist()):
             while taken < len(told) and told[taken][0] <= moment:
                 self._take(*told[taken][2:])
                 taken += 1
-            while changed < len(changes) and changes[changed][0] <= moment:
-                self._holders[changes[changed][1]] = changes[changed][2]
-                changed += 1
             texts.append(self._table({signal: values[place] for signal, values in recorded.items()}))
         for each in told[taken:]:
             self._take(*each[2:])
-        self._holders |= {name: holder for _, name, holder in changes[changed:]}
         if texts and self._names:
             self._next = int(moments[-1] // _STEP) + 1
             yield Documents(path="specifications", times=moments, texts=texts)
 
-    def _changes_of_holders(self, chunk: Chunk) -> list[tuple[int, str, str]]:
-        """Return when holders of offered specifications change: the time, the name, and what the table says then."""
-        found = []
-        for time, message in chunk.entries.get("/events", ()):
+    def _changes_of_holders(self, chunk: Chunk) -> Iterator[tuple[int, int, str, str]]:
+        """Yield when holders change: the time, the place among the events, the specification, and the new text."""
+        for place, (time, message) in enumerate(chunk.entries.get("/events", ())):
             event = logged_events.event(time, message)
             name = event.source.removeprefix("specifications.")
             if name in self._upper and name != event.source and event.name in _HOLDERS:
-                found.append((time, name, _HOLDERS[event.name].format(agent=event.data.get("agent", ""))))
-        return found
+                yield time, place, name, _HOLDERS[event.name].format(agent=event.data.get("agent", ""))
 
-    def _take(self, name: str, content: v1.Specification) -> None:
-        """Take note of a message of a specification."""
+    def _take(self, name: str, content: v1.Specification | str) -> None:
+        """Take note of a message of a specification, or of a text about who holds it."""
+        if isinstance(content, str):
+            self._holders[name] = content
+            return
         rows, verdicts, upper = verdicts_of(content)
         chosen = slice(None) if rows is None else rows
         if len(verdicts):
