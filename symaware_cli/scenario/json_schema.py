@@ -9,7 +9,7 @@ from typing import Any
 from symaware_cli.scenario.catalogue import Catalogue, PluginError
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.parts import declared_by, omittable, signals_of
-from symaware_cli.scenario.sampling import CirclePlacement, GridPlacement
+from symaware_cli.scenario.placement import CirclePlacement, GridPlacement
 
 _USES = {
     "abstraction": ("KnowledgeModelUse",),

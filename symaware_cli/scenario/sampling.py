@@ -7,55 +7,28 @@ from __future__ import annotations
 
 import copy
 import difflib
-import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from symaware_cli.core import Model
-from symaware_cli.geometry.shape import LARGEST, Length, Number
+from symaware_cli.geometry.shape import LARGEST
 from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.placement import PLACEMENTS
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
-from symaware_cli.scenario.section import Section
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.validation import a_number, said_of, validate
 from symaware_cli.world.arrays import FARTHEST, is_within
 from symaware_cli.world.chance import GroupChance, Seed, agent_numbers
 
 Array = NDArray[np.float64]
-Plane = Annotated[list[Number], Field(min_length=2, max_length=3)]
 
-
-class GridPlacement(Section):
-    """Agents in rows and columns, in the order of their index."""
-
-    origin: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Position of the first agent [m].")
-    spacing: Number | Plane = Field(1.0, description="Distance between neighbours, the same or for each axis [m].")
-    columns: int | None = Field(None, ge=1, description="Agents in a row; if left out, as many as there are rows.")
-    heading: Number = Field(0.0, description="Heading of all [rad], for models that have one.")
-
-
-class CirclePlacement(Section):
-    """Agents evenly on a circle, counter-clockwise in the order of their index."""
-
-    centre: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Centre [m].")
-    radius: Length = Field(description="Radius [m].")
-    phase: Number = Field(
-        0.0, description="Direction from the centre to the first agent [rad]; pi more is the far side."
-    )
-    heading: Literal["inward", "outward", "along"] = Field(
-        "inward", description="Where agents look, for models that have a heading."
-    )
-
-
-Placement = TypeVar("Placement", GridPlacement, CirclePlacement)
 
 #: Distributions that differ from run to run, and all that differ from agent to agent.
 RANDOM = ("uniform", "normal")
-DISTRIBUTIONS = (*RANDOM, "grid", "circle")
+DISTRIBUTIONS = (*RANDOM, *PLACEMENTS)
 FORMS = (*DISTRIBUTIONS, "each", "all")
 
 
@@ -148,7 +121,7 @@ class Sampler:
             return None
         self._is_each, content, inner = form
         if not self._is_each:
-            if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in ("grid", "circle"):
+            if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in PLACEMENTS:
                 # Computed once for all agents.
                 kind, placement = next(iter(content.items()))
                 placed = self._placed(kind, placement, (*inner, kind), width)
@@ -387,49 +360,16 @@ class Sampler:
                 expected=a_number(value) if isinstance(value, str) or expected == "a number" else expected,
             )
 
-    def _grid(self, content: Any, path: Path) -> tuple[Array, Array] | None:
-        """The positions and headings of all agents on a grid; shapes (n, d) and (n,)."""
-        grid = self._checked(GridPlacement, content, path)
-        if grid is None:
-            return None
-        count = len(self._ids)
-        columns = grid.columns or math.ceil(math.sqrt(count))
-        spacing = grid.spacing if isinstance(grid.spacing, list) else [grid.spacing] * 2
-        rows, positions = np.arange(count), np.tile(np.array(grid.origin, float), (count, 1))
-        for axis, steps in enumerate((rows % columns, rows // columns)):
-            positions[:, axis] += steps * spacing[axis]
-        return positions, np.full(count, grid.heading)
-
-    def _ring(self, content: Any, path: Path) -> tuple[Array, Array] | None:
-        """The positions and headings of all agents on a circle; shapes (n, d) and (n,)."""
-        ring = self._checked(CirclePlacement, content, path)
-        if ring is None:
-            return None
-        count = len(self._ids)
-        angles = (ring.phase + 2 * math.pi * np.arange(count) / count).tolist()
-        turn = {"inward": math.pi, "outward": 0.0, "along": math.pi / 2}[ring.heading]
-        positions = np.tile(np.array(ring.centre, float), (count, 1))
-        # `math`, because its last bits do not depend on NumPy's kernels.
-        positions[:, 0] += ring.radius * np.array([math.cos(angle) for angle in angles])
-        positions[:, 1] += ring.radius * np.array([math.sin(angle) for angle in angles])
-        return positions, np.array([math.remainder(angle + turn, 2 * math.pi) for angle in angles])
-
-    def _checked(self, kind: type[Placement], content: Any, path: Path) -> Placement | None:
-        """Validate a placement, once for all agents."""
-        if path not in self._known:
-            checked = validate(kind, content, self._composition, path)
-            if isinstance(checked, list):
-                self.problems += checked
-            self._known[path] = None if isinstance(checked, list) else checked
-        placement: Placement | None = self._known[path]
-        return placement
-
     def _placed(self, kind: str, content: Any, path: Path, width: int | None) -> Array | None:
         """The values of all agents in a placement, computed once: states with zeros elsewhere, or positions."""
         key = (*path, str(width))
         if key not in self._known:
-            found = self._grid(content, path) if kind == "grid" else self._ring(content, path)
-            self._known[key] = None if found is None else self._in_states(*found, width)
+            placement = validate(PLACEMENTS[kind], content, self._composition, path)
+            if isinstance(placement, list):
+                self.problems += placement
+                self._known[key] = None
+            else:
+                self._known[key] = self._in_states(*placement.poses(len(self._ids)), width)
         placed: Array | None = self._known[key]
         return placed
 

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 from simulating import untyped
 
 from symaware_cli.scenario.document import GroupSection, ScenarioDocument
-from symaware_cli.scenario.sampling import CirclePlacement, GridPlacement
+from symaware_cli.scenario.placement import CirclePlacement, GridPlacement
 from symaware_cli.scenario.section import Section
 
 LEAST = {
