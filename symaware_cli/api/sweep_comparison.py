@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import yaml
@@ -20,9 +20,13 @@ from symaware_cli.study import table_file
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.identity import counting
 from symaware_cli.study.statistics.paired import compare
+from symaware_cli.viewing.plotting.plot import matplotlib_required
+from symaware_cli.viewing.plotting.request import PlotRequest, check_output
 
 if TYPE_CHECKING:
     import pyarrow
+
+Array: TypeAlias = NDArray[np.float64]
 
 #: Keys of a plan that say nothing about the runs.
 _SILENT = ("scenario", "description")
@@ -46,6 +50,10 @@ class ColumnComparison:
     differing: int
     difference: float
     interval: tuple[float, float] | None
+
+
+#: A column, and its values of the runs that have one in both tables.
+PairedColumn: TypeAlias = tuple[ColumnComparison, Array, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +96,23 @@ class SweepComparison:
         return {"equal": self.is_equal, **asdict(self), "paths": [str(path) for path in self.paths]}
 
 
-def compare_sweeps(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> SweepComparison:
+def compare_sweeps(
+    one: str | os.PathLike[str], other: str | os.PathLike[str], plot: str | os.PathLike[str] | None = None
+) -> SweepComparison:
     """Compare two sweeps whose tables are there.
 
     Args:
         one: The folder of a sweep.
         other: Another one.
+        plot: A file for a figure of the columns that differ, run by run; None for none.
 
     Raises:
         SweepError: One of them is not the folder of a sweep.
-        LogError: One of them has no table yet.
+        LogError: One of them has no table yet, or there is nothing to draw.
+        OutputError: The figure cannot be written.
     """
+    if plot is not None:
+        check_output(Path(plot), PlotRequest())
     folders = SweepFolder.opened(one), SweepFolder.opened(other)
     tables = _table(folders[0]), _table(folders[1])
     plans = [each.plan.document.model_dump(by_alias=True, exclude=set(_SILENT)) for each in folders]
@@ -109,13 +123,18 @@ def compare_sweeps(one: str | os.PathLike[str], other: str | os.PathLike[str]) -
     names = [name for name in tables[0].column_names if name in tables[1].column_names]
     differ = np.zeros(len(pairs[0]), bool)
     columns: list[ColumnComparison] = []
+    drawn: list[PairedColumn] = []
     is_paired = bool(len(differ)) and not _unequal(tables, "seed", pairs).any()
     for name in names:
         unequal = _unequal(tables, name, pairs)
         if name != "seed":
             differ |= unequal
         if unequal.any() and name not in ("seed", "digest"):
-            columns += _compared(tables, name, pairs, unequal, is_paired)
+            for column, values in _compared(tables, name, pairs, unequal, is_paired):
+                columns.append(column)
+                drawn.append((column, *values))
+    if plot is not None:
+        _draw(drawn, (folders[0].path, folders[1].path), plot, is_paired)
     index = tables[0]["index"].to_numpy()[pairs[0]]
     return SweepComparison(
         (folders[0].path, folders[1].path),
@@ -164,8 +183,8 @@ def _compared(
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
     unequal: NDArray[np.bool_],
     is_paired: bool,
-) -> Iterator[ColumnComparison]:
-    """Compare a column of numbers or verdicts; nothing for others."""
+) -> Iterator[tuple[ColumnComparison, tuple[Array, Array]]]:
+    """Compare a column of numbers or verdicts, with the values of the runs that have both; nothing for others."""
     import pyarrow
 
     kind = tables[0].schema.field(name).type
@@ -184,7 +203,38 @@ def _compared(
             estimate = compare(one[both], other[both]).mean
             interval = estimate.lower, estimate.upper
     label = f"satisfied.{name.removeprefix('verdict.')}" if is_verdict else name
-    yield ColumnComparison(label, (means[0], means[1]), int(unequal.sum()), difference, interval)
+    column = ColumnComparison(label, (means[0], means[1]), int(unequal.sum()), difference, interval)
+    yield column, (one[both], other[both])
+
+
+def _draw(
+    columns: Sequence[PairedColumn], paths: tuple[Path, Path], plot: str | os.PathLike[str], is_paired: bool
+) -> None:
+    """Draw the columns in which runs differ.
+
+    Raises:
+        LogError: There are none, or matplotlib is not installed.
+        OutputError: The figure cannot be written.
+    """
+    with matplotlib_required():
+        from symaware_cli.study.picture.paired_figure import PairedValues, draw_pairs
+    panels = [
+        PairedValues(column.name, _said(column), bool(np.isin([*first, *second], (0.0, 1.0)).all()), first, second)
+        for column, first, second in columns
+        if len(first)
+    ]
+    if not panels:
+        raise LogError(f"{paths[0]} and {paths[1]} have no runs whose numbers or verdicts differ: nothing to draw")
+    seeds = "with the same seeds" if is_paired else "with seeds of their own, so that a pair is only a number"
+    names = str(paths[0]), str(paths[1])
+    if paths[0].resolve().name != paths[1].resolve().name:
+        names = paths[0].resolve().name, paths[1].resolve().name
+    draw_pairs(panels, names, plot, [f"A point is a run in both sweeps, {seeds}; a larger one stands for several."])
+
+
+def _said(column: ColumnComparison) -> str:
+    interval = "" if column.interval is None else f" ({column.interval[0]:.3g} to {column.interval[1]:.3g})"
+    return f"mean difference {column.difference:.3g}{interval}"
 
 
 def _numbers(values: Sequence[Any], is_verdict: bool) -> NDArray[np.float64]:

@@ -26,8 +26,8 @@ def diff(
         Path | None,
         typer.Option(
             "--plot",
-            help="Of two logs: draw both runs on one map, and how far they are apart over time, into a .png, .svg or "
-            ".pdf.",
+            help="Draw into a .png, .svg or .pdf: of two logs both runs on one map, and how far they are apart over "
+            "time; of two sweeps each run's values in one against those in the other.",
             metavar="FILE",
         ),
     ] = None,
@@ -35,11 +35,11 @@ def diff(
 ) -> None:
     """Tell two logs, scenarios or sweeps apart. Exit status 0 if they are equal, 1 if they differ."""
     result: ComparisonResult | SweepComparison
-    if plot and not (one.suffix == other.suffix == ".mcap"):
-        fail("--plot goes with two logs", WRONG_INPUT, as_json)
+    if plot and not (one.suffix == other.suffix == ".mcap" or (one.is_dir() and other.is_dir())):
+        fail("--plot goes with two logs, or with two sweeps", WRONG_INPUT, as_json)
     with trouble_shown(as_json):
         if one.is_dir() and other.is_dir():
-            result = _compared_sweeps(one, other, as_json)
+            result = _compared_sweeps(one, other, plot, as_json)
             lines = _sweep_lines(result)
         else:
             for path in (one, other):
@@ -56,12 +56,12 @@ def diff(
     raise typer.Exit(0 if result.is_equal else FAILED)
 
 
-def _compared_sweeps(one: Path, other: Path, as_json: bool) -> SweepComparison:
+def _compared_sweeps(one: Path, other: Path, plot: Path | None, as_json: bool) -> SweepComparison:
     from symaware_cli.api.sweep_comparison import compare_sweeps
     from symaware_cli.study.sweep_error import SweepError
 
     try:
-        return compare_sweeps(one, other)
+        return compare_sweeps(one, other, plot)
     except SweepError as error:
         fail(str(error), WRONG_INPUT, as_json)
 

@@ -28,8 +28,9 @@ class Conflict:
 def conflict(game: Game, cells: Sequence[int]) -> Conflict:
     """Return an irreducible conflict, by deletion.
 
-    Each guarantee is left out in turn, under all assumptions, and stays out if the others still cannot be met; then
-    each assumption in turn.
+    Each guarantee is left out in turn, under all assumptions, and stays out if the others still cannot be met. One pass
+    suffices, since fewer guarantees are never harder to meet. Then each assumption is left out in turn, again and again
+    until all that are left are needed: without one assumption another may be needed no longer.
 
     Args:
         game: A game that is not realisable.
@@ -40,8 +41,11 @@ def conflict(game: Game, cells: Sequence[int]) -> Conflict:
         rest = [other for other in guarantees if other is not each]
         if not is_realisable(Game(game.vocabulary, assumptions, rest), cells):
             guarantees = rest
-    for each in game.assumptions:
-        rest = [other for other in assumptions if other is not each]
-        if not is_realisable(Game(game.vocabulary, rest, guarantees), cells):
-            assumptions = rest
+    count = len(assumptions) + 1
+    while len(assumptions) < count:
+        count = len(assumptions)
+        for each in tuple(assumptions):
+            rest = [other for other in assumptions if other is not each]
+            if not is_realisable(Game(game.vocabulary, rest, guarantees), cells):
+                assumptions = rest
     return Conflict(tuple(guarantees), tuple(assumptions))

@@ -54,7 +54,7 @@ def test_a_figure_of_both_is_drawn_on_request(logs: Path, tmp_path: Path) -> Non
     assert diff(logs / "one.mcap", logs / "slower.mcap", "--plot", tmp_path / "apart.png")[0] == 1
     assert (tmp_path / "apart.png").read_bytes().startswith(b"\x89PNG")
     status, _, said = diff(HELLO, logs / "one.mcap", "--plot", tmp_path / "none.png")
-    assert (status, said) == (2, "symaware: --plot goes with two logs\n")
+    assert (status, said) == (2, "symaware: --plot goes with two logs, or with two sweeps\n")
     assert diff(logs / "one.mcap", logs / "slower.mcap", "--plot", tmp_path / "apart.docx")[0] == 2
 
 
@@ -102,6 +102,19 @@ def test_metrics_of_two_sweeps_stand_side_by_side(sweeps: Path) -> None:
     assert columns["path_length"]["differing"] == 4
     assert said["is_paired"]
     assert said["first"] == 0
+
+
+def test_a_figure_of_two_sweeps_shows_their_runs_in_pairs(sweeps: Path, tmp_path: Path) -> None:
+    assert diff(sweeps / "one", sweeps / "slower", "--plot", tmp_path / "pairs.svg")[0] == 1
+    drawn = (tmp_path / "pairs.svg").read_text()
+    diff(sweeps / "one", sweeps / "slower", "--plot", tmp_path / "again.svg")
+    assert (tmp_path / "again.svg").read_text() == drawn
+    assert "mean difference -2.4" in drawn  # the path length: four robots, three seconds, 0.2 m/s less
+    assert "slower only" in drawn  # satisfied.apart
+    status, _, said = diff(sweeps / "one", sweeps / "same", "--plot", tmp_path / "none.svg")
+    assert status == 2
+    assert "nothing to draw" in said
+    assert diff(sweeps / "one", HELLO, "--plot", tmp_path / "none.svg")[0] == 2
 
 
 def test_sweeps_with_other_seeds_are_not_paired(sweeps: Path) -> None:

@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from games import PlainGame, game, random_game
@@ -7,7 +9,8 @@ from scipy.sparse.csgraph import connected_components
 from symaware_cli import TransitionSystem
 from symaware_cli.synthesis.conflict import conflict
 from symaware_cli.synthesis.counterstrategy import Counterstrategy, oppose
-from symaware_cli.synthesis.strategy import UnrealisableError, synthesise
+from symaware_cli.synthesis.game import Game, Statement
+from symaware_cli.synthesis.strategy import UnrealisableError, is_realisable, synthesise
 from symaware_cli.synthesis.vocabulary import Variable
 
 Node = tuple[int, int]
@@ -125,3 +128,37 @@ def test_a_conflict_names_the_guarantees_and_the_assumptions_without_which_there
     guilty = conflict(one, [0])
     assert [each.text for each in guilty.guarantees] == ["always eventually right"]
     assert [each.text for each in guilty.assumptions] == ["always not right"]
+
+
+def is_won(of: Game, assumptions: Sequence[Statement], guarantees: Sequence[Statement]) -> bool:
+    """Whether all beginnings that keep some assumptions are won, by a plain fixpoint."""
+    one = Game(of.vocabulary, assumptions, guarantees)
+    plain = PlainGame(one)
+    assert one.vocabulary.cell.system is not None
+    values, possible = one.starts(one.vocabulary.cell.system.initial)
+    kept = one.holds_at_start(one.guarantees, values)
+    winning = plain.winning()
+    every = [dict(zip(values, each, strict=True)) for each in np.array(list(values.values())).T.tolist()]
+    remembered = [False] * len(plain.remembered)
+    won = [(tuple(each[name] for name in plain.names), plain.bits(remembered, each)) in winning for each in every]
+    return bool(possible.any() and (won & kept)[possible].all())
+
+
+@pytest.mark.parametrize("first", range(0, 300, 100))
+def test_conflicts_of_random_games_are_irreducible_by_a_plain_fixpoint(first: int) -> None:
+    found = 0
+    for seed in range(first, first + 100):
+        one = random_game(np.random.default_rng(seed))
+        assert one.vocabulary.cell.system is not None
+        cells = one.vocabulary.cell.system.initial
+        if is_realisable(one, cells):
+            continue
+        guilty = conflict(one, cells)
+        found += 1
+        assert not is_won(one, one.assumptions, guilty.guarantees)
+        assert not is_won(one, guilty.assumptions, guilty.guarantees)
+        for each in guilty.guarantees:
+            assert is_won(one, one.assumptions, [other for other in guilty.guarantees if other is not each])
+        for each in guilty.assumptions:
+            assert is_won(one, [other for other in guilty.assumptions if other is not each], guilty.guarantees)
+    assert found > 20
