@@ -4,26 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from symaware_cli.api.recorded_run import RecordedRun
-from symaware_cli.core import nanoseconds, seconds
-from symaware_cli.environments.recorded import RecordedEnvironment
+from symaware_cli.api.recorded_specifications import RecordedSpecifications
+from symaware_cli.core import seconds
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.reader import Log, open_log
-from symaware_cli.runtime.event_router import EventRouter
-from symaware_cli.runtime.run_summary import Observer
 from symaware_cli.runtime.specifications import Specifications
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.files import open_scenario
-from symaware_cli.specification.formulation import formulate
-from symaware_cli.specification.node import Name, walk
 from symaware_cli.specification.outcome import Outcome
-from symaware_cli.specification.specification import Specification
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,27 +73,29 @@ def check_log(
     overrides = [f"specifications={json.dumps(specifications)}"] if isinstance(specifications, Mapping) else []
     if again:
         return _repeated(path, overrides, statements)
-    log = open_log(path)
-    built = open_scenario(path, overrides, world=RecordedEnvironment, statements=statements)
-    simulation, options, recording = built.simulation, built.options, built.document.recording
-    stated: Sequence[Specification] = options.specifications
-    for each in stated:
-        _require_recorded(log, each, recording.omit)
-    step = simulation.environment.time_step
-    period = max(1, -(-nanoseconds(recording.interval) // step)) * step
-    if period != step:
-        stated = [replace(each, formulation=formulate(each.formulation.tree, period)) for each in stated]
+    recorded = RecordedSpecifications(path, overrides, statements)
+    log, simulation, period = recorded.log, recorded.simulation, recorded.period
+    for each in recorded.specifications:
+        if missing := recorded.missing(each):
+            raise LogError(
+                f"{log.path} does not say what `{each.name}` is about: its scenario leaves {', '.join(missing)} "
+                "out of the log; repeat the run with --again"
+            )
     monitors = Specifications(
-        simulation, stated, options.instances, EventRouter(simulation.events), Observer(simulation), period=period
+        simulation,
+        recorded.specifications,
+        recorded.options.instances,
+        recorded.router,
+        recorded.observer,
+        period=period,
     )
-    run = RecordedRun(log, simulation)
     with np.errstate(all="ignore"):
-        for now in run.instants(period):
+        for now in recorded.instants():
             monitors.look(now)
     is_whole = log.outcome is not None and log.outcome.get("status") == "finished"
     if is_whole:
         monitors.finish(simulation.clock.now)
-    sampled = seconds(period) if period != step else None
+    sampled = seconds(period) if period != recorded.step else None
     return CheckResult(path, simulation.name, simulation.seed, sampled, is_whole, monitors.outcomes())
 
 
@@ -113,29 +108,3 @@ def _repeated(path: Path, overrides: Sequence[str], statements: Path | None) -> 
         raise run.failure
     is_whole = summary.status == "finished"
     return CheckResult(path, summary.name, summary.seed, None, is_whole, summary.specifications)
-
-
-def _require_recorded(log: Log, specification: Specification, omitted: Sequence[str]) -> None:
-    """Check that a log contains the data that a specification needs.
-
-    Raises:
-        LogError: Data is missing.
-    """
-    names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
-    moving = {"closing_speed", "control_input", "speed", "velocity"}
-    if specification.of == "belief":
-        needed = {"state", *({"requested_control"} if names & moving else ()), *({"awareness"} & {*map(_kind, names)})}
-        needed |= names & {"intent", "risk", "uncertainty"}
-    else:
-        needed = {"world", *({"requested_control", "applied_control"} if names & moving else ())}
-    left_out = {*omitted, *(("requested_control", "applied_control") if "control" in omitted else ())}
-    missing = sorted(needed & left_out)
-    if missing:
-        raise LogError(
-            f"{log.path} does not say what `{specification.name}` is about: its scenario leaves {', '.join(missing)} "
-            "out of the log; repeat the run with --again"
-        )
-
-
-def _kind(name: str) -> str:
-    return "awareness" if name == "nearest" else name

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import random
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+import numpy as np
+
 from symaware_cli.api.checking import check_log
+from symaware_cli.api.log_evaluation import EvaluatedSpecification, evaluate_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.log_comparison import first_difference
 from symaware_cli.recording.reader import open_log
+from symaware_cli.runtime.failure import RunError
+from symaware_cli.scenario.problem import ScenarioError
+from symaware_cli.specification.specification import SpecificationError
 from symaware_cli.study import sweep_table, table_file
 from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
 from symaware_cli.study.folder import SweepFolder, identity_of
@@ -61,6 +68,8 @@ class SweepVerification:
         missing: How many runs of the plan have no row.
         lost: How many rows are of runs that were lost, which are not made again.
         logs: How many logs were read.
+        not_evaluated: Of how many logs a specification was not evaluated independently of the monitors, for each name
+            and reason.
         repeated: How many runs were made again.
         findings: What is not as it has to be.
         versions: What differs in versions or files from when the rows were made.
@@ -72,6 +81,7 @@ class SweepVerification:
     missing: int
     lost: int
     logs: int
+    not_evaluated: Mapping[str, int]
     repeated: int
     findings: Sequence[Finding]
     versions: Sequence[str]
@@ -109,14 +119,14 @@ def verify_folder(
     """
     depth = LEVELS.index(level)
     found: list[Finding] = []
-    logs, chosen = 0, list[Row]()
+    logs, not_evaluated, chosen = 0, Counter[str](), list[Row]()
     with SweepJournal(folder.path / JOURNAL) as journal:
         found += _in_table(folder, journal)
         rows = list(journal.rows())
         if depth >= LEVELS.index("monitor"):
             kept = [row for row in rows if row.log is not None]
             logs = len(kept)
-            found += [finding for row in kept for finding in _in_log(folder, row)]
+            found += [finding for row in kept for finding in _in_log(folder, row, not_evaluated)]
         if depth >= LEVELS.index("sample"):
             chosen = [row for row in rows if row.state != "lost"]
         if level == "sample":
@@ -130,7 +140,9 @@ def verify_folder(
     # A forged table may have rows that the plan has not.
     missing = len({*range(folder.plan.count)} - {row.index for row in rows})
     lost = sum(row.state == "lost" for row in rows)
-    return SweepVerification(folder.path, level, len(rows), missing, lost, logs, len(chosen), found, changed)
+    return SweepVerification(
+        folder.path, level, len(rows), missing, lost, logs, not_evaluated, len(chosen), found, changed
+    )
 
 
 def _in_table(folder: SweepFolder, journal: SweepJournal) -> Iterator[Finding]:
@@ -185,26 +197,70 @@ def _in_row(folder: SweepFolder, place: int, row: Mapping[str, Any]) -> Iterator
                 yield Finding(index, f"verdict.{name}", verdict, f"{worst}, the worst of `{PREFIX}{name}`")
 
 
-def _in_log(folder: SweepFolder, row: Row) -> Iterator[Finding]:
+def _in_log(folder: SweepFolder, row: Row, not_evaluated: Counter[str]) -> Iterator[Finding]:
     """What of a log that was kept contradicts its name or its row."""
     assert row.log is not None
     try:
         log = open_log(folder.logs / row.log)
         name = f"{digest(log).combined[:32]}.mcap"
-    except LogError as error:
-        yield Finding(row.index, "log", str(error), "a log")
+        if row.log != name:
+            yield Finding(row.index, "log", row.log, name)
+        if log.manifest.get("seed") != folder.plan.seed(row.index):
+            yield Finding(row.index, "log", f"seed {log.manifest.get('seed')}", f"seed {folder.plan.seed(row.index)}")
+        if row.state == "done" and (log.outcome or {}).get("status") != "finished":
+            yield Finding(row.index, "log", "a part of a run", "the log of a run that came to its end")
+        elif row.state == "done":
+            yield from _in_specifications(log.path, row, not_evaluated)
+    except (LogError, ScenarioError, SpecificationError, RunError) as error:
+        yield Finding(row.index, "log", str(error), "a log of this run")
+
+
+def _in_specifications(log: Path, row: Row, not_evaluated: Counter[str]) -> Iterator[Finding]:
+    """What the specifications of a log, evaluated, say otherwise than its row."""
+    evaluation = evaluate_log(log)
+    for each in evaluation.specifications:
+        yield from _verdict(row, each.name, each.verdict, each.robustness, each.is_exact)
+        yield from _by_agent(row, each)
+    not_evaluated.update(f"{name}: {reason}" for name, reason in evaluation.left_out.items())
+    if evaluation.left_out and evaluation.is_complete:
+        for outcome in check_log(log).specifications:
+            if outcome.name in evaluation.left_out:
+                yield from _verdict(row, outcome.name, outcome.verdict, outcome.robustness, True)
+
+
+def _verdict(row: Row, name: str, verdict: str, robustness: float | None, is_exact: bool) -> Iterator[Finding]:
+    """What a row says otherwise of a specification than its log."""
+    said, known = row.verdicts.get(name), row.robustness.get(name)
+    if said != verdict:
+        yield Finding(row.index, f"verdict.{name}", said, f"{verdict}, says the log")
+    elif not (_equal(known, robustness) if is_exact else _at_least(known, robustness)):
+        yield Finding(row.index, f"robustness.{name}", known, f"{robustness}, says the log")
+
+
+def _by_agent(row: Row, evaluated: EvaluatedSpecification) -> Iterator[Finding]:
+    """What a row says otherwise of each agent or pair than its log."""
+    column = f"{PREFIX}{evaluated.name}"
+    said = {each["agent"]: each for each in row.metrics.get(column) or ()}
+    if not said:
         return
-    if row.log != name:
-        yield Finding(row.index, "log", row.log, name)
-    for each in check_log(log.path).specifications:
-        column = f"verdict.{each.name}"
-        if row.verdicts.get(each.name) != each.verdict:
-            yield Finding(row.index, column, row.verdicts.get(each.name), f"{each.verdict}, says the log")
-        elif not _equal(row.robustness.get(each.name), each.robustness):
-            column = f"robustness.{each.name}"
-            yield Finding(row.index, column, row.robustness.get(each.name), f"{each.robustness}, says the log")
-    if log.manifest.get("seed") != folder.plan.seed(row.index):
-        yield Finding(row.index, "log", f"seed {log.manifest.get('seed')}", f"seed {folder.plan.seed(row.index)}")
+    here = {" and ".join(each.agents): each for each in evaluated.rows}
+    if len(said) < MOST_AGENTS and said.keys() != here.keys():
+        yield Finding(row.index, column, sorted(said), sorted(here))
+    for agent, each in said.items():
+        if agent not in here:
+            continue
+        verdict = here[agent].verdict
+        robustness = here[agent].robustness if np.isfinite(here[agent].robustness) else None
+        known = each["robustness"]
+        if each["verdict"] != verdict:
+            yield Finding(row.index, f"{column} {agent}", each["verdict"], f"{verdict}, says the log")
+        elif not (_equal(known, robustness) if evaluated.is_exact else _at_least(known, robustness)):
+            yield Finding(row.index, f"{column} {agent}", known, f"{robustness}, says the log")
+
+
+def _at_least(bound: float | None, robustness: float | None) -> bool:
+    """Whether an upper bound is one, where None is infinity."""
+    return bound is None or (robustness is not None and bound >= robustness)
 
 
 def _repeated(folder: SweepFolder, row: Row, runner: Runner) -> Iterator[Finding]:

@@ -134,6 +134,8 @@ def _report(result: SweepVerification) -> Iterator[str]:
     yield from _findings(findings)
     for line in result.versions[:_MOST]:
         yield f"  {'version':<12} {printable(line)}"
+    for name, logs in list(result.not_evaluated.items())[:_MOST]:
+        yield f"  {'note':<12} of {logs:,} logs not evaluated independently: {printable(name)}"
     if result.missing:
         yield f"  {'note':<12} runs of the plan without a row: {result.missing:,}"
     if result.lost:

@@ -10,6 +10,7 @@ import yaml
 
 from symaware_cli import open_log
 from symaware_cli.api.checking import check_log
+from symaware_cli.api.log_evaluation import evaluate_log
 from symaware_cli.recording.error import LogError
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
@@ -48,6 +49,13 @@ def test_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: Path) -> 
     assert checked.is_whole
     assert [each.to_json() for each in checked.specifications] == [each.to_json() for each in summary.specifications]
     assert len(checked.specifications) == len(stated) + len(written)
+    by_definition = evaluate_log(log)
+    assert by_definition.is_complete
+    assert len(by_definition.specifications) + len(by_definition.left_out) == len(checked.specifications)
+    for each in by_definition.specifications:
+        said = next(outcome for outcome in checked.specifications if outcome.name == each.name)
+        assert (each.name, each.verdict) == (said.name, said.verdict)
+        assert each.robustness == said.robustness or not each.is_exact
 
 
 @pytest.fixture

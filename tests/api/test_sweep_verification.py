@@ -181,3 +181,30 @@ def test_runs_with_nothing_to_compare_are_counted(folder: SweepFolder) -> None:
     changed(folder, "UPDATE runs SET state = 'lost' WHERE \"index\" = 2")
     result = verified(folder, "all")
     assert (result.rows, result.missing, result.lost, result.repeated) == (7, 1, 1, 6)
+
+
+def test_an_agents_robustness_that_its_log_contradicts_is_found(folder: SweepFolder) -> None:
+    content = metrics(folder, 5)
+    (pair,) = content["by_agent.apart"]
+    forged = {**content, "by_agent.apart": [{**pair, "robustness": pair["robustness"] + 1e-9}]}
+    changed(folder, 'UPDATE runs SET metrics = ? WHERE "index" = 5', json.dumps(forged))
+    assert verified(folder, "arithmetic").is_sound
+    (found,) = verified(folder, "monitor").findings
+    assert (found.index, found.column) == (5, f"by_agent.apart {pair['agent']}")
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("recording.interval=0.2", "the log does not contain every step"),
+        ("recording.omit=[world]", "the log does not contain world"),
+    ],
+)
+def test_specifications_that_logs_do_not_suffice_for_are_counted(tmp_path: Path, change: str, reason: str) -> None:
+    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
+    request = SweepRequest(set=[change], options={"runs": "2", "keep": "all"})
+    made = SweepFolder.created(tmp_path / "out", read_sweep(tmp_path / "tiny.yaml", request))
+    conduct(made, 0)
+    result = verified(made, "monitor")
+    assert result.is_sound, result.findings
+    assert result.not_evaluated == {f"apart: {reason}": 2}

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from formulas import random_formula
 from numpy.typing import NDArray
-from recursion import interval
 from scipy.optimize import linprog
 
 from symaware_cli.geometry.region import Region, RegionShape
@@ -26,6 +25,7 @@ from symaware_cli.specification.expression import FUNCTIONS
 from symaware_cli.specification.formulation import Formulation, formulate
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.region import PlacedRegion
+from symaware_cli.specification.semantics import robustness_interval
 
 pytest.importorskip("highspy", reason="HiGHS is an extra")
 
@@ -62,10 +62,10 @@ def planned(formula: stl.Formula, state: Sequence[float], alternatives: str = "b
 
 def robustness(formula: stl.Formula, states: Array) -> float:
     """The robustness of a formula by the definitions of its operators, if windows end with the states."""
-    samples = [[float(np.dot(normal, state)) + offset for state in states] for normal, offset in PREDICATES]
-    low, high = interval(formula, samples, 0, len(states), True)
+    samples = [np.array([float(np.dot(normal, state)) + offset for state in states]) for normal, offset in PREDICATES]
+    low, high = robustness_interval(formula, samples, len(states), 1, True, times=1)
     assert low == high
-    return low
+    return float(low[0, 0])
 
 
 def selections(formula: stl.Formula, at: int, positive: bool = True) -> list[frozenset[tuple[int, int, bool]]]:

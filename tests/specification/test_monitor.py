@@ -3,7 +3,6 @@ import os
 import numpy as np
 import pytest
 from formulas import random_formula, random_samples
-from recursion import interval
 
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.deserialiser import Deserialiser
@@ -22,6 +21,7 @@ from symaware_cli.specification.formula import (
     operands,
 )
 from symaware_cli.specification.monitor import Monitor
+from symaware_cli.specification.semantics import robustness_interval
 
 
 def check_reasons(monitor: Monitor, formula: Formula, samples: Array) -> None:
@@ -42,10 +42,9 @@ def check_reasons(monitor: Monitor, formula: Formula, samples: Array) -> None:
 
 
 def check(formula: Formula, samples: Array, *, ends: bool) -> None:
-    """Compare a monitor with the recursion at each instant."""
+    """Compare a monitor with the definitions at each instant."""
     _, instants, rows = samples.shape
     monitor, quick = Monitor(formula, rows), Monitor(formula, rows, interval=False)
-    signals = [samples[:, :, row].tolist() for row in range(rows)]
     exact = np.empty((0, rows))
     for known in range(1, instants + 1 + ends):
         ended = known > instants
@@ -55,10 +54,10 @@ def check(formula: Formula, samples: Array, *, ends: bool) -> None:
                 each.finish()
             else:
                 each.update(list(samples[:, known - 1]))
-        expected = np.array([interval(formula, signal, 0, known, ended) for signal in signals])
-        np.testing.assert_array_equal(monitor.lower, expected[:, 0])
-        np.testing.assert_array_equal(monitor.upper, expected[:, 1])
-        verdict = np.where(expected[:, 0] > 0, 1, np.where(expected[:, 1] < 0, -1, 0))
+        (low,), (high,) = robustness_interval(formula, list(samples[:, :known]), known, rows, ended, times=1)
+        np.testing.assert_array_equal(monitor.lower, low)
+        np.testing.assert_array_equal(monitor.upper, high)
+        verdict = np.where(low > 0, 1, np.where(high < 0, -1, 0))
         np.testing.assert_array_equal(monitor.verdict, verdict)
         np.testing.assert_array_equal(quick.verdict, verdict)
         if known == instants:
@@ -73,10 +72,8 @@ def check(formula: Formula, samples: Array, *, ends: bool) -> None:
         assert len(exact) == (instants if ends else 0)
     else:
         assert len(exact) == max(instants - delay, 0)
-    for t, values in enumerate(exact):
-        for signal, value in zip(signals, values, strict=True):
-            lower, upper = interval(formula, signal, t, instants, ends)
-            assert (value == lower == upper) or (np.isnan(value) and lower < upper)
+    lows, highs = (each[: len(exact)] for each in robustness_interval(formula, list(samples), instants, rows, ends))
+    np.testing.assert_array_equal(exact, np.where(lows == highs, lows, np.nan))
 
 
 def cases(seed: int, number: int) -> None:
@@ -92,7 +89,7 @@ def cases(seed: int, number: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_monitors_agree_with_the_recursion_at_every_instant(seed: int) -> None:
+def test_monitors_agree_with_the_definitions_at_every_instant(seed: int) -> None:
     cases(seed, 150)
 
 
@@ -104,7 +101,7 @@ def test_an_until_without_an_end_is_not_reached_after_the_run() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1000, 1000 + int(os.environ.get("SYMAWARE_MONITOR_SEEDS", "10"))))
-def test_thousands_of_monitors_agree_with_the_recursion_at_every_instant(seed: int) -> None:
+def test_thousands_of_monitors_agree_with_the_definitions_at_every_instant(seed: int) -> None:
     """With SYMAWARE_MONITOR_SEEDS=500 a hundred thousand of them."""
     cases(seed, 200)
 
