@@ -31,7 +31,7 @@ from symaware_cli.specification.formula import (
 Instants = NDArray[np.intp]
 
 
-class Interval(NamedTuple):
+class RobustInterval(NamedTuple):
     """The least and the greatest robustness that are possible at each instant; each of shape (instants, rows)."""
 
     low: Array
@@ -47,7 +47,7 @@ def robustness_interval(
     *,
     cut: bool = False,
     times: int | None = None,
-) -> Interval:
+) -> RobustInterval:
     """Evaluate a formula at each instant.
 
     Args:
@@ -66,39 +66,45 @@ def robustness_interval(
     far = instants + _look_back(formula)
     unknown = np.full((far + 1 - instants, rows), np.inf)
 
-    def of(part: Formula, times: int = far + 1) -> Interval:
+    def of(part: Formula, times: int = far + 1) -> RobustInterval:
         """The bounds of a part at so many instants."""
         match part:
             case Constant(value):
                 truth = np.full((times, rows), np.inf if value else -np.inf)
-                return Interval(truth, truth)
+                return RobustInterval(truth, truth)
             case Predicate(index):
                 known = samples[index].reshape(instants, rows)
-                return Interval(np.concatenate([known, -unknown])[:times], np.concatenate([known, unknown])[:times])
+                return RobustInterval(
+                    np.concatenate([known, -unknown])[:times], np.concatenate([known, unknown])[:times]
+                )
             case Not(operand):
                 low, high = of(operand, times)
-                return Interval(-high, -low)
+                return RobustInterval(-high, -low)
             case And(operands):
                 lows, highs = zip(*(of(each, times) for each in operands), strict=True)
-                return Interval(np.minimum.reduce(lows), np.minimum.reduce(highs))
+                return RobustInterval(np.minimum.reduce(lows), np.minimum.reduce(highs))
             case Or(operands):
                 lows, highs = zip(*(of(each, times) for each in operands), strict=True)
-                return Interval(np.maximum.reduce(lows), np.maximum.reduce(highs))
+                return RobustInterval(np.maximum.reduce(lows), np.maximum.reduce(highs))
             case Always(first, last, operand):
                 low, high = of(operand)
-                return Interval(least(low, times, first, last, True), least(high, times, first, last, False))
+                return RobustInterval(least(low, times, first, last, True), least(high, times, first, last, False))
             case Eventually(first, last, operand):
                 low, high = of(operand)
-                return Interval(-least(-low, times, first, last, False), -least(-high, times, first, last, True))
+                return RobustInterval(-least(-low, times, first, last, False), -least(-high, times, first, last, True))
             case Until(first, last, left, right):
                 lows, highs = zip(of(left), of(right), strict=True)
-                return Interval(reached(*lows, times, first, last, False), reached(*highs, times, first, last, True))
+                return RobustInterval(
+                    reached(*lows, times, first, last, False), reached(*highs, times, first, last, True)
+                )
             case Historically(first, last, operand):
-                return Interval(*(least_before(each, times, first, last) for each in of(operand)))
+                return RobustInterval(*(least_before(each, times, first, last) for each in of(operand)))
             case Once(first, last, operand):
-                return Interval(*(-least_before(-each, times, first, last) for each in of(operand)))
+                return RobustInterval(*(-least_before(-each, times, first, last) for each in of(operand)))
             case Since(first, last, left, right):
-                return Interval(*(since(*pair, times, first, last) for pair in zip(of(left), of(right), strict=True)))
+                return RobustInterval(
+                    *(since(*pair, times, first, last) for pair in zip(of(left), of(right), strict=True))
+                )
 
     def ahead(t: int, last: int | None, longest: bool) -> Instants:
         """The instants from t to the end of a window; of one without an end, if the run is as long as can be or not."""
