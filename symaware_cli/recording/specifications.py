@@ -60,6 +60,9 @@ class SpecificationRecorder:
                 "start": str(specification.start),
                 "end": "" if specification.end is None else str(specification.end),
             }
+            horizon = None if specification.automaton is not None else specification.formulation.horizon
+            if horizon is not None:
+                metadata["horizon"] = str(horizon * specification.formulation.time_step)
             if specification.offer is not None:
                 metadata["offered"] = json.dumps({"epsilon": specification.offer.epsilon})
             topic = TOPIC.format(specification.name)
@@ -124,6 +127,19 @@ def specification_channels(channels: Mapping[str, ChannelInfo]) -> dict[str, Cha
     found = [info for info in channels.values() if info.carries("Specification")]
     found.sort(key=lambda info: (len(number := info.metadata.get("number", "")), number, info.topic))
     return {info.topic.rpartition("/")[2]: info for info in found}
+
+
+def specification_span(channel: ChannelInfo) -> tuple[int | None, int | None]:
+    """Return for how long a specification looks ahead from its beginning, and the last instant that counts.
+
+    Returns:
+        Both in nanoseconds; None where the end of the run is the limit, or in older logs.
+
+    Raises:
+        ValueError: The metadata of the channel are invalid.
+    """
+    horizon, end = channel.metadata.get("horizon"), channel.metadata.get("end")
+    return int(horizon) if horizon else None, int(end) if end else None
 
 
 def _rows(metadata: Mapping[str, str]) -> tuple[tuple[str, ...], ...]:
@@ -235,9 +251,9 @@ def verdicts_of(content: v1.Specification) -> tuple[list[int] | None, list[int],
     return list(content.rows) or None, [_DECODED[code][0] for code in content.verdicts], list(content.upper)
 
 
-def has_begun(content: v1.Specification) -> bool:
-    """Whether any row counts that a message of a specification is about."""
-    return any(code != _NOT_BEGUN for code in content.verdicts)
+def begun_in(content: v1.Specification) -> list[bool]:
+    """Return which of the rows that a message of a specification is about count; empty if nothing changed."""
+    return [code != _NOT_BEGUN for code in content.verdicts]
 
 
 def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message]) -> LoggedSpecification:

@@ -168,7 +168,7 @@ def _overviews(run_view: RunView, detail: Detail, content: ReplayContent) -> Ite
     cameras = _cameras(run_view, detail, content)
     if cameras:
         yield rrb.Grid(*cameras, grid_columns=min(len(cameras), 2), name="Cameras")
-    if len(run_view.specifications) > _CURVES:
+    if _has_table(run_view):
         yield rrb.TextDocumentView(origin="specifications", name="Specifications")
     for name, rows in _specifications(run_view):
         yield _curves(f"Specification {name}", [f"+ curves/specifications/{name}/**"], legend=len(rows) <= _LEGEND)
@@ -215,14 +215,18 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
 def _row_shares(run_view: RunView, content: ReplayContent) -> list[int]:
     """Return the relative heights of the overviews above the events."""
     cameras = [5] * any("/image/" in topic for topic in content.topics)
-    table = [min(12, 3 + len(run_view.specifications) // 3)] * (len(run_view.specifications) > _CURVES)
+    table = [min(12, 3 + len(run_view.specifications) // 3)] * _has_table(run_view)
     return cameras + table + [3] * (len(_specifications(run_view)) + _has_risk(content) + (run_view.agent_count > 1))
 
 
 def _specifications(run_view: RunView) -> list[tuple[str, Sequence[tuple[str, ...]]]]:
     """Return the specifications that have a view of their curves: all if they are few, otherwise they are a table."""
-    few = len(run_view.specifications) <= _CURVES
-    return list(run_view.specifications.items()) if few else []
+    return [] if _has_table(run_view) else list(run_view.specifications.items())
+
+
+def _has_table(run_view: RunView) -> bool:
+    """Return whether specifications are shown as a table: if they are many, or if it has to tell who holds which."""
+    return len(run_view.specifications) > _CURVES or bool(run_view.offered)
 
 
 def _has_risk(content: ReplayContent) -> bool:

@@ -22,7 +22,7 @@ from symaware_cli.recording.geometry import geometry_of
 from symaware_cli.recording.json_text import read_yaml
 from symaware_cli.recording.log_schema import GEOMETRY
 from symaware_cli.recording.reader import Log
-from symaware_cli.recording.specifications import specification_rows
+from symaware_cli.recording.specifications import specification_channels, specification_rows, specification_span
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
 from symaware_cli.viewing.region_windows import Window, region_windows
@@ -160,6 +160,9 @@ class RunView:
         quantities: Name and unit of each column of each topic, where the log has them.
         regions: The regions of the scenario, by name.
         specifications: For each specification by name, the ids of the agents that each row is about.
+        spans: For each specification by name, for how long it looks ahead from its beginning and the last instant that
+            counts [ns]; None for no limit.
+        offered: The specifications that are offered during the run.
         windows: When specifications about a region count, for regions that do not count all the time.
     """
 
@@ -175,6 +178,8 @@ class RunView:
     quantities: Mapping[str, Sequence[tuple[str, str]]] = field(default_factory=dict)
     regions: Mapping[str, Region] = field(default_factory=dict)
     specifications: Mapping[str, Sequence[tuple[str, ...]]] = field(default_factory=dict)
+    spans: Mapping[str, tuple[int | None, int | None]] = field(default_factory=dict)
+    offered: frozenset[str] = frozenset()
     windows: Mapping[str, Sequence[Window]] = field(default_factory=dict)
 
     def quantities_of(self, topic: str, field: str, width: int) -> Sequence[tuple[str, str]]:
@@ -224,6 +229,7 @@ def run_view_of(log: Log) -> RunView:
     log.require_manifest()
     manifest = log.manifest
     try:
+        specifications = specification_channels(log.channels)
         groups = manifest["groups"]
         colours = agent_colours([len(group["agents"]) for group in groups.values()])
         ranges = _perception_ranges(log)
@@ -259,6 +265,8 @@ def run_view_of(log: Log) -> RunView:
             ground=geometry.ground,
             regions={name: Region.model_validate(each) for name, each in manifest.get("regions", {}).items()},
             specifications=specification_rows(log.channels),
+            spans={name: specification_span(info) for name, info in specifications.items()},
+            offered=frozenset(name for name, info in specifications.items() if info.metadata.get("offered")),
             windows=region_windows(log.channels, manifest.get("regions", {})),
             quantities={
                 topic: [(each.name, each.unit) for each in columns]

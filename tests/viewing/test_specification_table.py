@@ -41,11 +41,11 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_row_has_the_state_the_robustness_and_its_bar(path: Path) -> None:
     before, after = rows_at(path, 1.0), rows_at(path, 6.0)
-    assert before["apart"] == ["", "", ""]
+    assert before["apart"] == ["", "", "", ""]
     assert (after["apart"][0], before["safe"][0]) == ("**violated**", "active")
-    assert float(after["apart"][1]) < 0.0
-    assert after["apart"][2] == ""
-    bars = {name: len(row[2]) for name, row in before.items() if row[2]}
+    assert float(after["apart"][2]) < 0.0
+    assert after["apart"][3] == ""
+    bars = {name: len(row[3]) for name, row in before.items() if row[3]}
     assert max(bars.values()) == 18
 
 
@@ -66,3 +66,19 @@ def test_a_column_names_who_holds_what_is_offered(tmp_path: Path) -> None:
     assert {rows["specification"][0] for second, rows in shown.items() if second > 1} == {"held by"}
     assert [shown[second]["flowers"][0] for second in (4.2, 5.0, 6.1, 7.0)] == ["(open)", first, "(open)", again]
     assert shown[24.0]["piano"][0] == "(rejected)"
+    # The other couriers have not accepted it, so that their verdicts do not count.
+    assert [shown[24.0][name][1] for name in ("painting", "flowers", "piano")] == ["satisfied", "satisfied", ""]
+    # Of a window of 20 s, from when it was first offered at 4 s on.
+    assert [shown[second]["flowers"][2] for second in (0.5, 4.2, 7.0)] == ["", "24", "24"]
+
+
+def test_a_column_has_the_end_of_each_window(tmp_path: Path) -> None:
+    path = tmp_path / "shortcut.mcap"
+    changes = ["run.duration=6", "specifications.apart.from=2", "specifications.apart.to=3"]
+    execute(build(SCENARIO, [*changes, "specifications.safe.formula=always[0, 1.5] speed < 9"]), path)
+    before, after = rows_at(path, 1.0), rows_at(path, 2.5)
+    assert before["specification"][1] == "until [s]"
+    assert [before[name][1] for name in ("safe", "apart")] == ["1.5", ""]
+    assert after["apart"][1] == "3"
+    whole = {row[1] for name, row in after.items() if name not in ("specification", "safe", "apart")}
+    assert whole <= {"6"}

@@ -7,9 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core import nanoseconds, seconds
 from symaware_cli.recording import logged_events
 from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.specifications import has_begun, verdicts_of
+from symaware_cli.recording.logged_events import LoggedEvent
+from symaware_cli.recording.specifications import begun_in, verdicts_of
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.scene.base import Drawing
@@ -32,7 +34,8 @@ class SpecificationTable(Drawing):
 
     It has the upper bound of the robustness, the least of all rows, and a column for each signal that components record
     under the names of specifications, such as barrier functions: the least of all agents. If specifications are offered
-    during the run, a column names the agent that holds each.
+    during the run, a column names the agent that holds each. The column `until` has the last instant that counts [s],
+    once the specification is offered or has begun; of agents that enter the world later, the latest.
     """
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
@@ -41,6 +44,7 @@ class SpecificationTable(Drawing):
         #: For each specification its state, and for each row an upper bound of the robustness and the verdict.
         self._states = dict.fromkeys(self._names, "")
         self._upper = {name: np.full(len(run_view.specifications[name]), np.nan) for name in self._names}
+        self._begun = {name: np.zeros(len(run_view.specifications[name]), bool) for name in self._names}
         self._verdicts = {name: np.zeros(len(run_view.specifications[name]), np.int8) for name in self._names}
         #: For each signal, its topics with the column of each specification.
         self._signals: dict[str, list[tuple[str, Mapping[str, int]]]] = {}
@@ -51,13 +55,15 @@ class SpecificationTable(Drawing):
                     self._signals.setdefault(signal.name, []).append((group_view.topic(field), columns))
         #: The agent that holds each offered specification; a text in parentheses if it is open, or was rejected.
         self._holders: dict[str, str] = {}
+        #: The last instant that counts for each specification, where it is known [ns].
+        self._until: dict[str, int] = {}
         self._next = 0
 
     def marks(self, chunk: Chunk) -> Iterator[Documents]:
         """Yield the tables of the instants of a chunk."""
         first = max(self._next, -(-chunk.start // _STEP))
         moments = np.arange(first, chunk.end // _STEP + 1, dtype=np.int64) * _STEP
-        told: list[tuple[int, int, str, v1.Specification | str]] = [
+        told: list[tuple[int, int, str, v1.Specification | LoggedEvent]] = [
             (time, place, name, content)
             for name in self._names
             for place, (time, content) in enumerate(chunk.entries.get(f"/specifications/{name}", ()))
@@ -68,36 +74,47 @@ class SpecificationTable(Drawing):
         texts, taken = [], 0
         for place, moment in enumerate(moments.tolist()):
             while taken < len(told) and told[taken][0] <= moment:
-                self._take(*told[taken][2:])
+                self._take(*told[taken])
                 taken += 1
             texts.append(self._table({signal: values[place] for signal, values in recorded.items()}))
         for each in told[taken:]:
-            self._take(*each[2:])
+            self._take(*each)
         if texts and self._names:
             self._next = int(moments[-1] // _STEP) + 1
             yield Documents(path="specifications", times=moments, texts=texts)
 
-    def _changes_of_holders(self, chunk: Chunk) -> Iterator[tuple[int, int, str, str]]:
-        """Yield when holders change: the time, the place among the events, the specification, and the new text."""
+    def _changes_of_holders(self, chunk: Chunk) -> Iterator[tuple[int, int, str, LoggedEvent]]:
+        """Yield the events by which holders change: the time, the place, the specification, and the event."""
         for place, (time, message) in enumerate(chunk.entries.get("/events", ())):
             event = logged_events.event(time, message)
             name = event.source.removeprefix("specifications.")
             if name in self._upper and name != event.source and event.name in _HOLDERS:
-                yield time, place, name, _HOLDERS[event.name].format(agent=event.data.get("agent", ""))
+                yield time, place, name, event
 
-    def _take(self, name: str, content: v1.Specification | str) -> None:
-        """Take note of a message of a specification, or of a text about who holds it."""
-        if isinstance(content, str):
-            self._holders[name] = content
+    def _take(self, time: int, _: int, name: str, content: v1.Specification | LoggedEvent) -> None:
+        """Take note of a message of a specification, or of an event that tells who holds it."""
+        if isinstance(content, LoggedEvent):
+            self._holders[name] = _HOLDERS[content.name].format(agent=content.data.get("agent", ""))
+            if content.name == "offered":
+                self._until[name] = self._end(name, nanoseconds(float(content.data.get("from", 0.0))))
             return
         rows, verdicts, upper = verdicts_of(content)
         chosen = slice(None) if rows is None else rows
         if len(verdicts):
-            self._verdicts[name][chosen] = verdicts
-            worst = int(self._verdicts[name].min())
-            self._states[name] = _STATES[worst] if has_begun(content) or self._states[name] else ""
+            begun = np.array(begun_in(content), bool)
+            if (begun & ~self._begun[name][chosen]).any() and name not in self._holders:
+                self._until[name] = self._end(name, time)
+            self._verdicts[name][chosen], self._begun[name][chosen] = verdicts, begun
+            counted = self._verdicts[name][self._begun[name]]
+            self._states[name] = _STATES[int(counted.min())] if len(counted) else ""
         if len(upper):
             self._upper[name][chosen] = upper
+
+    def _end(self, name: str, begin: int) -> int:
+        """Return the last instant that counts for a specification which begins at an instant [ns]."""
+        horizon, end = self.run_view.spans.get(name, (None, None))
+        ends = [nanoseconds(self.run_view.duration), begin + horizon if horizon is not None else None, end]
+        return min(each for each in ends if each is not None)
 
     def _recorded(self, topics: Sequence[tuple[str, Mapping[str, int]]], moments: Times, chunk: Chunk) -> Array:
         """Return the least value of all agents for each specification; (k, specifications), NaN where unknown."""
@@ -112,18 +129,19 @@ class SpecificationTable(Drawing):
         return found
 
     def _table(self, recorded: Mapping[str, Array]) -> str:
-        least = [np.fmin.reduce(self._upper[name]) if self._states[name] else np.nan for name in self._names]
+        least = [np.fmin.reduce(self._upper[name][self._begun[name]], initial=np.inf) for name in self._names]
         columns = {"robustness": np.array(least, float), **recorded}
         bars = [_bars(np.where(np.isfinite(values), values, np.nan)) for values in columns.values()]
         held = bool(self._holders)
         lines = [
-            f"| specification |{' held by |' * held} | {' | | '.join(columns)} | |",
-            f"|---|{'---|' * held}---|" + "--:|:--|" * len(columns),
+            f"| specification |{' held by |' * held} | until [s] | {' | | '.join(columns)} | |",
+            f"|---|{'---|' * held}---|--:|" + "--:|:--|" * len(columns),
         ]
         for number, name in enumerate(self._names):
             cells = [cell for column in bars for cell in column[number]]
             holder = f" {self._holders.get(name, '')} |" * held
-            lines.append(f"| {name} |{holder} {self._states[name]} | {' | '.join(cells)} |")
+            until = f"{seconds(self._until[name]):g}" if name in self._until else ""
+            lines.append(f"| {name} |{holder} {self._states[name]} | {until} | {' | '.join(cells)} |")
         return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""Uncertainties of agents about their own states: ellipses of 95 %, and fans of samples."""
+"""Uncertainties of agents about their own states: ellipses of 95 %, tubes of them along plans, and fans of samples."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.viewing.chunk import Chunk, SeriesFrames
 from symaware_cli.viewing.scene.base import Drawing
-from symaware_cli.viewing.scene.intents import LAYERS, pieces
+from symaware_cli.viewing.scene.intents import LAYERS, path_columns, pieces
 from symaware_cli.viewing.scene.marks import Ellipsoids, Lines
 from symaware_cli.viewing.views import GroupView, in_space
 
@@ -20,9 +20,12 @@ Array = NDArray[np.float64]
 #: 95 % quantile of the chi-square distribution with 2 or 3 degrees of freedom.
 DEVIATIONS = {2: 2.4477, 3: 2.7955}
 
+#: Transparency of the first and the last ellipse of a tube.
+_NEAREST, _FAINTEST = 0.4, 0.9
+
 
 class Uncertainties(Drawing):
-    """Draws the uncertainty of agents about their own positions, and their samples of the future."""
+    """Draws the uncertainty of agents about their own positions, now and along their intents, and samples of it."""
 
     def marks(self, chunk: Chunk) -> Iterator[Ellipsoids | Lines]:
         """Yield ellipses and samples of the agents that are shown."""
@@ -52,8 +55,63 @@ class Uncertainties(Drawing):
                         names=group_view.agents,
                         who=which,
                     )
+                intents = chunk.strips.get(group_view.topic("intent")) if "intent" in group_view.signals else None
+                focus = [row for row in rows if group_view.agents[row] in self.detail.focus]
+                if covariance is not None and intents is not None and focus:
+                    yield from _tubes(f"{path}/tube", layer, group_view, (series, intents), focus, covariance)
                 if samples is not None:
                     yield _fans(f"{path}/samples", layer, group_view, series, rows, samples)
+
+
+def _tubes(
+    path: str,
+    layer: str,
+    group_view: GroupView,
+    both: tuple[SeriesFrames, SeriesFrames],
+    rows: Sequence[int],
+    covariance: NDArray[np.intp],
+) -> Iterator[Ellipsoids]:
+    """Yield fading ellipses along the intents, where an uncertainty and an intent have as many points.
+
+    Args:
+        path: The path of the mark.
+        layer: Its layer.
+        group_view: The group.
+        both: The uncertainties and the intents.
+        rows: The rows to draw.
+        covariance: The columns of the covariance of the position; shape (d, d).
+    """
+    positions = path_columns(group_view, "intent", both[1].values.shape[1])
+    if positions is None:
+        return
+    which, lengths, matrices = pieces(both[0], rows, covariance.ravel().tolist())
+    _, intended, points = pieces(both[1], rows, positions)
+    shape = len(both[0].times), len(rows)
+    _, here, there = np.intersect1d(both[0].times, both[1].times, return_indices=True)
+    uncertain, known = np.zeros(shape, bool), np.zeros((len(both[1].times), len(rows)), bool)
+    counts = lengths.reshape(shape)[here]
+    uncertain[here] = known[there] = (counts == intended.reshape(known.shape)[there]) & (counts > 1)
+    kept = lengths[uncertain.ravel()]
+    # The first ellipse is where the agent is.
+    place = np.arange(kept.sum()) - np.repeat(np.cumsum(kept) - kept, kept)
+    ahead = place > 0
+    who = np.repeat(which[uncertain.ravel()], kept)[ahead]
+    half_sizes, orientations = ellipsoids(
+        matrices[np.repeat(uncertain.ravel(), lengths)][ahead].reshape(-1, *covariance.shape)
+    )
+    yield Ellipsoids(
+        path=path,
+        layer=layer,
+        times=both[0].times,
+        counts=np.where(uncertain, lengths.reshape(shape) - 1, 0).sum(axis=1),
+        centres=in_space(points[np.repeat(known.ravel(), intended)][ahead], group_view.height),
+        half_sizes=half_sizes,
+        orientations=orientations,
+        colours=group_view.colours[who],
+        transparency=_FAINTEST + (_NEAREST - _FAINTEST) * (1.0 - place / np.repeat(kept, kept))[ahead],
+        names=group_view.agents,
+        who=who,
+    )
 
 
 def _fans(
