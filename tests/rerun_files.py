@@ -71,11 +71,13 @@ class Recording:
         return next(value for time, value in self._rows[entity, component] if time is None)
 
 
-def saved(log: Log | Path, folder: Path, agents: Sequence[str] = (), **window: int) -> Recording:
+def saved(
+    log: Log | Path, folder: Path, agents: Sequence[str] = (), against: Log | None = None, **window: int
+) -> Recording:
     """Convert a log, and read what comes of it."""
     opened = log if isinstance(log, Log) else open_log(log)
     path = folder / "saved.rrd"
-    replay_session(opened, agents, **window).save(path)
+    replay_session(opened, agents, against=against, **window).save(path)
     return Recording(path)
 
 

@@ -66,6 +66,10 @@ def replay(
     agents: Annotated[
         str | None, typer.Option("--agents", help="Agents to show in detail: ids or groups, separated by commas.")
     ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", help="A second log to show beside it: its bodies in grey.", metavar="LOG"),
+    ] = None,
     start: Annotated[float | None, typer.Option("--from", help="The first simulated time, in seconds.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,
     as_json: Json = False,
@@ -73,9 +77,9 @@ def replay(
     """Show a log in the Rerun viewer: motion, beliefs, intents, risks and messages of all agents."""
     if sum(bool(way) for way in (save, screenshot, web, connect)) > 1:
         fail("choose one of --save, --screenshot, --web and --connect", WRONG_INPUT, as_json)
-    if follow and (save or screenshot or start is not None or end is not None):
+    if follow and (save or screenshot or against or start is not None or end is not None):
         fail(
-            "--follow shows a whole log in a viewer; leave out --save, --screenshot, --from and --to",
+            "--follow shows a whole log in a viewer; leave out --save, --screenshot, --against, --from and --to",
             WRONG_INPUT,
             as_json,
         )
@@ -95,10 +99,11 @@ def replay(
 
         require()
         log = _opened(path, follow)
-        if log.foreign and (agents or start is not None or end is not None):
-            fail(f"{path} was not written by SymAware; leave out --agents, --from and --to", WRONG_INPUT, as_json)
+        if log.foreign and (agents or against or start is not None or end is not None):
+            options = "--agents, --against, --from and --to"
+            fail(f"{path} was not written by SymAware; leave out {options}", WRONG_INPUT, as_json)
         _require_shown(moment, log, first, last, as_json)
-        shown = _replay_session(log, names(agents), first, last)
+        shown = _replay_session(log, names(agents), first, last, against)
         facts["shown"] = shown.words
         try:
             with progress(path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
@@ -132,7 +137,7 @@ def replay(
 
 
 def _replay_session(
-    log: Log, agents: Sequence[str], first: int | None, last: int | None
+    log: Log, agents: Sequence[str], first: int | None, last: int | None, against: Path | None
 ) -> ReplaySession | ForeignReplaySession:
     if log.foreign:
         from symaware_cli.viewing.foreign import ForeignReplaySession
@@ -141,7 +146,8 @@ def _replay_session(
     from symaware_cli.viewing.replay_session import replay_session
 
     # Times are whole nanoseconds: the interval after the last one begins with the next.
-    return replay_session(log, agents, first, None if last is None else last + 1)
+    other = None if against is None else _opened(against, follow=False)
+    return replay_session(log, agents, first, None if last is None else last + 1, other)
 
 
 def _present(

@@ -61,7 +61,7 @@ def blueprint(run_view: RunView, detail: Detail, content: ReplayContent) -> rrb.
     """Create the layout of the views for a log."""
     import rerun.blueprint as rrb
 
-    scene = _spatial(run_view, detail, content, "Scene", ["+ world/**", "+ awareness/**"])
+    scene = _spatial(run_view, detail, content, "Scene", ["+ world/**", "+ awareness/**", "+ other/**"])
     tabs = [_agent(run_view, detail, content, agent) for agent in detail.focus]
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -106,7 +106,8 @@ def _spatial(
         )
     spacing = 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-3) / 4.0))
     grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(110, 115, 130, 60))
-    overrides: dict[Any, Any] = {f"world/agents/{name}/trail": _recent(detail.trail) for name in run_view.group_views}
+    trails = [f"{root}/agents/{name}/trail" for root in ("world", "other") for name in run_view.group_views]
+    overrides: dict[Any, Any] = {trail: _recent(detail.trail) for trail in trails}
     background = rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor)
     return rrb.Spatial3DView(
         origin="/",

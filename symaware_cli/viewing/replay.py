@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -29,17 +30,18 @@ _SAMPLES = 9
 class Replay:
     """Draws a run for Rerun."""
 
-    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput, beside: str = "") -> None:
         """Write the explanation of the replay.
 
         Args:
             run_view: The run to draw.
             detail: The level of detail.
             output: The output to draw on.
+            beside: A description of a second run that is shown beside it; empty for none.
         """
         self._run_view, self._detail, self._output = run_view, detail, output
         self._scene = Scene(run_view, detail, (*SCENE, *CURVES))
-        self._explain()
+        self._explain(beside)
 
     def chunk_reader(self) -> ChunkReader:
         """Create a reader that groups messages into chunks for this replay."""
@@ -78,7 +80,7 @@ class Replay:
             self._output.show(mark)
         self._output.flush()
 
-    def _explain(self) -> None:
+    def _explain(self, beside: str) -> None:
         run_view = self._run_view
         believed = [
             name
@@ -94,6 +96,8 @@ class Replay:
             kinds += [f"| {drawn} | {name}: {meaning} |" for name, meaning in run_view.described(how).items()]
         if run_view.windows:
             kinds.append("| areas | filled while a specification about them counts; dashed before, faint after |")
+        if beside:
+            kinds.append(f"| another run | {beside} |")
         shared = "".join(f"{kind}\n" for kind in kinds)
         text = f"""# {run_view.name}
 
@@ -150,6 +154,11 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
     shown = [np.clip(corner, low[:2] - reach, high[:2] + reach) for corner in _region_corners(run_view)]
     known += [np.append(corner, low[2]) for corner in shown]
     return ReplayContent(np.min(known, axis=0), np.max(known, axis=0), topics)
+
+
+def content_with(content: ReplayContent, other: ReplayContent) -> ReplayContent:
+    """Extend the extent of a log to that of another one shown beside it."""
+    return replace(content, low=np.minimum(content.low, other.low), high=np.maximum(content.high, other.high))
 
 
 def _region_corners(run_view: RunView) -> Iterator[Array]:

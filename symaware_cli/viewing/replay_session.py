@@ -15,7 +15,8 @@ from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.blueprint import blueprint
 from symaware_cli.viewing.detail import Detail, detail_of
-from symaware_cli.viewing.replay import Replay, content_of
+from symaware_cli.viewing.other_run import OtherRun, other_run
+from symaware_cli.viewing.replay import Replay, content_of, content_with
 from symaware_cli.viewing.rerun.output import RerunOutput
 from symaware_cli.viewing.views import RunView, run_view_of
 
@@ -39,6 +40,7 @@ class ReplaySession:
         detail: The level of detail.
         start: The first instant [ns]; None for the beginning.
         end: The instant at which to stop, exclusive [ns]; None for the end.
+        beside: A second run to show beside it.
     """
 
     log: Log
@@ -46,11 +48,12 @@ class ReplaySession:
     detail: Detail
     start: int | None = None
     end: int | None = None
+    beside: OtherRun | None = None
 
     @property
     def words(self) -> str:
         """A description of what is shown, for users."""
-        return self.detail.words
+        return self.detail.words + (f"; {self.beside.words}" if self.beside else "")
 
     def save(self, path: Path, on_progress: Progress = None) -> None:
         """Write an .rrd file, including the blueprint.
@@ -130,9 +133,12 @@ class ReplaySession:
             start=self.start or 0,
             earlier=self.log.messages([*held, "/contacts", "/events"], end=self.start or 0),
         )
+        if self.beside is not None:
+            self.beside.draw(self.detail, RerunOutput(recording), self.start, self.end)
 
     def _replay(self, recording: rr.RecordingStream) -> Replay:
-        return Replay(self.run_view, self.detail, RerunOutput(recording))
+        beside = self.beside.words if self.beside else ""
+        return Replay(self.run_view, self.detail, RerunOutput(recording), beside)
 
     def _recording(self) -> rr.RecordingStream:
         import rerun as rr
@@ -144,7 +150,11 @@ class ReplaySession:
         return recording
 
     def _blueprint(self) -> Any:
-        return blueprint(self.run_view, self.detail, content_of(self.log, self.run_view, self.start, self.end))
+        content = content_of(self.log, self.run_view, self.start, self.end)
+        if self.beside is not None:
+            other = content_of(self.beside.log, self.beside.run_view, self.start, self.end)
+            content = content_with(content, other)
+        return blueprint(self.run_view, self.detail, content)
 
     def _middle(self) -> int:
         first = self.log.start_time or 0 if self.start is None else self.start
@@ -153,7 +163,11 @@ class ReplaySession:
 
 
 def replay_session(
-    log: Log, agents: Sequence[str] = (), start: int | None = None, end: int | None = None
+    log: Log,
+    agents: Sequence[str] = (),
+    start: int | None = None,
+    end: int | None = None,
+    against: Log | None = None,
 ) -> ReplaySession:
     """Create a replay session of a log.
 
@@ -162,9 +176,10 @@ def replay_session(
         agents: The agents that have a tab; empty for as many as fit.
         start: The first instant [ns].
         end: The instant at which to stop, exclusive [ns].
+        against: The log of a second run, to show beside it; None for none.
 
     Raises:
-        LogError: The log is foreign, has no such agents, or has no messages in the interval.
+        LogError: A log is foreign, has no such agents, or has no messages in the interval.
     """
     run_view = run_view_of(log)
     detail = detail_of(run_view, agents)
@@ -172,7 +187,8 @@ def replay_session(
         where = "" if start is None and end is None else " in that interval"
         lost = f"; {log.damage}" if log.damage and log.damage.lost else ""
         raise LogError(f"{log.path} has nothing to show{where}{lost}")
-    return ReplaySession(log, run_view, detail, start, end)
+    beside = None if against is None else other_run(log, against)
+    return ReplaySession(log, run_view, detail, start, end, beside)
 
 
 @contextmanager
