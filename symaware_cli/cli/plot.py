@@ -38,9 +38,9 @@ def plot(
     show: Annotated[
         str | None,
         typer.Option(
-            help="The panels, separated by commas: trajectories, separation, specifications, risk, speed, altitude, "
-            "control, or a part of awareness; of a sweep, metrics such as satisfied.safe or closest. By default those "
-            "that fit the log, or differ from run to run.",
+            help="The panels, separated by commas: trajectories, separation, specifications, offers, risk, speed, "
+            "altitude, control, or a part of awareness; of a sweep, metrics such as satisfied.safe or closest. By "
+            "default those that fit the log, or differ from run to run.",
             metavar="PANELS",
         ),
     ] = None,

@@ -21,6 +21,7 @@ from symaware_cli.viewing.plotting.choice import choose
 from symaware_cli.viewing.plotting.curves import PlottedCurves
 from symaware_cli.viewing.plotting.line_styles import LineStyle
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles, motion_of, obstacles_of
+from symaware_cli.viewing.plotting.offer_timeline import offer_timeline
 from symaware_cli.viewing.plotting.panels import Content, Distances, Panel, Trajectories
 from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName, Window
 from symaware_cli.viewing.scene.marks import Bodies, Crosses, Curves, Lines, Mark, Numbers, Points, Solid, joined
@@ -120,6 +121,8 @@ class _Gathering:
                 return [*places, *(view.state_topic for view in views), *knowledge, "/contacts", *paths]
             case "separation" | "speed" | "altitude":
                 return places
+            case "offers":
+                return []
             case "specifications":
                 return [f"/specifications/{each}" for each in self._run_view.specifications]
             case field:
@@ -169,6 +172,9 @@ class _Gathering:
                 return self._separation(motion) if motion else []
             case "specifications":
                 return self._specifications()
+            case "offers":
+                timeline = offer_timeline(self._log.events(), self._run_view, self.chosen, self.window)
+                return [timeline] if timeline else []
             case "speed" | "altitude":
                 space = [line for line in shown if self._is_spatial(line.name)]
                 found = motion and (curves.speed(motion, shown) if name == "speed" else curves.altitude(motion, space))
@@ -371,10 +377,11 @@ def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurve
 
 
 #: The default panels.
-_DEFAULT = ("trajectories", "separation", "specifications", "risk", "speed", "altitude")
+_DEFAULT = ("trajectories", "separation", "specifications", "offers", "risk", "speed", "altitude")
 
 _REASONS = {
     "specifications": "its scenario has none for these agents, or without intervals",
+    "offers": "its scenario offers no specifications, or none was offered by then",
     "trajectories": "no states were recorded",
     "separation": "it requires two agents, or an agent and an obstacle, with recorded states",
     "risk": "no component computed a risk, or it was not recorded",

@@ -31,6 +31,8 @@ from symaware_cli.viewing.plotting.figure_style import (
     type_scale,
 )
 from symaware_cli.viewing.plotting.line_styles import LineStyle
+from symaware_cli.viewing.plotting.offer_drawing import draw_offers
+from symaware_cli.viewing.plotting.offer_timeline import OfferTimeline
 from symaware_cli.viewing.plotting.panels import Content, Distances, Trajectories
 from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
 from symaware_cli.viewing.plotting.request import PlotRequest
@@ -100,7 +102,7 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
     for panel, place in zip(others, places, strict=True):
         axes = figure.add_subplot(place, sharex=first)
         first = first or axes
-        marks, words = draw_separation(axes, panel) if isinstance(panel, Distances) else draw_curves(axes, panel)
+        marks, words = _drawn(axes, panel)
         handles, said = handles + marks, said + words
         if content.moment:
             axes.axvline(seconds(content.window.at), color=FAINT, linewidth=1.0, linestyle=":")
@@ -119,6 +121,16 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
     whole.set_height_ratios((max(size[1] - _AROUND - sum(feet), 1.0), *(max(foot, 0.01) for foot in feet)))
     figure.suptitle(_title(content, title), x=0.012, ha="left", fontsize=HEADING * type_scale(), fontweight="bold")
     return figure
+
+
+def _drawn(axes: Axes, panel: Distances | OfferTimeline | PlottedCurves) -> tuple[list[Line2D | Patch], list[str]]:
+    """Draw a panel over time; return the entries of the legend, and the sentences of the caption."""
+    match panel:
+        case Distances():
+            return draw_separation(axes, panel)
+        case OfferTimeline():
+            return draw_offers(axes, panel)
+    return draw_curves(axes, panel)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The panels of a plot: trajectories, separation and curves."""
+"""The panels of a plot: trajectories, separation, offers and curves."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from symaware_cli.core import seconds
 from symaware_cli.viewing.plotting.curves import PlottedCurves
 from symaware_cli.viewing.plotting.line_styles import Chosen
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles
+from symaware_cli.viewing.plotting.offer_timeline import OfferTimeline
 from symaware_cli.viewing.plotting.request import Window
 from symaware_cli.viewing.plotting.separation import LeastSeparation
 from symaware_cli.viewing.scene.marks import Solid
@@ -147,7 +148,7 @@ class Distances:
         return notes
 
 
-Panel: TypeAlias = Trajectories | Distances | PlottedCurves
+Panel: TypeAlias = Trajectories | Distances | OfferTimeline | PlottedCurves
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import Log
 
 #: The panels that can be requested by name, besides parts of awareness, in order.
-PANELS = ("trajectories", "separation", "specifications", "risk", "speed", "altitude", "control")
+PANELS = ("trajectories", "separation", "specifications", "offers", "risk", "speed", "altitude", "control")
 
 #: The output formats, by suffix.
 FORMATS = (".png", ".svg", ".pdf")
