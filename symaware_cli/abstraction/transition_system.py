@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 _EDGE = re.compile(r'^\s*"?([^"\[\]{};>]+?)"?\s*->\s*"?([^"\[\]{};>]+?)"?\s*(?:\[.*\])?;?\s*$')
@@ -131,6 +131,15 @@ class TransitionSystem:
     def observation(self, state: int) -> frozenset[str]:
         """Return the labels that hold in a state."""
         return frozenset(label for label, where in self.labels.items() if state in where)
+
+    def avoiding(self, states: Collection[int]) -> TransitionSystem:
+        """Return the system without transitions to some states.
+
+        All states stay, with their indices; those that are avoided can be left, but neither be entered nor stayed in.
+        """
+        avoided = frozenset(states)
+        successors = tuple(tuple(each for each in after if each not in avoided) for after in self.successors)
+        return replace(self, successors=successors)
 
     def product(self, other: TransitionSystem) -> TransitionSystem:
         """Return the synchronous product: both move at each step, and each keeps its labels."""

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from symaware_cli.components.assumption_monitor import AssumptionMonitor
 from symaware_cli.components.knowledge_game import GameParameters, KnowledgeGame
+from symaware_cli.components.strategy_follower import Fallback, StrategyFollower
+from symaware_cli.components.strategy_memory import StrategyMemory, StrategyTurn, TurnReport
+from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
 from symaware_cli.core import AgentGroup, GroupComponent, Level, Quantity, Signal
 from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.attempt import attempt
 from symaware_cli.synthesis.conflict import conflict
 from symaware_cli.synthesis.counterstrategy import Counterstrategy, oppose
 from symaware_cli.synthesis.environment_cells import EnvironmentCells
-from symaware_cli.synthesis.fragment import LIVENESS
 from symaware_cli.synthesis.game import Statement
 from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthesise
 from symaware_cli.synthesis.strategy_cache import StrategyCache, encoded
 from symaware_cli.synthesis.vocabulary import CELL
 from symaware_cli.world.plugin import ParameterError
-from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
 
@@ -40,38 +42,6 @@ ENVIRONMENT = Signal(
 )
 
 
-class StrategyMemory(NamedTuple):
-    """What an agent remembers from turn to turn.
-
-    Attributes:
-        state: The state of the game at the last decision; -1 before the first one.
-        goal: The goal that it pursues.
-        following: The cell that it decided to go to.
-        stands: Whether it has stopped, since an assumption was broken.
-        values: The last known values of the environment's variables, in their order; -1 for none.
-        met: When each goal of the environment was last met [ns].
-        overdue: Whether each of these was reported to be overdue.
-        opposing: The goal that the environment pursues, if it plays a counterstrategy.
-    """
-
-    state: int
-    goal: int
-    following: int
-    stands: bool
-    values: tuple[int, ...]
-    met: tuple[int, ...]
-    overdue: tuple[bool, ...]
-    opposing: int = 0
-
-
-class _Report(NamedTuple):
-    row: int
-    name: str
-    text: str
-    level: Level
-    data: Mapping[str, Any]
-
-
 class KnowledgeStrategy(GroupComponent):
     """Chooses the next cell by a strategy that meets all guarantees while the environment keeps the assumptions.
 
@@ -79,6 +49,8 @@ class KnowledgeStrategy(GroupComponent):
     model, and checked by a model checker. It advances at the turns at which the agent believes to be in the cell that
     it was going to; the environment is what the agent then believes about it. If the environment breaks an assumption,
     the agent stops in its cell.
+
+    When the agent learns of cells that cannot be entered, the strategy is made again without them.
     """
 
     signals = (PLAN, ENVIRONMENT)
@@ -91,6 +63,14 @@ class KnowledgeStrategy(GroupComponent):
         "assumption-broken": "The environment did what the assumptions exclude; `assumptions` lists those it broke.",
         "assumption-overdue": "What is assumed to happen again and again did not happen within the patience.",
         "assumption-kept": "What was overdue happened.",
+        "assumption-dropped": "A strategy is made again without the assumptions that the environment broke.",
+        "cells-learnt": "The agent learnt which cells cannot be entered; `cells` lists them all.",
+        "turned-back": "The cell that the agent was going to cannot be entered, so it goes back.",
+        "strategy-revised": "A strategy that was made again takes effect; `digest` identifies it, `effort` counts the"
+        " states that were looked at.",
+        "budget-exceeded": "To make a strategy again would take more than the budget.",
+        "strategy-unrealisable": "No strategy from what the agent has learnt meets its guarantees from where it is.",
+        "retreated": "The agent goes back towards the last cell from which its guarantees can be met.",
         "strategy-resumed": "An agent that had stopped goes on.",
         "cells-left": "An agent is neither in the cell that it came from nor in the one that it goes to.",
     }
@@ -100,8 +80,8 @@ class KnowledgeStrategy(GroupComponent):
         "_game",
         "_strategy",
         "_counterstrategy",
-        "_goals",
         "_cells",
+        "_follower",
     )
 
     class Parameters(GameParameters):
@@ -112,10 +92,20 @@ class KnowledgeStrategy(GroupComponent):
             description="What to do if there is no strategy: refuse the scenario, with the reason; or run it with an"
             " environment that plays a counterstrategy instead of what is believed, to watch how it wins.",
         )
-        on_violation: Literal["stop", "resume"] = Field(
+        on_violation: Fallback = Field(
             "stop",
-            description="What an agent does after the environment broke an assumption: it stays in its cell; or it goes"
-            " on as soon as there is a way to meet the guarantees from where it is.",
+            description="What an agent does after the environment broke an assumption: it stays in its cell; it goes"
+            " on as soon as there is a way to meet the guarantees from where it is; it goes back to the last cell from"
+            " which there is one; or it goes on by a strategy without the broken assumption, if there is one.",
+        )
+        blocked: str | None = Field(
+            None,
+            min_length=1,
+            description="The name of the knowledge that lists cells, by their names, that cannot be entered. When it"
+            " changes, the strategy is made again.",
+        )
+        revision: RevisionParameters = Field(
+            default_factory=RevisionParameters, description="What it takes to make a strategy again during the run."
         )
         patience: float | None = Field(
             None,
@@ -135,10 +125,8 @@ class KnowledgeStrategy(GroupComponent):
             self._prepare(group)
         self._scope = BeliefScope(group, self.environment, [], {})
         self._knowledge.check_others(self.environment.roster)
-        count = len(self._goals)
-        start = StrategyMemory(
-            -1, 0, -1, False, (-1,) * len(self._game.vocabulary.environment), (self.now,) * count, (False,) * count
-        )
+        unknown, count = (-1,) * len(self._game.vocabulary.environment), self._follower.awaited
+        start = StrategyMemory(unknown, (self.now,) * count, (False,) * count)
         self._memory = [start] * len(group)
         self._is_announced = False
 
@@ -159,17 +147,47 @@ class KnowledgeStrategy(GroupComponent):
         Raises:
             ParameterError: A parameter is invalid.
         """
-        self._knowledge = KnowledgeGame(self.parameters, group)
+        given, cache = self.parameters, StrategyCache.of_user()
+        self._knowledge = KnowledgeGame(given, group)
         self._game = game = self._knowledge.game
-        self._goals = game.goals(game.assumptions)
         self._cells = EnvironmentCells(game, self._knowledge.model)
+        self._check_revision(group)
         self._counterstrategy: Counterstrategy | None = None
         try:
-            self._strategy: Strategy = synthesise(game, self._knowledge.starts, StrategyCache.of_user())
+            self._strategy: Strategy = synthesise(game, self._knowledge.starts, cache)
         except UnrealisableError as error:
             if self.parameters.on_unrealisable == "refuse" or not game.starts(self._knowledge.starts)[1].any():
                 raise self._unrealisable(error) from None
             self._counterstrategy, self._strategy = oppose(game), attempt(game)
+        revisions = StrategyRevisions(self._strategy, given.revision.budget, cache)
+        monitor = AssumptionMonitor(game, given.patience)
+        self._follower = StrategyFollower(
+            self._knowledge.model, revisions, self._counterstrategy, monitor, given.on_violation, given.revision
+        )
+
+    def _check_revision(self, group: AgentGroup) -> None:
+        """Check the parameters of strategies that are made again.
+
+        Raises:
+            ParameterError: One is invalid.
+        """
+        given = self.parameters
+        is_revised = given.blocked is not None or given.on_violation == "weaken"
+        if given.on_unrealisable == "counterstrategy" and is_revised:
+            said = "an environment that plays a counterstrategy needs the strategy as it was made before the run"
+            raise ParameterError(f"{said}: without `blocked` and `on_violation: weaken`", ("on_unrealisable",))
+        if "revision" in given.model_fields_set and not is_revised:
+            raise ParameterError("no strategy is made again without `blocked` or `on_violation: weaken`", ("revision",))
+        for row, known in enumerate(group.knowledge if given.blocked is not None else ()):
+            if given.blocked not in known:
+                said = (
+                    f"{group.ids[row]} does not know `{given.blocked}`; declare it, with the cells that are blocked at"
+                )
+                raise ParameterError(f"{said} first: `knowledge: {{{given.blocked}: {{all: []}}}}`", ("blocked",))
+            try:
+                self._blocked(known, group.ids[row])
+            except ValueError as error:
+                raise ParameterError(str(error), ("blocked",)) from None
 
     def _unrealisable(self, error: UnrealisableError) -> ParameterError:
         """Explain that there is no strategy, at each of the formulas that contradict each other."""
@@ -195,17 +213,21 @@ class KnowledgeStrategy(GroupComponent):
 
     # During the run
 
-    def _compute(self) -> tuple[list[StrategyMemory], list[_Report]]:
-        observed = self._knowledge.observed(self._group, self._scope, self.environment.roster)
-        positions = self._group.model.positions(self._group.awareness.state)
-        reports: list[_Report] = []
-        memories = [
-            self._decided(row, memory, positions[row], tuple(int(column[row]) for column in observed), reports)
-            for row, memory in enumerate(self._memory)
-        ]
+    def _compute(self) -> tuple[list[StrategyMemory], list[TurnReport]]:
+        group = self._group
+        observed = self._knowledge.observed(group, self._scope, self.environment.roster)
+        positions = group.model.positions(group.awareness.state)
+        reports: list[TurnReport] = []
+        memories = []
+        for row, memory in enumerate(self._memory):
+            values = tuple(int(column[row]) for column in observed)
+            values = tuple(last if new < 0 else new for new, last in zip(values, memory.values, strict=True))
+            blocked = self._blocked(group.knowledge[row], group.ids[row])
+            turn = StrategyTurn(row, self.now, blocked, positions[row], reports)
+            memories.append(self._follower.decided(memory._replace(values=values), turn))
         return memories, reports
 
-    def _update(self, value: tuple[list[StrategyMemory], list[_Report]]) -> None:
+    def _update(self, value: tuple[list[StrategyMemory], list[TurnReport]]) -> None:
         self._memory, reports = value
         if not self._is_announced:
             self._is_announced = True
@@ -239,114 +261,23 @@ class KnowledgeStrategy(GroupComponent):
         if not all(map(np.array_equal, tables, shown)):
             self.record(ENVIRONMENT, tables)
 
-    def _decided(
-        self, row: int, memory: StrategyMemory, position: Array, observed: tuple[int, ...], reports: list[_Report]
-    ) -> StrategyMemory:
-        """Return the memory of an agent after its turn."""
-        observed = tuple(last if new < 0 else new for new, last in zip(observed, memory.values, strict=True))
-        memory = memory._replace(values=observed)
-        game, model = self._game, self._knowledge.model
-        if memory.state < 0:
-            cell = int(model.cells(position[None])[0])
-        else:
-            if not model.contains(memory.following, position):
-                if not model.contains(int(game.values[CELL][memory.state]), position):
-                    reports.append(_Report(row, "cells-left", "left its cells", Level.WARNING, {}))
-                return memory
-            cell = memory.following
-        if self._counterstrategy is not None and (memory.state < 0 or self._counterstrategy.covers(memory.state)):
-            if memory.stands:
-                return memory
-            played = self._played(row, self._counterstrategy, memory, cell, reports)
-            if played is None:
-                return memory._replace(state=max(memory.state, 0), following=cell, stands=True)
-            observed, opposing = played
-            memory = memory._replace(values=observed, opposing=opposing)
-        if min(observed, default=0) < 0:
-            return memory  # nothing can be decided until something is believed about everything
-        names = [each.name for each in game.vocabulary.environment]
-        after = {name: np.array([value]) for name, value in zip(names, observed, strict=True)}
-        after[CELL] = np.array([cell])
-        broken = self._broken(memory, after)
-        before, state = memory.state, self._state(memory, after)
-        memory = self._reminded(row, memory, state, reports)
-        if broken:
-            text = f"the environment broke {' and '.join(f'`{each}`' for each in broken)}"
-            reports.append(_Report(row, "assumption-broken", text, Level.WARNING, {"assumptions": broken}))
-        stands = bool(broken) or memory.stands
-        if stands and self.parameters.on_violation == "resume" and self._strategy.covers(state):
-            if memory.stands:
-                reports.append(_Report(row, "strategy-resumed", "goes on", Level.INFO, {}))
-            stands = False
-        if stands or not self._strategy.covers(state):
-            return memory._replace(state=state, following=cell, stands=True)
-        following, goal = self._strategy.choice(state, memory.goal)
-        number = memory.goal
-        if self._strategy.reached[number, state] and not (before >= 0 and self._strategy.reached[number, before]):
-            reports.append(_Report(row, "goal-met", f"met goal {number}", Level.INFO, {"number": number}))
-        return memory._replace(state=state, goal=goal, following=following, stands=False)
+    def _blocked(self, known: Mapping[str, object], agent: str) -> tuple[int, ...]:
+        """Return the cells that an agent knows to be blocked, ascending.
 
-    def _state(self, memory: StrategyMemory, after: Mapping[str, NDArray[np.intp]]) -> int:
-        game = self._game
-        if memory.state < 0:
-            return int(game.starting(after)[0])
-        bits = [bit.updated(each[[memory.state]], after) for bit, each in zip(game.bits, game.bit_values, strict=True)]
-        return int(game.index(after, bits)[0])
-
-    def _broken(self, memory: StrategyMemory, after: Mapping[str, NDArray[np.intp]]) -> list[str]:
-        """Return the assumptions that the last step of the environment broke."""
-        game = self._game
-        if memory.state < 0:
-            return [each.text for each in game.assumptions if not game.holds_at_start([each], after)[0]]
-        now = {name: each[[memory.state]] for name, each in game.values.items()}
-        broken = [
-            f"{variable.name} moves from cell to cell"
-            for variable in game.vocabulary.environment
-            if after[variable.name][0] not in variable.following[now[variable.name][0]]
-        ]
-        for each in game.assumptions:
-            for evaluate, ahead in game.safety([each]):
-                if not np.all(evaluate(now, after) if ahead else evaluate(after, None)):
-                    broken.append(each.text)
-                    break
-        return broken
-
-    def _reminded(self, row: int, memory: StrategyMemory, state: int, reports: list[_Report]) -> StrategyMemory:
-        """Note which goals the environment meets, and report those that are overdue."""
-        met = tuple(self.now if goal[state] else last for goal, last in zip(self._goals, memory.met, strict=True))
-        patience = self.parameters.patience
-        if patience is None:
-            return memory._replace(met=met)
-        overdue = tuple(self.now - last > patience * SECOND for last in met)
-        texts = [each.text for each in self._game.assumptions for one in each.clauses if one.kind in LIVENESS]
-        for text, late, known in zip(texts, overdue, memory.overdue, strict=True):
-            if late and not known:
-                said = f"`{text}` is overdue: nothing for {patience:g} s"
-                reports.append(_Report(row, "assumption-overdue", said, Level.WARNING, {"assumption": text}))
-            elif known and not late:
-                reports.append(_Report(row, "assumption-kept", f"`{text}` was met", Level.INFO, {"assumption": text}))
-        return memory._replace(met=met, overdue=overdue)
-
-    def _played(
-        self, row: int, counterstrategy: Counterstrategy, memory: StrategyMemory, cell: int, reports: list[_Report]
-    ) -> tuple[tuple[int, ...], int] | None:
-        """Return the values after a step of the counterstrategy, and the goal that the environment pursues then.
-
-        Returns:
-            None if the agent has broken a guarantee.
+        Raises:
+            ValueError: What it knows are no cells.
         """
-        game, goal = self._game, memory.opposing
-        if memory.state < 0:
-            state, goal = counterstrategy.beginning(cell), 0
-        else:
-            state, goal = counterstrategy.answer(memory.state, goal, cell)
-        if state is None:
-            text = f"the environment has won: the guarantees cannot be kept in {game.vocabulary.cell.described(cell)}"
-            reports.append(_Report(row, "guarantee-broken", text, Level.WARNING, {}))
-            return None
-        values = {name: int(each[state]) for name, each in game.values.items()}
-        reports.append(_Report(row, "environment-moved", game.described(values), Level.INFO, {}))
-        return tuple(values[each.name] for each in game.vocabulary.environment), goal
+        name = self.parameters.blocked
+        if name is None:
+            return ()
+        states, cells = self._knowledge.model.system.states, known[name]
+        if isinstance(cells, str) or not isinstance(cells, Sequence):
+            raise ValueError(f"the knowledge `{name}` of {agent} is {cells!r}, and no list of cells")
+        for each in cells:
+            if each not in states:
+                model = self.parameters.model
+                raise ValueError(f"the knowledge `{name}` of {agent} lists {each!r}, which is no cell of `{model}`")
+        return tuple(sorted({states.index(each) for each in cells}))
 
 
 def _places(section: str, statements: Sequence[Statement], guilty: Sequence[Statement]) -> list[tuple[str, int]]:

@@ -34,6 +34,7 @@ class EntryDescription:
         world: The class, parameters, folder and obstacles of the world; None if the components do not use it.
         seed: The seed of the run.
         packages: The packages whose classes the run uses.
+        known: The regions of the scenario and its knowledge models, by name.
     """
 
     kind: type[Any]
@@ -45,6 +46,7 @@ class EntryDescription:
     world: tuple[Any, ...] | None
     seed: int
     packages: frozenset[str]
+    known: tuple[Mapping[str, Any], Mapping[str, Any]] = ({}, {})
 
     def environment(self, groups: Sequence[AgentGroup]) -> Any:
         """Create a world that follows the one of the run, or a placeholder."""
@@ -241,6 +243,7 @@ class Replica:
         self._clock = Clock()
         surroundings = Surroundings(description.seed, self._world, Unavailable("exchange"), self._clock, events)
         for each in groups:
+            each.regions, each.knowledge_models = description.known
             each.awareness.roster = self._world.roster
             each.surroundings = surroundings
             each.awareness.clock = self._clock

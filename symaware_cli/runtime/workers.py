@@ -147,6 +147,7 @@ class _RemoteEntry:
             world=_world(environment) if self.sees_world else None,
             seed=simulation.seed,
             packages=known,
+            known=(entry.group.regions, entry.group.knowledge_models),
         )
         self.description = pickle.dumps(description)
 

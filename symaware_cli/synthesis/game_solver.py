@@ -30,22 +30,32 @@ class GameSolution:
         winning: Whether the agent wins from each state; shape (size,).
         choices: For each goal of the agent and each state, the cell to choose; -1 where it does not win.
         reached: For each goal of the agent and each state, whether the goal is reached, so that the next one comes.
+        effort: How many states were looked at, each as often as it was.
     """
 
     winning: Truth
     choices: Indices
     reached: Truth
+    effort: int
 
 
-def solve(game: Game) -> GameSolution:
-    """Solve a game."""
-    return _Solver(game).solve()
+def solve(game: Game, budget: int | None = None) -> GameSolution:
+    """Solve a game.
+
+    Args:
+        game: The game.
+        budget: The greatest effort; None for any.
+
+    Raises:
+        BudgetError: It would take more.
+    """
+    return _Solver(game, budget).solve()
 
 
 class _Solver:
-    def __init__(self, game: Game) -> None:
+    def __init__(self, game: Game, budget: int | None) -> None:
         self._size = game.size
-        self._graph = MoveGraph(game)
+        self._graph = MoveGraph(game, budget)
         self._goals = game.goals(game.guarantees) or (np.ones(self._size, bool),)
         # An assumption that holds everywhere never lets the agent wait.
         self._waiting = [~goal for goal in game.goals(game.assumptions) if not goal.all()]
@@ -60,7 +70,7 @@ class _Solver:
                 winning = reached
             if (winning == before).all():
                 break
-        return GameSolution(winning, choices, np.array(self._goals) & winning)
+        return GameSolution(winning, choices, np.array(self._goals) & winning, self._graph.effort)
 
     def _reaching(self, goal: Truth, winning: Truth) -> tuple[Truth, Indices]:
         """Return from which states the agent reaches a goal within `winning`, or waits for ever; and its choices."""

@@ -14,14 +14,31 @@ Indices = NDArray[np.int32]
 _BLOCK = 200_000
 
 
+class BudgetError(Exception):
+    """To solve a game takes more than was allowed for it."""
+
+
 class MoveGraph:
     """The moves of a game, forwards and backwards.
 
     Attributes:
         size: The number of states.
+        effort: How many states were looked at so far, each as often as it was. It depends on nothing but the game.
     """
 
-    def __init__(self, game: Game) -> None:
+    def __init__(self, game: Game, budget: int | None = None) -> None:
+        """Look at each state once, to find its moves.
+
+        Args:
+            game: The game.
+            budget: The greatest effort; None for any.
+
+        Raises:
+            BudgetError: There are more states than that.
+        """
+        self.effort = 0
+        self._budget = budget
+        self._spend(game.size)
         # SciPy takes as long to import as a short run does.
         from scipy.sparse import csr_array
 
@@ -37,10 +54,16 @@ class MoveGraph:
         shape = (self.size, self.size)
         self._before = csr_array((np.ones(len(sources), np.bool_), (flat[inner], sources)), shape=shape)
 
+    def _spend(self, states: int) -> None:
+        self.effort += states
+        if self._budget is not None and self.effort > self._budget:
+            raise BudgetError(f"more than {self._budget:,} states were to be looked at")
+
     def preceding(self, states: NDArray[np.intp], among: Truth) -> NDArray[np.intp]:
         """Return the states among some from which a move may lead to any of these states, ascending."""
         if not len(states):
             return states
+        self._spend(len(states))
         marked = np.zeros(self.size, bool)
         marked[self._before[states].indices] = True
         return np.flatnonzero(marked & among)
@@ -51,6 +74,7 @@ class MoveGraph:
         An answer that the environment must not give leads to every target, a move that breaks a guarantee to none. The
         first such choice is noted in `choices`.
         """
+        self._spend(len(states))
         extended = np.append(target, [True, False])
         found = []
         for start in range(0, len(states), _BLOCK):

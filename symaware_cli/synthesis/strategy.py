@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.synthesis.game import Game
 from symaware_cli.synthesis.game_solver import GameSolution, solve
+from symaware_cli.synthesis.move_graph import BudgetError
 from symaware_cli.synthesis.strategy_check import Check
 
 
@@ -28,11 +29,13 @@ class Strategy:
         game: The game.
         choices: The cell to choose, for each goal and state; -1 where there is none; shape (goals, size).
         reached: Whether the goal is reached, so that the next one is pursued; shape (goals, size).
+        effort: How many states were looked at to make it, each as often as it was; 0 if that is not known.
     """
 
     game: Game
     choices: NDArray[np.int32]
     reached: NDArray[np.bool_]
+    effort: int = 0
 
     def covers(self, state: int) -> bool:
         """Whether the strategy has a choice in a state."""
@@ -80,13 +83,43 @@ def synthesise(game: Game, cells: Sequence[int], cache: Cache | None = None) -> 
         return kept
     solution = solve(game)
     _check_realisable(game, solution, cells)
-    strategy = Strategy(game, solution.choices, solution.reached)
-    fault = Check(game, strategy.choices, strategy.reached).fault(cells)
+    strategy = Strategy(game, solution.choices, solution.reached, solution.effort)
+    _accept(strategy, Check(game, strategy.choices, strategy.reached).fault(cells), cache)
+    return strategy
+
+
+def synthesise_anywhere(game: Game, cache: Cache | None = None, budget: int | None = None) -> Strategy:
+    """Make a strategy for all states from which the agent can win, which may be none, or take the one that was kept.
+
+    Args:
+        game: The game.
+        cache: Where strategies are kept. What is wrong there is made again.
+        budget: The greatest effort, as in `Strategy.effort`; None for any. A strategy that was kept counts as much as
+            it took to make it, so that the outcome does not depend on the cache.
+
+    Raises:
+        BudgetError: It would take more.
+    """
+    if not any(game.vocabulary.cell.following):  # there is no way anywhere
+        shape = (max(len(game.goals(game.guarantees)), 1), game.size)
+        return Strategy(game, np.full(shape, -1, np.int32), np.zeros(shape, bool))
+    kept = None if cache is None else cache.strategy(game)
+    if kept is not None and kept.effort and Check(game, kept.choices, kept.reached).fault_anywhere() is None:
+        if budget is not None and kept.effort > budget:
+            raise BudgetError(f"more than {budget:,} states were to be looked at")
+        return kept
+    solution = solve(game, budget)
+    strategy = Strategy(game, solution.choices, solution.reached, solution.effort)
+    _accept(strategy, Check(game, strategy.choices, strategy.reached).fault_anywhere(), cache)
+    return strategy
+
+
+def _accept(strategy: Strategy, fault: str | None, cache: Cache | None) -> None:
+    """Keep a strategy that was made, unless the model checker found a fault."""
     if fault is not None:  # a defect of the solver, which must not go unnoticed
         raise RuntimeError(f"the strategy that was made is wrong: {fault}")
     if cache is not None:
         cache.keep(strategy)
-    return strategy
 
 
 def is_realisable(game: Game, cells: Sequence[int]) -> bool:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+import struct
 import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +24,9 @@ VARIABLE = "SYMAWARE_CACHE"
 #: How many strategies are kept; those that were used the longest time ago are removed.
 _MOST_FILES = 200
 #: Counts changes of the solver or of this format that make older files useless.
-_FORMAT = 1
+_FORMAT = 2
+#: Follows a strategy in its file: its effort, and the SHA-256 of all before.
+_END = struct.Struct("<Q32s")
 
 
 class StrategyCache:
@@ -48,9 +52,13 @@ class StrategyCache:
         """Return the strategy for a game; None if there is none, or its file is damaged."""
         path = self._path(game)
         try:
-            content = path.read_bytes()
-            strategy = decoded(content, game)
-        except (OSError, ValueError):
+            file = path.read_bytes()
+            content, end = file[: -_END.size], file[-_END.size :]
+            effort, digest = _END.unpack(end)
+            if hashlib.sha256(file[:-32]).digest() != digest:
+                return None
+            strategy = replace(decoded(content, game), effort=effort)
+        except (OSError, ValueError, struct.error):
             return None
         with suppress(OSError):
             os.utime(path)
@@ -64,7 +72,7 @@ class StrategyCache:
             # Written elsewhere first, so that whoever reads at the same time never sees a part of it.
             handle, name = tempfile.mkstemp(dir=self._folder)
             with os.fdopen(handle, "wb") as file:
-                file.write(encoded(strategy))
+                file.write(_file(strategy))
             os.replace(name, path)
             files = sorted(self._folder.glob("*.strategy"), key=lambda each: each.stat().st_mtime_ns)
             for each in files[:-_MOST_FILES]:
@@ -72,6 +80,11 @@ class StrategyCache:
 
     def _path(self, game: Game) -> Path:
         return self._folder / f"{game_digest(game)}.strategy"
+
+
+def _file(strategy: Strategy) -> bytes:
+    content = encoded(strategy) + struct.pack("<Q", strategy.effort)
+    return content + hashlib.sha256(content).digest()
 
 
 def game_digest(game: Game) -> str:

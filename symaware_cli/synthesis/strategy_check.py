@@ -49,11 +49,18 @@ class Check:
         values, possible = game.starts(cells)
         if not game.holds_at_start(game.guarantees, values)[possible].all():
             return "a guarantee does not hold at the beginning"
-        frontier = np.unique(np.asarray(game.starting(values), np.intp)[possible])  # goal 0 is pursued first
-        size = game.size
+        return self._explored(np.unique(np.asarray(game.starting(values), np.intp)[possible]))  # goal 0 comes first
+
+    def fault_anywhere(self) -> str | None:
+        """Return why the strategy is wrong where it has choices, with any goal; None if it is right."""
+        return self._explored(np.flatnonzero(self._choices.ravel() >= 0))
+
+    def _explored(self, frontier: Array) -> str | None:
+        """Return why the strategy is wrong from nodes on, each the number of a goal times the size plus a state."""
+        size = self._game.size
         known = np.zeros(len(self._choices) * size, bool)
         known[frontier] = True
-        starts, ends = [], []
+        starts, ends = [np.empty(0, np.intp)], [np.empty(0, np.intp)]
         while len(frontier):
             try:
                 one, other = self._steps(frontier)

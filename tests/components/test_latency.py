@@ -113,6 +113,7 @@ CASES = {
         before={"knowledge.strategy": PATROL},
         regions=REGIONS,
     ),
+    "knowledge.blocked-cells": Case(["signals"], {"model": "floor"}, {"blocked": ["c1_1"]}, regions=REGIONS),
     "knowledge.strategy": Case(["signals"], PATROL, regions=REGIONS),
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),

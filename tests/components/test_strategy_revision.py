@@ -1,0 +1,137 @@
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from symaware_cli import ScenarioError, SimulationState, load, open_log
+from symaware_cli.recording.digest import digest
+from symaware_cli.synthesis.strategy_cache import VARIABLE
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+REVISION = "agents.{}.components.decide.with.revision"
+ASYNCHRONOUS = {
+    "run.mode": "asynchronous",
+    "agents.scout.components.decide.period": 0.1,
+    "agents.scout.components.decide.run_in": "process",
+}
+
+
+def run(log: Path, changes: Mapping[str, Any] | None = None, name: str = "blocked.yaml") -> Path:
+    assert load(SCENARIOS / name, changes).run(output=log).status == "finished"
+    return log
+
+
+def events(log: Path, source: str, *names: str) -> list[tuple[float, str]]:
+    found = open_log(log).events()
+    return [(each.time / 1e9, each.name) for each in found if each.source == f"agents.{source}" and each.name in names]
+
+
+def cells(log: Path, agent: str) -> set[tuple[int, int]]:
+    """The cells of side 1 that a path passes, without those that it only touches."""
+    points = open_log(log).series(agent, "state").values[:, :2]
+    inner = points[(np.abs(points - np.round(points)) > 1e-5).all(axis=1)]
+    return {tuple(each) for each in np.floor(inner).astype(int).tolist()}
+
+
+def test_a_blocked_passage_that_one_robot_sees_is_avoided_by_both(tmp_path: Path) -> None:
+    log = run(tmp_path / "a.mcap")
+    assert len(events(log, "scout.learn", "cell-seen")) == 2
+    assert len(events(log, "carrier.learn", "cell-told")) == 2
+    assert not events(log, "carrier.learn", "cell-seen")
+    for robot in ("scout", "carrier"):
+        assert not {(3, 3), (3, 4)} & cells(log, robot)
+        assert len(events(log, f"{robot}.decide", "goal-met")) >= 2
+        (learnt, _), (revised, _) = events(log, f"{robot}.decide", "cells-learnt", "strategy-revised")
+        assert revised == pytest.approx(learnt + 0.5)
+
+
+def test_without_a_crate_nothing_is_learnt_and_the_gap_is_the_way(tmp_path: Path) -> None:
+    changes = {"environment.entities.crate.position": [0.5, 7.0], "run.duration": 20.0}
+    log = run(tmp_path / "a.mcap", changes)
+    assert not events(log, "scout.learn", "cell-seen")
+    assert (3, 3) in cells(log, "scout")
+
+
+def test_a_robot_that_is_told_under_way_turns_back(tmp_path: Path) -> None:
+    changes = {"agents.scout.components.lidar.with.range": 0.65, "environment.entities.crate.shape.box.length": 0.4}
+    log = run(tmp_path / "a.mcap", {**changes, "run.duration": 20.0})
+    assert [name for _, name in events(log, "scout.decide", "turned-back")] == ["turned-back"]
+    assert len(events(log, "scout.decide", "goal-met")) >= 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "reported"),
+    [
+        ({REVISION.format("scout") + ".budget": 100}, "budget-exceeded"),
+        ({"regions.south.box": [0, 9, 3, 4]}, "strategy-unrealisable"),  # the way round is forbidden
+    ],
+)
+def test_a_robot_without_a_new_strategy_says_so_and_stays(
+    changes: Mapping[str, Any], reported: str, tmp_path: Path
+) -> None:
+    log = run(tmp_path / "a.mcap", {**changes, "run.duration": 15.0})
+    names = [name for _, name in events(log, "scout.decide", "budget-exceeded", "strategy-unrealisable", "goal-met")]
+    assert names == [*(["budget-exceeded"] if reported == "budget-exceeded" else []), "strategy-unrealisable"]
+    assert not {(3, 3), (3, 4)} & cells(log, "scout")
+
+
+def test_fresh_and_kept_strategies_and_those_made_in_a_process_give_equal_logs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changes = {**ASYNCHRONOUS, "run.duration": 8.0}
+    found, folder = {}, tmp_path / "cache"
+    for name, cache in (("fresh", ""), ("first", str(folder)), ("kept", str(folder))):
+        monkeypatch.setenv(VARIABLE, cache)
+        found[name] = digest(open_log(run(tmp_path / f"{name}.mcap", changes))).combined
+    assert len(set(found.values())) == 1
+    (landed, _) = events(tmp_path / "kept.mcap", "scout.decide", "strategy-revised")[0]
+    (learnt, _) = events(tmp_path / "kept.mcap", "scout.decide", "cells-learnt")[0]
+    assert landed == pytest.approx(learnt + 0.5)
+
+
+def test_what_a_kept_strategy_took_counts_against_the_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    run(tmp_path / "a.mcap", {"run.duration": 3.0})
+    log = run(tmp_path / "b.mcap", {REVISION.format("scout") + ".budget": 100, "run.duration": 3.0})
+    assert events(log, "scout.decide", "budget-exceeded")
+
+
+def test_a_run_goes_on_from_its_state_after_a_strategy_was_made_again(tmp_path: Path) -> None:
+    changes = {"run.duration": 10.0}
+    scenario, ends = load(SCENARIOS / "blocked.yaml", changes), []
+    with scenario.start() as whole:
+        whole.step(50)
+        state = whole.capture()
+        for _ in range(2):
+            whole.step(40)
+            ends.append((whole.state("scout"), whole.state("carrier")))
+            whole.restore(state)
+    with scenario.start() as other:
+        other.restore(SimulationState.from_bytes(state.to_bytes()))
+        other.step(40)
+        ends.append((other.state("scout"), other.state("carrier")))
+    assert all(np.array_equal(one, ends[0]) for one in ends[1:])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"agents.scout.knowledge": {"other": 1}}, "scout does not know `blocked`"),
+        ({"agents.scout.knowledge.blocked": {"all": ["c9_9"]}}, "lists 'c9_9', which is no cell of `floor`"),
+        ({"agents.scout.knowledge.blocked": 3}, "is 3, and no list of cells"),
+        ({"agents.scout.components.decide.with.blocked": None}, "no strategy is made again without"),
+        (
+            {"agents.scout.components.decide.with.on_unrealisable": "counterstrategy"},
+            "needs the strategy as it was made before",
+        ),
+        ({"agents.scout.components.learn.with.margin": 0.5}, "no ray can end so far from the border"),
+        ({"agents.scout.components.learn.with.model": "flor"}, "no knowledge model `flor`"),
+        ({REVISION.format("scout") + ".budget": 0}, "greater than 0"),
+        ({REVISION.format("scout") + ".latency": -1}, "at least 0|greater than or equal to 0|not be less"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_refused(changes: Mapping[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        load(SCENARIOS / "blocked.yaml", changes)
