@@ -18,7 +18,7 @@ _CHANGES = ("offered", "accepted", "released", *ENDS)
 
 
 @dataclass(frozen=True)
-class Phase:
+class OfferPhase:
     """An interval in which an offer is open, or an agent holds it.
 
     Attributes:
@@ -47,7 +47,7 @@ class OfferHistory:
 
     name: str
     counts: tuple[int, int]
-    phases: tuple[Phase, ...]
+    phases: tuple[OfferPhase, ...]
     bids: tuple[tuple[int, str], ...]
     outcome: str
     time: int
@@ -116,19 +116,19 @@ def _history(
     first = nanoseconds(float(changes[0].data.get("from", seconds(changes[0].time))))
     ends = [end, None if span[0] is None else first + span[0], span[1]]
     last = min(each for each in ends if each is not None)
-    phases: list[Phase] = []
+    phases: list[OfferPhase] = []
     since, holder, outcome, time = changes[0].time, "", "", end
     for event in changes[1:]:
         if outcome:
             break
-        phases.append(Phase(since, event.time, holder))
+        phases.append(OfferPhase(since, event.time, holder))
         since, holder = event.time, str(event.data.get("agent", ""))
         if event.name in ENDS:
             outcome, time = event.name, event.time
         elif event.name == "released":
             holder = ""
     if not outcome:
-        phases.append(Phase(since, end if not holder else max(since, last), holder))
+        phases.append(OfferPhase(since, end if not holder else max(since, last), holder))
     return OfferHistory(name, (first, max(first, last)), tuple(phases), tuple(bids), outcome, time)
 
 
