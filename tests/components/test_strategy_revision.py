@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,49 @@ ASYNCHRONOUS = {
     "agents.scout.components.decide.period": 0.1,
     "agents.scout.components.decide.run_in": "process",
 }
+
+
+#: A signal closes the way out of an aisle while the robot is in it, which is assumed not to happen, and opens it again.
+JAM = """
+symaware: 1
+name: jam
+run: {duration: 20.0}
+environment: {use: kinematic, with: {time_step: 0.1}}
+regions:
+  arena: {box: [0, 5, 0, 1]}
+  home: {box: [0, 1, 0, 1]}
+  narrow: {box: [2, 5, 0, 1]}
+  near: {box: [1, 5, 0, 1]}
+  end: {box: [4, 5, 0, 1]}
+  jammed: {box: [0, 9, 3, 9]}
+knowledge_models:
+  aisle: {use: abstraction.grid, with: {cell: 1.0, region: arena}}
+agents:
+  signal:
+    model: {use: single-integrator, with: {max_speed: 1.0}}
+    state: [0.5, 2.3]
+    knowledge: {waypoints: {all: [[0.5, 3.8], [0.5, 2.0]]}}
+    components:
+      sense: {use: perception.self}
+      slide: {use: control.waypoints, with: {speed: 0.2}}
+  robot:
+    model: {use: single-integrator, with: {max_speed: 1.0}}
+    state: [0.5, 0.5]
+    components:
+      sense: {use: perception.omniscient}
+      decide:
+        use: knowledge.strategy
+        with:
+          model: aisle
+          labels: {jam: {agent: signal, inside: jammed}}
+          assumptions: ["always (not jam and near implies not next jam)"]
+          guarantees:
+            - always (jam and narrow implies next narrow)
+            - always eventually home
+            - always eventually (end or jam)
+          on_violation: last-safe-cell
+      steer: {use: control.cells, with: {model: aisle}}
+"""
 
 
 def run(log: Path, changes: Mapping[str, Any] | None = None, name: str = "blocked.yaml") -> Path:
@@ -86,6 +132,10 @@ def test_fresh_and_kept_strategies_and_those_made_in_a_process_give_equal_logs(
         monkeypatch.setenv(VARIABLE, cache)
         found[name] = digest(open_log(run(tmp_path / f"{name}.mcap", changes))).combined
     assert len(set(found.values())) == 1
+    once_more = {**changes, "agents.scout.components.decide.run_in": "here"}
+    within = digest(open_log(run(tmp_path / "within.mcap", once_more)))
+    apart = digest(open_log(tmp_path / "fresh.mcap"))
+    assert within.channels == apart.channels
     (landed, _) = events(tmp_path / "kept.mcap", "scout.decide", "strategy-revised")[0]
     (learnt, _) = events(tmp_path / "kept.mcap", "scout.decide", "cells-learnt")[0]
     assert landed == pytest.approx(learnt + 0.5)
@@ -113,6 +163,42 @@ def test_a_run_goes_on_from_its_state_after_a_strategy_was_made_again(tmp_path: 
         other.step(40)
         ends.append((other.state("scout"), other.state("carrier")))
     assert all(np.array_equal(one, ends[0]) for one in ends[1:])
+
+
+def test_the_order_of_hashes_changes_nothing(tmp_path: Path) -> None:
+    found = set()
+    for seed in ("1", "2"):
+        log = tmp_path / f"{seed}.mcap"
+        command = ["run", str(SCENARIOS / "blocked.yaml"), "--set", "run.duration=4.0", "--output", str(log)]
+        environment = {**os.environ, "PYTHONHASHSEED": seed, VARIABLE: ""}
+        subprocess.run([sys.executable, "-m", "symaware_cli", *command], env=environment, check=True)
+        found.add(digest(open_log(log)).combined)
+        assert events(log, "carrier.decide", "strategy-revised")
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    ("fallback", "reported", "column"),
+    [
+        ("stop", [], 4),
+        ("last-safe-cell", ["retreated", "retreated"], 2),  # the next move back would be out of the aisle
+        ("resume", ["strategy-resumed"], None),  # when the way is open again
+        ("weaken", ["assumption-dropped", "strategy-revised", "strategy-unrealisable"], 4),
+    ],
+)
+def test_after_a_broken_assumption_an_agent_does_what_is_declared(
+    fallback: str, reported: list[str], column: int | None, tmp_path: Path
+) -> None:
+    log = tmp_path / "jam.mcap"
+    changes = {"agents.robot.components.decide.with.on_violation": fallback}
+    (tmp_path / "jam.yaml").write_text(JAM)
+    assert load(tmp_path / "jam.yaml", changes).run(output=log).status == "finished"
+    told = [each.name for each in open_log(log).events() if each.source == "agents.robot.decide"]
+    assert told[:3] == ["strategy-made", "goal-met", "assumption-broken"]
+    assert [each for each in told[3:] if each != "goal-met"] == reported
+    assert told.count("goal-met") == (1 if column is not None else 4)
+    if column is not None:
+        assert open_log(log).series("robot", "state").values[-1].tolist() == pytest.approx([column + 0.5, 0.5])
 
 
 @pytest.mark.parametrize(
