@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import yaml
 from pydantic import Field
 
@@ -30,12 +31,16 @@ class GraphFile(KnowledgeModel):
 
     Only moves that are in the file are made: passages may be one-way or closed. A state that may be stayed in has a
     transition to itself. A cell has the labels of the file and those of the regions that contain it.
+
+    With ``places: false`` the states are those of something without a place, such as a gripper. It begins in the one
+    initial state, and the name of each state is a label of it.
     """
 
     class Parameters(Parameters):
-        """The file."""
+        """The file, and what its states are."""
 
         graph: GraphName = Field(description="The transition system, as {file: PATH}.")
+        places: bool = Field(True, description="Whether states are regions; otherwise they have no places.")
 
     def prepare(self, regions: Mapping[str, Region]) -> None:
         """Read the file."""
@@ -43,6 +48,10 @@ class GraphFile(KnowledgeModel):
             system = self._read()
         except (OSError, ValueError, yaml.YAMLError) as error:
             raise ParameterError(f"{self.parameters.graph.file}: {error}", ("graph", "file")) from None
+        if not self.parameters.places:
+            self.bounds = np.empty((0, 2, 2))
+            self.system = _named(system)
+            return
         self.bounds = boxes(system.states, regions, "graph")
         for state, after in enumerate(system.successors):
             for following in after:
@@ -70,3 +79,14 @@ class GraphFile(KnowledgeModel):
         if any(isinstance(each, yaml.AliasToken) for each in yaml.scan(text)):
             raise ValueError("a transition system is written without aliases")
         return TransitionSystem.from_data(yaml.safe_load(text))
+
+
+def _named(system: TransitionSystem) -> TransitionSystem:
+    """Return a system without places, in which the name of each state is a label of it."""
+    if len(system.initial) != 1:
+        raise ParameterError("what has no place begins in one state; give one as initial", ("graph",))
+    names = {name: frozenset([state]) for state, name in enumerate(system.states)}
+    for label in system.labels:
+        if label in names:
+            raise ParameterError(f"`{label}` is a state; call the label something else", ("graph",))
+    return TransitionSystem(system.states, system.initial, system.successors, {**names, **system.labels})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,28 @@ Indices = NDArray[np.intp]
 class KnowledgeModel(Plugin):
     """A transition system whose states are boxes in the plane that touch where there is a transition.
 
+    The states of something that has no place, such as a gripper, have no boxes. A product of both is a model of an
+    agent: two of its states then may have the same box.
+
     Attributes:
         system: The transition system; a box is labelled with the regions that contain all of it.
-        bounds: The least and the greatest coordinates of each box [m]; shape (n, 2, 2), as [cell, axis, which].
+        bounds: The least and the greatest coordinates of each box [m]; shape (n, 2, 2), as [cell, axis, which]; n is
+            the number of states, or 0 if these have no places.
         folder: The scenario's folder, below which files are found.
+        others: The models that this one is made from, by name.
     """
 
     folder: Path = Path()
+    others: Mapping[str, KnowledgeModel] = MappingProxyType({})
     system: TransitionSystem
     bounds: Array
+
+    def parts(self) -> Mapping[tuple[str | int, ...], str]:
+        """Return the names of the models that this one is made from, by their places in the parameters.
+
+        They are prepared before it, and in `others` when it is.
+        """
+        return {}
 
     @abstractmethod
     def prepare(self, regions: Mapping[str, Region]) -> None:
@@ -77,6 +91,9 @@ def model_named(name: str, models: Mapping[str, Plugin | None]) -> KnowledgeMode
         ParameterError: There is none.
     """
     found = models.get(name)
+    if isinstance(found, KnowledgeModel) and not len(found.bounds):
+        said = f"the states of `{name}` have no places; name a product of it and a model that has cells"
+        raise ParameterError(said, ("model",))
     if isinstance(found, KnowledgeModel):
         return found
     known = ", ".join(sorted(models)) or "none"

@@ -80,7 +80,8 @@ def _draw(scenario: Path, output: Path | None, as_json: bool) -> None:
         print_json({"file": str(file), "models": facts})
         return
     for name, each in facts.items():
-        typer.echo(f"{name}: {each['cells']} cells, {each['transitions']} transitions")
+        noun = "cells" if len(models[name].bounds) and not models[name].parts() else "states"
+        typer.echo(f"{name}: {each['cells']} {noun}, {each['transitions']} transitions")
     typer.echo(f"drawn in {file}")
 
 

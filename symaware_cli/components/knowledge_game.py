@@ -84,6 +84,10 @@ class KnowledgeGame:
         """
         self._labels = parameters.labels
         self.model = model = model_named(parameters.model, group.knowledge_models)
+        for name, label in self._labels.items():
+            if isinstance(label, AgentCell) and model.parts():
+                said = f"where `{label.cell_of}` is does not tell all of its state in a product; name a region instead"
+                raise ParameterError(f"{said}: {{agent: {label.cell_of}, inside: REGION}}", ("labels", name))
         self._regions = {
             name: PlacedRegion(name, group.regions, _nowhere)
             for name, region in group.regions.items()

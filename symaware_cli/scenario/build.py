@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.core import (
     AgentGroup,
     Environment,
@@ -37,6 +36,7 @@ from symaware_cli.scenario.consensus_check import check_consensus, check_metropo
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.fault_builder import FaultBuilder
 from symaware_cli.scenario.group_builder import GroupBuilder
+from symaware_cli.scenario.knowledge_model_builder import KnowledgeModelBuilder
 from symaware_cli.scenario.network_builder import NetworkBuilder
 from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parts import check_omitted
@@ -50,7 +50,6 @@ from symaware_cli.scenario.specifications import SpecificationBuilder, check_nam
 from symaware_cli.scenario.timing_check import TimingCheck
 from symaware_cli.scenario.validation import validate
 from symaware_cli.specification.specification import Specification
-from symaware_cli.world.plugin import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -189,7 +188,11 @@ class _SimulationBuilder:
         maker = GroupBuilder(
             self._composition, self._report, self._problems.extend, self._factory, valid, self._found, self._folder
         )
-        maker.knowledge_models = self._knowledge_models(mapping(data.get("knowledge_models")), valid)
+        models = mapping(data.get("knowledge_models"))
+        maker.knowledge_models = dict.fromkeys(models)
+        if valid is not None:
+            modeller = KnowledgeModelBuilder(self._report, self._factory, self._folder, valid.regions)
+            maker.knowledge_models = modeller.build(models)
         groups, component_entries = [], []
         for name, entry in mapping(data.get("agents")).items():
             group, own_entries = maker.build(name, mapping(entry))
@@ -328,28 +331,6 @@ class _SimulationBuilder:
             return None
         environment.folder = self._folder
         return environment if self._world is None else self._world(environment)
-
-    def _knowledge_models(
-        self, entries: Mapping[str, Any], document: ScenarioDocument | None
-    ) -> dict[str, KnowledgeModel | None]:
-        """Make the knowledge models; None for those with a problem, or if the document has one."""
-        made: dict[str, KnowledgeModel | None] = dict.fromkeys(entries)
-        if document is None:
-            return made
-        for name, entry in entries.items():
-            path: Path = ("knowledge_models", name)
-            for model in self._factory.make(mapping(entry), path):
-                model.folder = self._folder
-                try:
-                    model.prepare(document.regions)
-                except ParameterError as error:
-                    self._report("unsuitable", str(error), (*path, "with", *error.place))
-                except (ValueError, KeyError) as error:
-                    said = f"{quoted(entry['use'])} cannot make this: {words(error)}"
-                    self._report("unsuitable", said, path, key=True)
-                else:
-                    made[name] = model
-        return made
 
     def _topologies(self, entry: Any) -> dict[Path, Topology]:
         """Create every topology of the section, by its path."""

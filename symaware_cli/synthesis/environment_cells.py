@@ -29,7 +29,8 @@ class EnvironmentCells:
         self._bounds = model.bounds.reshape(-1, 4)
         self._places, self._place_of = np.unique(self._bounds, axis=0, return_inverse=True)
         following = game.vocabulary.cell.following
-        pairs = [(cell, after) for cell, each in enumerate(following) for after in each if after != cell]
+        place = self._place_of
+        pairs = [(one, after) for one, each in enumerate(following) for after in each if place[after] != place[one]]
         self._from, self._to = np.array(pairs, np.intp).reshape(-1, 2).T
         others = {each.name for each in game.vocabulary.environment}
         # What is closed whatever the environment does is no news.

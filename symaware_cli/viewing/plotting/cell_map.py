@@ -1,4 +1,4 @@
-"""Draws knowledge models: cells with their names and labels, and arrows for the transitions between them."""
+"""Draws knowledge models: cells or states with their names and labels, and arrows for the transitions between them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, Rectangle
+from numpy.typing import NDArray
 
 from symaware_cli.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.viewing.plotting.figure_style import save, styled
+from symaware_cli.viewing.plotting.state_diagram import draw_states
+
+Array = NDArray[np.float64]
 
 #: The greatest side of a model in the figure [inch].
 _SIDE = 7.0
@@ -20,7 +24,7 @@ _WORDS = 150
 
 
 def draw_models(models: Mapping[str, KnowledgeModel], path: Path, dpi: int = 150) -> None:
-    """Draw knowledge models side by side into a file.
+    """Draw knowledge models side by side into a file; of products, which draw nothing new, the names of the parts.
 
     Args:
         models: The models by name, one or more.
@@ -30,20 +34,40 @@ def draw_models(models: Mapping[str, KnowledgeModel], path: Path, dpi: int = 150
     Raises:
         OSError: The file cannot be written.
     """
-    extents = []
-    for model in models.values():
-        low, high = model.bounds[:, :, 0].min(axis=0), model.bounds[:, :, 1].max(axis=0)
-        extents.append((high - low) * _SIDE / (high - low).max())
+    drawn = {name: model for name, model in models.items() if not model.parts()}
+    extents = [_extent(model) for model in drawn.values()]
+    said = [
+        f"{name} = {' x '.join(model.parts().values())}: {_size(model, 'states')}"
+        for name, model in models.items()
+        if model.parts()
+    ]
     width = sum(extent[0] for extent in extents) + 0.8 * len(extents)
-    height = max(extent[1] for extent in extents) + 1.0
+    height = max(extent[1] for extent in extents) + 1.0 + 0.3 * len(said)
     with styled(1.0):
         figure = Figure(figsize=(width, height), layout="constrained")
-        for number, (name, model) in enumerate(models.items()):
-            axes = figure.add_subplot(1, len(models), number + 1)
-            transitions = sum(map(len, model.system.successors))
-            axes.set_title(f"{name}: {len(model.system.states)} cells, {transitions} transitions", loc="left")
-            _draw(axes, model, _SIDE / float(np.ptp(model.bounds, axis=(0, 2)).max()))
+        if said:
+            figure.suptitle("\n".join(said), x=0.02, ha="left")
+        grid = figure.add_gridspec(1, len(drawn), width_ratios=[extent[0] for extent in extents])
+        for number, (name, model) in enumerate(drawn.items()):
+            axes = figure.add_subplot(grid[0, number], anchor="N")
+            axes.set_title(f"{name}: {_size(model, 'cells' if len(model.bounds) else 'states')}", loc="left")
+            if len(model.bounds):
+                _draw(axes, model, _SIDE / float(np.ptp(model.bounds, axis=(0, 2)).max()))
+            else:
+                draw_states(axes, model.system)
         save(figure, path, dpi)
+
+
+def _size(model: KnowledgeModel, noun: str) -> str:
+    return f"{len(model.system.states)} {noun}, {sum(map(len, model.system.successors))} transitions"
+
+
+def _extent(model: KnowledgeModel) -> Array:
+    """Return the width and height of a model in the figure [inch]; shape (2,)."""
+    if not len(model.bounds):
+        return np.full(2, _SIDE / 2)
+    low, high = model.bounds[:, :, 0].min(axis=0), model.bounds[:, :, 1].max(axis=0)
+    return np.asarray((high - low) * _SIDE / (high - low).max())
 
 
 def _draw(axes: Axes, model: KnowledgeModel, scale: float) -> None:

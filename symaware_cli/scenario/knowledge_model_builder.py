@@ -1,0 +1,93 @@
+"""Makes the knowledge models of a scenario, those that are made from others after these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+from symaware_cli.abstraction.knowledge_model import KnowledgeModel
+from symaware_cli.geometry.region import Region
+from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, words
+from symaware_cli.scenario.problem import nearest, quoted
+from symaware_cli.scenario.source import Path
+from symaware_cli.world.plugin import ParameterError
+
+
+class KnowledgeModelBuilder:
+    """Makes the knowledge models of a scenario, and reports those that cannot be made."""
+
+    def __init__(
+        self,
+        report: Callable[..., None],
+        factory: PluginFactory,
+        folder: FilePath,
+        regions: Mapping[str, Region],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            report: Reports a problem: its code, the message, the path in the document and hints.
+            factory: Makes plugins.
+            folder: The scenario's folder.
+            regions: The regions of the scenario, by name.
+        """
+        self._report = report
+        self._factory = factory
+        self._folder = folder
+        self._regions = regions
+
+    def build(self, entries: Mapping[str, Any]) -> dict[str, KnowledgeModel | None]:
+        """Make the models of a section, by name; None for those with a problem."""
+        waiting: dict[str, KnowledgeModel] = {}
+        for name, entry in entries.items():
+            for model in self._factory.make(mapping(entry), ("knowledge_models", name)):
+                model.folder = self._folder
+                waiting[name] = model
+        made: dict[str, KnowledgeModel | None] = {name: None for name in entries if name not in waiting}
+        while ready := [name for name, each in waiting.items() if made.keys() >= set(each.parts().values())]:
+            for name in ready:
+                model = waiting.pop(name)
+                others = {part: made[part] for part in model.parts().values()}
+                model.others = {part: each for part, each in others.items() if each is not None}
+                is_whole = len(model.others) == len(others)  # otherwise the problem is reported at the other model
+                made[name] = model if is_whole and self._prepare(name, model, entries[name]) else None
+        for name in waiting:
+            self._report_parts(name, waiting, entries)
+        return {name: made.get(name) for name in entries}
+
+    def _prepare(self, name: str, model: KnowledgeModel, entry: Any) -> bool:
+        path: Path = ("knowledge_models", name)
+        try:
+            model.prepare(self._regions)
+        except ParameterError as error:
+            self._report("unsuitable", str(error), (*path, "with", *error.place))
+        except (ValueError, KeyError) as error:
+            said = f"{quoted(entry['use'])} cannot make this: {words(error)}"
+            self._report("unsuitable", said, path, key=True)
+        else:
+            return True
+        return False
+
+    def _report_parts(self, name: str, waiting: Mapping[str, KnowledgeModel], entries: Mapping[str, Any]) -> None:
+        """Report the parts that a model waits for in vain: they do not exist, or are made from it."""
+        for place, part in waiting[name].parts().items():
+            path: Path = ("knowledge_models", name, "with", *place)
+            if part not in entries:
+                known = ", ".join(sorted(entries.keys() - {name})) or "none"
+                said = f"there is no knowledge model `{part}`; there are: {known}"
+                self._report("unsuitable", said, path, suggestion=nearest(part, entries.keys() - {name}))
+            elif name in _made_from(part, waiting):
+                what = "itself" if part == name else f"`{part}`, which is made from it"
+                self._report("unsuitable", f"`{name}` cannot be made from {what}", path)
+
+
+def _made_from(name: str, models: Mapping[str, KnowledgeModel]) -> set[str]:
+    """Return a model and all that it is made from."""
+    found, ahead = set[str](), [name]
+    while ahead:
+        name = ahead.pop()
+        if name not in found:
+            found.add(name)
+            ahead += models[name].parts().values() if name in models else ()
+    return found
