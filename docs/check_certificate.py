@@ -1,7 +1,6 @@
 """Derive a certificate of SymAware again from the folder of its sweep, with the standard library alone.
 
 python check_certificate.py DIR [CERTIFICATE]
-
 Signatures are not checked. That the rows are those of the scenario is for repetition to show: symaware verify DIR.
 """
 
@@ -15,10 +14,11 @@ from hashlib import sha256
 from pathlib import Path
 
 folder = Path(sys.argv[1])
-read = json.loads((Path(sys.argv[2]) if len(sys.argv) > 2 else folder / "certificate.json").read_bytes())
+read = json.loads(Path(sys.argv[2] if len(sys.argv) > 2 else folder / "certificate.json").read_bytes())
 read = json.loads(base64.b64decode(read["payload"])) if "payload" in read else read
 said, subject = read["predicate"], {each["name"]: each["digest"]["sha256"] for each in read["subject"]}
-epsilon = round(1 - said["claim"]["probability"], 12)
+claim, cells = said["claim"], said["combinations"]
+epsilon, alpha = (round(1 - claim[name], 12) for name in ("probability", "confidence"))
 
 
 def canonical(value):  # RFC 8785, where keys have no characters beyond U+FFFF
@@ -28,17 +28,11 @@ def canonical(value):  # RFC 8785, where keys have no characters beyond U+FFFF
         return "[" + ",".join(map(canonical, value)) + "]"
     if (type(value) is int and abs(value) >= 2**53) or (type(value) is float and not math.isfinite(value)):
         value = str(value).replace("inf", "Infinity").replace("nan", "NaN")
-    if type(value) is not float or not value:
-        return json.dumps(0 if type(value) is float else value, ensure_ascii=False)
-    sign, digits, exponent = Decimal(repr(value)).normalize().as_tuple()
-    text, point = "".join(map(str, digits)), len(digits) + exponent
-    if not -6 < point <= 21:
-        text = text[0] + ("." if text[1:] else "") + text[1:] + f"e{point - 1:+d}"
-    elif point <= 0:
-        text = "0." + "0" * -point + text
-    else:
-        text = text.ljust(point, "0")[:point] + ("." if text[point:] else "") + text[point:]
-    return "-" * sign + text
+    if type(value) is not float:
+        return json.dumps(value, ensure_ascii=False)
+    if 1e-6 <= abs(value) < 1e21:
+        return f"{Decimal(repr(value)):f}".removesuffix(".0")
+    return repr(value).replace("e-0", "e-") if value else "0"
 
 
 def root(leaves):  # RFC 6962, section 2.1
@@ -48,8 +42,8 @@ def root(leaves):  # RFC 6962, section 2.1
     return sha256(b"\1" + root(leaves[:split]) + root(leaves[split:])).digest()
 
 
-def evidence(k, n):
-    if said["claim"]["rule"] == "fixed":  # 1 / P(X <= k), X binomial
+def evidence(k, n):  # of k failures in n runs
+    if claim["rule"] == "fixed":  # 1 / P(X <= k), X binomial
         return 1 / math.fsum(math.comb(n, i) * epsilon**i * (1 - epsilon) ** (n - i) for i in range(k + 1))
     # The mean likelihood ratio of sin(t)^2 to epsilon, t uniform: that is Beta(1/2, 1/2), truncated.
     angles = [math.asin(math.sqrt(epsilon)) * (i + 0.5) / 20_000 for i in range(20_000)]
@@ -57,22 +51,19 @@ def evidence(k, n):
     return math.fsum(math.exp(k * math.log(one) + (n - k) * math.log(other)) for one, other in ratios) / 20_000
 
 
-fields = ["index", "variant", "parameters", "seed", "state", "verdicts", "robustness", "metrics", "digest", "error"]
+fields = ["index", "variant", "seed", "state", "digest", "error", "parameters", "verdicts", "robustness", "metrics"]
 query = 'SELECT "{}" FROM runs ORDER BY "index"'.format('", "'.join(fields))
 rows = [dict(zip(fields, row, strict=True)) for row in sqlite3.connect(folder / "journal.sqlite").execute(query)]
 for row in rows:
-    row.update({name: json.loads(row[name]) for name in ("parameters", "verdicts", "robustness", "metrics")})
-    row["seed"] = str(row["seed"])
+    row.update({name: json.loads(row[name]) for name in fields[6:]}, seed=str(row["seed"]))
 top = root([sha256(b"\0" + canonical(row).encode()).digest() for row in rows]).hex()
 problems = [] if top == said["rows"]["root"] == subject["rows"] else [f"the rows have the root {top}"]
 if sha256((folder / "sweep.yaml").read_bytes()).hexdigest() != subject["sweep.yaml"]:
     problems.append("sweep.yaml is another one")
-cells, name = said["combinations"], said["claim"]["specification"]
-needed = len(cells) / round(1 - said["claim"]["confidence"], 12)
 for number, cell in enumerate(cells):
     mine = [row for row in rows if row["index"] % len(cells) == number]
-    good = sum(row["state"] == "done" and row["verdicts"].get(name) == "satisfied" for row in mine)
-    found = evidence(len(mine) - good, len(mine))
+    good = sum(row["state"] == "done" and row["verdicts"].get(claim["specification"]) == "satisfied" for row in mine)
+    found, needed = evidence(len(mine) - good, len(mine)), len(cells) / alpha
     print(f"combination {number}: {len(mine)} runs, {len(mine) - good} against, evidence {found:.6g} of {needed:.6g}")
     if (len(mine), good, found >= needed) != (cell["runs"], cell["satisfied"], cell["established"]):
         problems.append(f"combination {number} is another one")

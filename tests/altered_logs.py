@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from symaware_cli import Log, open_log
 from symaware_cli.recording.log_message import LogMessage
@@ -13,6 +14,8 @@ def altered(
     path: Path,
     message: Callable[[LogMessage], bytes | None] = lambda message: message.data,
     attachment: Callable[[str, bytes], bytes] = lambda name, data: data,
+    outcome: Callable[[dict[str, Any]], dict[str, Any]] = lambda content: content,
+    metadata: Callable[[str, dict[str, str]], dict[str, str]] = lambda topic, content: content,
 ) -> Log:
     """Write a log anew.
 
@@ -21,6 +24,8 @@ def altered(
         path: Where.
         message: Returns the data of each message; None to leave it out.
         attachment: Returns the content of each attachment.
+        outcome: Returns the outcome.
+        metadata: Returns what each channel says of its columns.
     """
     there = open_log(log)
     with LogWriter(path) as writer:
@@ -30,10 +35,12 @@ def altered(
         for channel in there.index.channels.values():
             if channel.topic not in numbers:
                 schema = there.channels[channel.topic].schema.removeprefix("symaware.v1.")
-                numbers[channel.topic] = writer.channel(channel.topic, schema, channel.metadata)
+                numbers[channel.topic] = writer.channel(
+                    channel.topic, schema, metadata(channel.topic, dict(channel.metadata))
+                )
         for each in there.messages():
             data = message(each)
             if data is not None:
                 writer.add(numbers[each.channel.topic], each.time, data)
-        writer.finish(there.outcome or {})
+        writer.finish(outcome(dict(there.outcome or {})))
     return open_log(path)

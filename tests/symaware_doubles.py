@@ -225,6 +225,7 @@ class Chance(Idle):
         source: Literal["address", "set", "time", "random", "numpy", "processor", "nothing"] = Field(
             description="On what."
         )
+        row: int | None = Field(None, description="Whose risk it is; None for everybody's.")
 
     def _compute(self) -> float:
         match self.parameters.source:
@@ -246,7 +247,9 @@ class Chance(Idle):
 
     def _update(self, value: Any) -> None:
         if self.now > 200_000_000:
-            self._group.awareness.risk.set(self.now, np.full(len(self._group), value))
+            own = np.arange(len(self._group)) == self.parameters.row
+            everybody = self.parameters.row is None
+            self._group.awareness.risk.set(self.now, np.where(own | everybody, value, 0.0))
 
 
 class Risk(Idle):

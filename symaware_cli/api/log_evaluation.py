@@ -21,6 +21,7 @@ from symaware_cli.core import Event
 from symaware_cli.runtime.scope import STATUS_NAMES
 from symaware_cli.runtime.timing import Trigger
 from symaware_cli.runtime.trigger import concerned
+from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.specification.formula import Array, plain
 from symaware_cli.specification.node import Name, walk
 from symaware_cli.specification.outcome import VERDICTS
@@ -80,15 +81,19 @@ class LogEvaluation(NamedTuple):
     is_complete: bool
 
 
-def evaluate_log(path: Path) -> LogEvaluation:
+def evaluate_log(path: Path, catalogue: Catalogue | None = None) -> LogEvaluation:
     """Evaluate the specifications of the log of a run that came to its end.
+
+    Args:
+        path: The log.
+        catalogue: The installed plugins, if they were listed before.
 
     Raises:
         LogError: The log cannot be read.
         ScenarioError: The scenario of the log is invalid.
         SpecificationError: A specification has no value.
     """
-    recorded = RecordedSpecifications(path)
+    recorded = RecordedSpecifications(path, catalogue=catalogue)
     triggers = recorded.options.instances
     reasons = {each.name: _reason(recorded, each, triggers.get(each.name)) for each in recorded.specifications}
     followed = [

@@ -13,6 +13,7 @@ from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core import AgentGroup, Contact, Event, Level, TimeSeries
 from symaware_cli.environments.recorded import RecordedEnvironment
+from symaware_cli.recording.error import LogError
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.logged_events import contact as contact_entry
@@ -52,7 +53,7 @@ class RecordedRun:
             period: The time between two instants, in nanoseconds.
 
         Raises:
-            LogError: The log is damaged.
+            LogError: The log is damaged, or has messages that its scenario cannot have.
         """
         rooms = ("agents", "world", "events", "contacts")
         topics = [topic for topic in self.log.channels if topic.split("/")[1] in rooms]
@@ -62,7 +63,12 @@ class RecordedRun:
                 yield self._show(upcoming)
                 upcoming += period
             self.simulation.clock.now = message.time
-            if self._apply(message):
+            try:
+                is_true_state = self._apply(message)
+            except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+                place = f"{self.log.path}, {message.channel.topic} at {message.time / 1e9:.9g} s"
+                raise LogError(f"{place}: a message that its scenario cannot have: {error}") from error
+            if is_true_state:
                 last = message.time
         outcome = self.log.outcome
         end = last if outcome is None else outcome["time"]

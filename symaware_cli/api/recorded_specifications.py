@@ -13,6 +13,7 @@ from symaware_cli.recording.reader import open_log
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.run_summary import Observer
 from symaware_cli.runtime.scope import WorldColumns, WorldScope
+from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.files import open_scenario
 from symaware_cli.specification.formulation import formulate
 from symaware_cli.specification.node import Name, walk
@@ -33,20 +34,27 @@ class RecordedSpecifications:
         period: The time between two instants, in nanoseconds: that of the recorded steps.
     """
 
-    def __init__(self, path: Path, overrides: Sequence[str] = (), statements: Path | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        overrides: Sequence[str] = (),
+        statements: Path | None = None,
+        catalogue: Catalogue | None = None,
+    ) -> None:
         """Open a log.
 
         Args:
             path: The log.
             overrides: Changes of its scenario.
             statements: A file of other specifications.
+            catalogue: The installed plugins, if they were listed before.
 
         Raises:
             LogError: The log cannot be read.
             ScenarioError: A specification is invalid.
         """
         self.log = open_log(path)
-        built = open_scenario(path, list(overrides), world=RecordedEnvironment, statements=statements)
+        built = open_scenario(path, overrides, None, RecordedEnvironment, statements, catalogue)
         self.simulation, self.options = built.simulation, built.options
         recording = built.document.recording
         omitted = recording.omit

@@ -14,17 +14,19 @@ import numpy as np
 
 from symaware_cli.api.checking import check_log
 from symaware_cli.api.log_evaluation import EvaluatedSpecification, evaluate_log
+from symaware_cli.api.verification import logged_versions, version_differences
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.log_comparison import first_difference
+from symaware_cli.recording.log_comparison import attachment_differences, first_difference
 from symaware_cli.recording.reader import open_log
 from symaware_cli.runtime.failure import RunError
+from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.specification.specification import SpecificationError
 from symaware_cli.study import sweep_table, table_file
 from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
 from symaware_cli.study.folder import SweepFolder, identity_of
-from symaware_cli.study.identity import differences
+from symaware_cli.study.identity import counting, differences
 from symaware_cli.study.row import Row
 from symaware_cli.study.runner import Runner
 from symaware_cli.study.sweep_files import JOURNAL
@@ -126,7 +128,8 @@ def verify_folder(
         if depth >= LEVELS.index("monitor"):
             kept = [row for row in rows if row.log is not None]
             logs = len(kept)
-            found += [finding for row in kept for finding in _in_log(folder, row, not_evaluated)]
+            catalogue = Catalogue()
+            found += [finding for row in kept for finding in _in_log(folder, row, catalogue, not_evaluated)]
         if depth >= LEVELS.index("sample"):
             chosen = [row for row in rows if row.state != "lost"]
         if level == "sample":
@@ -197,7 +200,7 @@ def _in_row(folder: SweepFolder, place: int, row: Mapping[str, Any]) -> Iterator
                 yield Finding(index, f"verdict.{name}", verdict, f"{worst}, the worst of `{PREFIX}{name}`")
 
 
-def _in_log(folder: SweepFolder, row: Row, not_evaluated: Counter[str]) -> Iterator[Finding]:
+def _in_log(folder: SweepFolder, row: Row, catalogue: Catalogue, not_evaluated: Counter[str]) -> Iterator[Finding]:
     """What of a log that was kept contradicts its name or its row."""
     assert row.log is not None
     try:
@@ -210,14 +213,14 @@ def _in_log(folder: SweepFolder, row: Row, not_evaluated: Counter[str]) -> Itera
         if row.state == "done" and (log.outcome or {}).get("status") != "finished":
             yield Finding(row.index, "log", "a part of a run", "the log of a run that came to its end")
         elif row.state == "done":
-            yield from _in_specifications(log.path, row, not_evaluated)
+            yield from _in_specifications(log.path, row, catalogue, not_evaluated)
     except (LogError, ScenarioError, SpecificationError, RunError) as error:
         yield Finding(row.index, "log", str(error), "a log of this run")
 
 
-def _in_specifications(log: Path, row: Row, not_evaluated: Counter[str]) -> Iterator[Finding]:
+def _in_specifications(log: Path, row: Row, catalogue: Catalogue, not_evaluated: Counter[str]) -> Iterator[Finding]:
     """What the specifications of a log, evaluated, say otherwise than its row."""
-    evaluation = evaluate_log(log)
+    evaluation = evaluate_log(log, catalogue)
     for each in evaluation.specifications:
         yield from _verdict(row, each.name, each.verdict, each.robustness, each.is_exact)
         yield from _by_agent(row, each)
@@ -271,20 +274,23 @@ def _repeated(folder: SweepFolder, row: Row, runner: Runner) -> Iterator[Finding
     with tempfile.TemporaryDirectory() as scratch:
         repeated = runner.run(row.index, Path(scratch))
         yield from _differing(row, repeated)
-        if repeated.log == row.log:
-            return
         try:
             logs = open_log(folder.logs / row.log), open_log(Path(scratch, repeated.log or ""))
             first = first_difference(*logs)
+            beside = list(attachment_differences(*logs))
         except LogError as error:
             yield Finding(row.index, "log", str(error), "a log")
             return
-        if first is None:
+        if first is not None:
+            place = f"log, {first.topic}" if first.time is None else f"log, {first.topic} at {first.time / 1e9:.9g} s"
+            yield Finding(row.index, " ".join(filter(None, (place, first.agent, first.element))), *first.values)
+        for each in beside:
+            yield Finding(row.index, f"log, {each.topic} {each.element}".strip(), *each.values)
+        if first is None and not beside and repeated.log != row.log:
             yield Finding(row.index, "log", row.log, repeated.log)
-            return
-        place = f"log, {first.topic}" if first.time is None else f"log, {first.topic} at {first.time / 1e9:.9g} s"
-        about = " ".join(filter(None, (place, first.agent, first.element)))
-        yield Finding(row.index, about, *first.values)
+        made = version_differences(counting(folder.identity.versions), logged_versions(logs[0]))
+        for version in made:
+            yield Finding(row.index, f"log, version of {version.name}", version.now, version.then)
 
 
 def _differing(row: Row, repeated: Row) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from symaware_cli.core import Environment
 from symaware_cli.scenario.build import Built, build
+from symaware_cli.scenario.catalogue import Catalogue
 
 #: The attachment of a log from which it is run again.
 RESOLVED = "resolved.yaml"
@@ -27,6 +28,7 @@ def open_scenario(
     seed: int | None = None,
     world: Callable[[Environment], Environment] | None = None,
     statements: Path | None = None,
+    catalogue: Catalogue | None = None,
 ) -> Built:
     """Build the scenario of a file or of a log.
 
@@ -36,16 +38,17 @@ def open_scenario(
         seed: A seed in place of the scenario's.
         world: Returns an environment to use in place of the scenario's; None to use that one.
         statements: A file of specifications to use in place of the scenario's.
+        catalogue: The installed plugins, if they were listed before.
 
     Raises:
         ScenarioError: The scenario has problems.
         LogError: The log cannot be read, or contains no scenario.
     """
     if path.suffix != ".mcap":
-        return build(path, overrides, seed, world=world, statements=statements)
+        return build(path, overrides, seed, catalogue, world=world, statements=statements)
     with tempfile.TemporaryDirectory() as folder:
         file, written = extracted(path, Path(folder))
-        built = build(file, overrides, seed, name=f"{path}:{RESOLVED}", world=world, statements=statements)
+        built = build(file, overrides, seed, catalogue, f"{path}:{RESOLVED}", world, statements)
     return replace(built, files=written)
 
 

@@ -170,10 +170,10 @@ def test_a_log_of_another_run_with_the_same_outcome_is_found_by_repetition(folde
     (folder.logs / "forged.mcap").rename(folder.logs / name)
     changed(folder, 'UPDATE runs SET log = ? WHERE "index" = 5', name)
     assert verified(folder, "monitor").is_sound
-    (found,) = verified(folder, "all").findings
-    assert found.index == 5
-    assert found.column.startswith("log, ")
-    assert "knowledge" in found.column
+    found = verified(folder, "all").findings
+    assert {each.index for each in found} == {5}
+    assert found[0].column.startswith("log, /agents/robot/knowledge at 0 s")
+    assert [each.column for each in found[1:]] == ["log, resolved.yaml"]
 
 
 def test_runs_with_nothing_to_compare_are_counted(folder: SweepFolder) -> None:
@@ -208,3 +208,17 @@ def test_specifications_that_logs_do_not_suffice_for_are_counted(tmp_path: Path,
     result = verified(made, "monitor")
     assert result.is_sound, result.findings
     assert result.not_evaluated == {f"apart: {reason}": 2}
+
+
+def test_the_log_of_a_component_that_rolls_dice_is_told_apart_at_the_right_place(doubles: Path, tmp_path: Path) -> None:
+    scenario = json.loads(json.dumps(SCENARIO))
+    scenario["agents"]["robot"]["components"]["dice"] = {
+        "use": "doubles.chance",
+        "with": {"source": "random", "row": 1},
+    }
+    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(scenario))
+    request = SweepRequest(options={"runs": "1", "keep": "all"})
+    made = SweepFolder.created(tmp_path / "out", read_sweep(tmp_path / "tiny.yaml", request))
+    conduct(made, 0)
+    places = [each.column for each in verified(made, "all").findings if each.column.startswith("log, ")]
+    assert places == ["log, /agents/robot/risk at 0.3 s robot.1 risk[0]"]

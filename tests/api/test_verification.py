@@ -81,13 +81,18 @@ def test_a_component_that_rolls_dice_is_named(doubles: Path, tmp_path: Path) -> 
         "environment: {use: kinematic, with: {time_step: 0.1}}\n"
         "agents:\n  robot:\n    count: 2\n    model: {use: single-integrator}\n    state: [[0, 0], [3, 0]]\n"
         "    components:\n      see: {use: perception.self}\n"
-        "      dice: {use: doubles.chance, with: {source: random}}\n"
+        "      dice: {use: doubles.chance, with: {source: random, row: 1}}\n"
     )
     execute(build(scenario), tmp_path / "dice.mcap")
     result = verify_log(tmp_path / "dice.mcap")
-    assert result.difference is not None
-    assert result.difference.time == 300_000_000
-    assert result.difference.topic == "/agents/robot/risk"
+    found = result.difference
+    assert found is not None
+    assert (found.time, found.topic, found.agent, found.element) == (
+        300_000_000,
+        "/agents/robot/risk",
+        "robot.1",
+        "risk[0]",
+    )
     assert result.writer == "agents.robot.dice"
 
 
