@@ -108,9 +108,9 @@ class ChangeBuilder:
 
 
 def _kind(value: Any) -> object:
-    """What kind of knowledge a value is: numbers of a shape, or another class."""
+    """What kind of knowledge a value is: numbers of a shape, a list of other things or of nothing, or another class."""
     try:
         numbers = np.asarray(value, float)
     except (TypeError, ValueError):
-        return type(value)
-    return numbers.shape
+        return Sequence if isinstance(value, list | tuple) else type(value)
+    return numbers.shape if numbers.shape != (0,) else Sequence

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from symaware_cli import ScenarioError, SimulationState, load, open_log
+from symaware_cli import RunFailedError, ScenarioError, SimulationState, load, open_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.synthesis.strategy_cache import VARIABLE
 
@@ -107,11 +107,37 @@ def test_a_robot_that_is_told_under_way_turns_back(tmp_path: Path) -> None:
     assert len(events(log, "scout.decide", "goal-met")) >= 1
 
 
+def informed(*told: tuple[float, list[str]]) -> dict[str, Any]:
+    """Changes by which the carrier does not hear from the scout but is told at instants [s] which cells are blocked."""
+    faults = {
+        f"news_{number}": {"at": at, "inform": {"of": "carrier", "knowledge": {"blocked": {"all": cells}}}}
+        for number, (at, cells) in enumerate(told)
+    }
+    return {"agents.scout.components.tell": None, "faults": faults, "run.duration": 4.0}
+
+
+def test_a_list_may_shrink_and_the_strategy_depends_on_the_list_alone(tmp_path: Path) -> None:
+    log = run(tmp_path / "a.mcap", informed((1.0, ["c3_4"]), (2.0, [])))
+    told = [each for each in open_log(log).events() if each.source == "agents.carrier.decide"]
+    (made,) = [each.data["digest"] for each in told if each.name == "strategy-made"]
+    revised = {each.time / 1e9: each.data["digest"] for each in told if each.name == "strategy-revised"}
+    assert list(revised) == pytest.approx([1.5, 2.5])
+    without, again = revised.values()
+    assert again == made != without
+
+
+def test_a_cell_that_does_not_exist_fails_the_component_with_the_reason(tmp_path: Path) -> None:
+    with pytest.raises(
+        RunFailedError, match=r"carrier.decide .* at 1 s: .* lists 'c3_44', which is no cell of `floor`"
+    ):
+        load(SCENARIOS / "blocked.yaml", informed((1.0, ["c3_44"]))).run(output=tmp_path / "a.mcap")
+
+
 @pytest.mark.parametrize(
     ("changes", "reported"),
     [
         ({REVISION.format("scout") + ".budget": 100}, "budget-exceeded"),
-        ({"regions.south.box": [0, 9, 3, 4]}, "strategy-unrealisable"),  # the way round is forbidden
+        ({"regions.south.box": [0, 10, 3, 4]}, "strategy-unrealisable"),  # the way round is forbidden
     ],
 )
 def test_a_robot_without_a_new_strategy_says_so_and_stays(
