@@ -195,17 +195,12 @@ class KnowledgeStrategy(GroupComponent):
         if not guilty.guarantees:
             return ParameterError(f"there is no strategy: {error}", ("assumptions",))
         *others, last = [
-            *_places("assumptions", self._game.assumptions, guilty.assumptions),
+            *_places("assumptions", self._game.assumptions, (*guilty.helpful, *guilty.opposing)),
             *_places("guarantees", self._game.guarantees, guilty.guarantees),
         ]
-        said = " and ".join(f"`{each.text}`" for each in guilty.guarantees)
-        together = "cannot be met" if not others else "cannot be met together, though each part of them can"
-        if guilty.assumptions:
-            under = " and ".join(f"`{each.text}`" for each in guilty.assumptions)
-            together = f"cannot be met under {under}, which the agent must not make impossible to keep"
         return ParameterError(
             f"there is no strategy: whatever the agent does, the environment can keep all assumptions and prevent it. "
-            f"{said} {together}, for example from: {error}. With `on_unrealisable: counterstrategy` the environment "
+            f"{guilty}, for example from: {error}. With `on_unrealisable: counterstrategy` the environment "
             f"shows in a run how",
             last,
             related=[(place, "this is a part of the conflict") for place in others],

@@ -1,4 +1,6 @@
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,7 +129,40 @@ def test_a_conflict_names_the_guarantees_and_the_assumptions_without_which_there
     )
     guilty = conflict(one, [0])
     assert [each.text for each in guilty.guarantees] == ["always eventually right"]
-    assert [each.text for each in guilty.assumptions] == ["always not right"]
+    assert [each.text for each in guilty.opposing] == ["always not right"]
+    assert not guilty.helpful
+    assert str(guilty) == (
+        "`always eventually right` cannot be met: the agent must not make it impossible to keep `always not right`"
+    )
+
+
+#: Statements about a hall, some of which need others to be true.
+ASSUMED = ["eventually open", "eventually not open", "eventually light", "eventually not light", "not right"]
+GUARANTEED = [
+    "always eventually right",
+    "always eventually left",
+    'always (not open implies not next (cell == "b"))',
+    'always (open implies not next (cell == "b"))',
+    'always (light implies not next (cell == "b"))',
+]
+
+
+def test_a_conflict_names_the_assumptions_without_which_fewer_guarantees_would_be_in_conflict() -> None:
+    assumed = ["always eventually light", "always eventually open", "always eventually not open"]
+    guilty = conflict(game(HALL, [Variable("open"), Variable("light")], assumed, GUARANTEED[:4]), [0])
+    assert [each.text for each in guilty.guarantees] == [GUARANTEED[0], *GUARANTEED[2:4]]
+    assert [each.text for each in guilty.helpful] == assumed[1:]
+    assert not guilty.opposing
+    assert str(guilty).endswith(
+        "cannot be met together, though each part of them can given `always eventually open` and `always eventually "
+        "not open`, without which a part would be in conflict already"
+    )
+
+
+def random_hall(draw: np.random.Generator) -> Game:
+    assumed = [f"always {each}" for each in ASSUMED if draw.random() < (0.2 if each == "not right" else 0.8)]
+    system = replace(HALL, initial=(0,))
+    return game(system, [Variable("open"), Variable("light")], assumed, [e for e in GUARANTEED if draw.random() < 0.7])
 
 
 def is_won(of: Game, assumptions: Sequence[Statement], guarantees: Sequence[Statement]) -> bool:
@@ -144,21 +179,35 @@ def is_won(of: Game, assumptions: Sequence[Statement], guarantees: Sequence[Stat
     return bool(possible.any() and (won & kept)[possible].all())
 
 
+def smaller(statements: Sequence[Statement]) -> Iterator[Sequence[Statement]]:
+    """All sets of fewer statements."""
+    for count in range(len(statements)):
+        yield from itertools.combinations(statements, count)
+
+
 @pytest.mark.parametrize("first", range(0, 300, 100))
-def test_conflicts_of_random_games_are_irreducible_by_a_plain_fixpoint(first: int) -> None:
-    found = 0
-    for seed in range(first, first + 100):
-        one = random_game(np.random.default_rng(seed))
+def test_conflicts_of_random_games_are_irreducible_by_a_plain_fixpoint_over_all_subsets(first: int) -> None:
+    found = helped = opposed = 0
+    draws = [np.random.default_rng(seed) for seed in range(first, first + 100)]
+    for one in [*map(random_game, draws), *map(random_hall, draws[:20])]:
         assert one.vocabulary.cell.system is not None
         cells = one.vocabulary.cell.system.initial
         if is_realisable(one, cells):
             continue
         guilty = conflict(one, cells)
+        assumed = [each for each in one.assumptions if each in (*guilty.helpful, *guilty.opposing)]
         found += 1
-        assert not is_won(one, one.assumptions, guilty.guarantees)
-        assert not is_won(one, guilty.assumptions, guilty.guarantees)
-        for each in guilty.guarantees:
-            assert is_won(one, one.assumptions, [other for other in guilty.guarantees if other is not each])
-        for each in guilty.assumptions:
-            assert is_won(one, [other for other in guilty.assumptions if other is not each], guilty.guarantees)
-    assert found > 20
+        helped += bool(guilty.helpful)
+        opposed += bool(guilty.opposing)
+        for kept in (one.assumptions, assumed):
+            assert not is_won(one, kept, guilty.guarantees)
+            assert all(is_won(one, kept, fewer) for fewer in smaller(guilty.guarantees))
+        for each in guilty.opposing:
+            assert is_won(one, [other for other in assumed if other is not each], guilty.guarantees)
+        for each in guilty.helpful:
+            rest = [other for other in assumed if other is not each]
+            assert not is_won(one, rest, guilty.guarantees)
+            assert not all(is_won(one, rest, fewer) for fewer in smaller(guilty.guarantees))
+    assert found > 30
+    assert helped
+    assert opposed
