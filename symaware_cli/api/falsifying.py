@@ -111,14 +111,14 @@ def falsify(
         over: What varies, as for `sweep`.
         seeds: How many seeds of the scenario are tried as well; 0 for its own alone.
         changes: Values of the scenario that all runs share.
-        method: ``random`` or ``differential-evolution``.
+        method: ``random``, ``differential-evolution`` or ``cma-es``.
         runs: How many runs at most, besides those that make the violation simple.
         seed: What the search draws from.
         on_progress: Called after each run with how many were made, and how many at most.
 
     Raises:
         ScenarioError: The scenario, or what varies, has problems.
-        SweepError: Nothing varies, or there is no such specification.
+        SweepError: Nothing varies, there is no such specification, or the method needs a module that is not installed.
         OutputError: The folder cannot be written.
         KeyboardInterrupt: A signal ended a run.
     """

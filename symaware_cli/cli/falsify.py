@@ -46,7 +46,7 @@ def falsify(
     ] = 0,
     overrides: Overrides = None,
     method: Annotated[
-        str, typer.Option(help="How to search: random or differential-evolution.")
+        str, typer.Option(help="How to search: random, differential-evolution or cma-es.")
     ] = "differential-evolution",
     runs: Annotated[
         int, typer.Option(min=1, max=10_000_000, help="How many runs at most, besides those that simplify a violation.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -13,13 +14,17 @@ from symaware_cli.specification.outcome import Outcome
 from symaware_cli.study.search_space import SearchSpace, is_violated, merit
 from symaware_cli.study.statistics.design import independent
 from symaware_cli.study.statistics.interval_estimate import Array
+from symaware_cli.study.sweep_error import SweepError
 
-#: ``random``: independent draws; ``differential-evolution``: towards less robustness.
-Method = Literal["random", "differential-evolution"]
+#: ``random``: independent draws; the others: towards less robustness.
+Method = Literal["random", "differential-evolution", "cma-es"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 #: The least number of points of a generation of differential evolution, and how many for each coordinate.
 _LEAST, _EACH = 8, 5
+
+#: The standard deviation with which the covariance matrix adaptation begins, on coordinates between 0 and 1.
+_DEVIATION = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,14 +100,21 @@ def search(
         on_progress: Called after each run with how many were made, and how many at most.
 
     Raises:
+        SweepError: The method needs a module that is not installed.
         KeyboardInterrupt: A signal ended a run.
     """
+    if method == "cma-es" and find_spec("cmaes") is None:
+        raise SweepError(
+            "the method cma-es needs the module `cmaes`, which is not installed: pip install 'symaware-cli[falsify]'"
+        )
     state = _Search(space, runs, on_progress)
     try:
         if method == "random":
             for block in range(0, runs, 256):
                 for point in independent(seed, [*space.distributions], np.arange(block, block + 256)):
                     state.look(point)
+        elif method == "cma-es":
+            _adapt(state, seed)
         else:
             _evolve(state, seed)
     except _SearchOverError:
@@ -129,6 +141,29 @@ def _evolve(state: _Search, seed: int) -> None:
         random = np.random.default_rng((seed, attempt))
         bounds = Bounds(np.zeros(len(names)), np.ones(len(names)))
         differential_evolution(state.look, bounds, init=first, seed=random, polish=False, tol=1e-6, maxiter=state.most)
+
+
+def _adapt(state: _Search, seed: int) -> None:
+    """Covariance matrix adaptation on points between 0 and 1, until it is ended.
+
+    Where it has converged, it begins again at another point, with twice the points in a generation.
+
+    Sources: N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772, 2016; A. Auger, N. Hansen, "A
+    Restart CMA Evolution Strategy with Increasing Population Size", IEEE Congress on Evolutionary Computation 2005.
+    """
+    from cmaes import CMA
+
+    names = [*state.space.distributions]
+    square = np.tile([0.0, 1.0], (len(names), 1))
+    size: int | None = None
+    for attempt in range(state.most):
+        (first,) = independent(seed, names, np.arange(attempt, attempt + 1))
+        drawn = int(np.random.SeedSequence((seed, attempt)).generate_state(1)[0])
+        found = CMA(mean=first, sigma=_DEVIATION, bounds=square, seed=drawn, population_size=size)
+        while not found.should_stop():
+            points = [found.ask() for _ in range(found.population_size)]
+            found.tell([(point, state.look(point)) for point in points])
+        size = 2 * found.population_size
 
 
 class _Shrinking:

@@ -6,7 +6,6 @@ import json
 import random
 import sqlite3
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,9 +19,10 @@ from symaware_cli.api.log_evaluation import evaluate_log
 from symaware_cli.recording import wire
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.study.certificate import leaves, statement
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.session import write_table
-from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.signed_statement import written
 from symaware_cli.study.sweep_files import JOURNAL
 from symaware_cli.study.sweep_journal import SweepJournal
 
@@ -76,10 +76,9 @@ class Forger:
             database.executemany(f'UPDATE runs SET {assignments} WHERE "index" = :index', self._rows)
         with SweepJournal(self._folder.path / JOURNAL) as journal:
             write_table(self._folder, journal)
-        for name in ("certificate.json", "certificate.leaves", "certificate.html"):
-            (self._folder.path / name).unlink(missing_ok=True)
-        with suppress(SweepError):  # a folder that contradicts itself is not certified
-            sa.certify(self._folder.path)
+        (self._folder.path / "certificate.json").write_bytes(written(statement(self._folder)))
+        hashes = "".join(f"{index} {hashed}\n" for index, hashed in leaves(self._folder))
+        (self._folder.path / "certificate.leaves").write_text(hashes)
 
     def metric(self) -> None:
         """A figure of a row."""

@@ -2,6 +2,7 @@
 
 import json
 import statistics
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import yaml
 from sweeping import symaware
 
 import symaware_cli as sa
-from symaware_cli.study.falsification import METHODS
+from symaware_cli.study.falsification import METHODS, Method
 
 #: Two robots whose ways cross at a right angle; they meet only where both arrive at the same time.
 CROSSING: dict[str, Any] = {
@@ -94,10 +95,28 @@ def test_a_counterexample_runs_and_has_only_what_is_needed(tmp_path: Path) -> No
         assert summary.specifications[0].verdict == "satisfied"
 
 
-def test_the_same_search_finds_the_same(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", METHODS)
+def test_the_same_search_finds_the_same(method: Method, tmp_path: Path) -> None:
     scenario = crossing(tmp_path, 0.5)
-    first, second = (sa.falsify(scenario, "apart", over=START, runs=500, seed=4) for _ in range(2))
+    first, second = (sa.falsify(scenario, "apart", over=START, runs=500, seed=4, method=method) for _ in range(2))
+    assert first.is_found
     assert first == second
+    other = sa.falsify(scenario, "apart", over=START, runs=500, seed=5, method=method)
+    assert other.result.found != first.result.found
+
+
+def test_covariance_adaptation_makes_as_many_runs_as_are_allowed(tmp_path: Path) -> None:
+    # A plateau, and one coordinate: it converges again and again.
+    over = {"parameters.clear": {"uniform": [0, 1]}}
+    found = sa.falsify(crossing(tmp_path), "apart", over=over, runs=150, method="cma-es")
+    assert (found.is_found, found.result.runs) == (False, 150)
+
+
+def test_a_method_whose_module_is_missing_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cmaes", None)
+    options = ("--specification", "apart", "--seeds", "3", "--method", "cma-es")
+    said = symaware("falsify", crossing(tmp_path), *options, status=2)
+    assert "pip install 'symaware-cli[falsify]'" in " ".join(said.split())
 
 
 def test_nothing_found_is_said_with_how_hard_it_looked(tmp_path: Path) -> None:
@@ -146,7 +165,7 @@ def test_what_cannot_be_searched_is_refused(tmp_path: Path, options: tuple[str, 
 
 
 @pytest.mark.slow
-def test_differential_evolution_finds_what_is_planted_with_fewer_runs_than_chance(tmp_path: Path) -> None:
+def test_searches_find_what_is_planted_with_fewer_runs_than_chance(tmp_path: Path) -> None:
     medians = dict.fromkeys(METHODS, 0.0)
     for clear, over in PLANTED.values():
         for method in METHODS:
@@ -157,3 +176,4 @@ def test_differential_evolution_finds_what_is_planted_with_fewer_runs_than_chanc
             assert all(each.found is not None for each in made)
             medians[method] += statistics.median(each.runs for each in made)
     assert medians["differential-evolution"] < 0.8 * medians["random"]
+    assert medians["cma-es"] < 0.8 * medians["random"]
