@@ -28,6 +28,7 @@ from symaware_cli import (
 from symaware_cli.formulas import Specification
 from symaware_cli.optimal_control import LinearDynamics
 from symaware_warehouse.planner import Bid, Commitment, PlannedTube, Planner, Progress
+from symaware_warehouse.told_tube import ToldTube
 from symaware_warehouse.tube import Tube, TubeKind
 
 Array = NDArray[np.float64]
@@ -145,6 +146,13 @@ class TubeControl(Component):
             description="By how much specifications hold beyond the tube [m]: for the body, and for how far the robot "
             "is from the straight way between two steps.",
         )
+        separation: float | None = Field(
+            None,
+            ge=0,
+            description="By how much its tube and those of robots of its group with a lower index are apart [m], along "
+            "x or along y, if they told it their plans: `communication.broadcast` and `communication.inbox` do. By "
+            "default the robots do not avoid each other.",
+        )
         notice: float = Field(
             0.0,
             ge=0,
@@ -228,7 +236,7 @@ class TubeControl(Component):
         found, control_input = None, np.zeros(2)
         if progress.step < planner.steps:
             event = plan is None or not {each.name for each in required} <= {*self._required}
-            found = planner.solve(required, progress, plan, event=event)
+            found = planner.solve(required, progress, plan, event, self._others())
             if found is not None:
                 plan, control_input = found, found.inputs[0]
             elif plan is not None:
@@ -330,6 +338,17 @@ class TubeControl(Component):
         every = self._every(specification.formulation.time_step)
         return Commitment.of(specification, group.model, group.regions, start, epsilon, every)
 
+    def _others(self) -> Sequence[ToldTube]:
+        """Return the plans of which robots with a lower index told, if this robot is to stay apart from them."""
+        if self.parameters.separation is None:
+            return ()
+        agent = self._agent
+        # As it was sent: what the robot believes itself of the other's position now is less.
+        sent = agent.awareness_database.received
+        known = [(id, sent[id]) for id in agent.group.ids[: agent.row] if id in sent]
+        told = (ToldTube.of(id, each.intent, each.uncertainty, self._step, self._origin) for id, each in known)
+        return [each for each in told if each is not None]
+
     # Bids
 
     def _unanswered(self, required: Sequence[Commitment]) -> tuple[tuple[str, ...], Mapping[str, float]]:
@@ -395,7 +414,17 @@ class TubeControl(Component):
             variance = float(np.linalg.eigvalsh(noise).max())
         tube = Tube.of(given.tube, variance / (1.0 - (1.0 - given.feedback) ** 2), given.least_risk, given.chords)
         last = round(nanoseconds(given.horizon) / nanoseconds(step)) - origin
-        return Planner(dynamics, tube, last, given.energy, given.tangents, given.gap, given.nodes, margin=given.margin)
+        return Planner(
+            dynamics,
+            tube,
+            last,
+            given.energy,
+            given.tangents,
+            given.gap,
+            given.nodes,
+            margin=given.margin,
+            separation=given.separation or 0.0,
+        )
 
     def _every(self, time_step: int) -> int:
         """Return how many steps of the world, in nanoseconds, a step of the plan takes.

@@ -17,11 +17,13 @@ from symaware_cli.optimal_control import (
     LinearDynamics,
     SpecificationPlan,
     SpecificationProgram,
+    avoid_moving_box,
     margins,
     predicate_sets,
     sampled,
     state_names,
 )
+from symaware_warehouse.told_tube import ToldTube
 from symaware_warehouse.tube import Tube
 
 Array: TypeAlias = NDArray[np.float64]
@@ -207,6 +209,7 @@ class Planner:
         tolerance: By how much the energy may exceed that of the program.
         nodes: The limit of a search: the nodes of its tree.
         margin: By how much predicates hold beyond the radius of the tube [m].
+        separation: By how much this robot's tube and those of which others told are apart, along x or along y [m].
     """
 
     dynamics: LinearDynamics
@@ -218,6 +221,7 @@ class Planner:
     nodes: int = 5_000
     tolerance: float = 1e-6
     margin: float = 0.0
+    separation: float = 0.0
 
     def bid(self, offer: Commitment, accepted: Sequence[Commitment], progress: Progress) -> Bid:
         """Return what it would cost to accept a specification.
@@ -232,7 +236,12 @@ class Planner:
         return Bid(None if found.states is None else round(found.solution.cost, 6), found.status)
 
     def solve(
-        self, accepted: Sequence[Commitment], progress: Progress, last: PlannedTube | None = None, event: bool = True
+        self,
+        accepted: Sequence[Commitment],
+        progress: Progress,
+        last: PlannedTube | None = None,
+        event: bool = True,
+        others: Sequence[ToldTube] = (),
     ) -> PlannedTube | None:
         """Return a plan from the present step on; None if there is none.
 
@@ -242,8 +251,11 @@ class Planner:
             last: The last plan.
             event: Whether to search for the best alternatives; otherwise those of the last plan are kept, and a search
                 follows only if that is impossible.
+            others: The plans of other robots, from whose tubes that of this robot stays apart; bids do not count them.
         """
         program = _TubeProgram(self, accepted, progress)
+        for other in others:
+            program.keep_apart(other)
         rest = None if last is None else last.rest(progress.step)
         if not event and rest is not None:
             again = program.specifications.solve_as_chosen(rest, self.tolerance)
@@ -317,6 +329,13 @@ class _TubeProgram:
             risks = [int(self._risks[step - present - 1]) for step in commitment.steps(planner.steps) if step > present]
             left = max(commitment.epsilon - self.past_risk(commitment), len(risks) * planner.tube.least_risk)
             self.specifications.program.add_row(risks, [1.0] * len(risks), upper=left)
+
+    def keep_apart(self, other: ToldTube) -> None:
+        """Require that both tubes are apart, at the steps and on the straight ways between them."""
+        positions, radii = other.rest(self._progress.step)
+        if len(positions) > 1:
+            state, sizes = self._progress.states[-1], radii + self._planner.separation
+            avoid_moving_box(self.specifications, other.id, state, positions, sizes)
 
     def past_risk(self, commitment: Commitment) -> float:
         """Return the risk of the steps of a specification so far."""
