@@ -271,13 +271,26 @@ class SpecificationProgram:
         self._encode()
         start = None if guess is None else self.choices(guess)
         solution = self.program.solve(nodes=nodes, gap=gap, start=start)
-        if refine and solution.values is not None and self.program.has_squares:
-            refined = self.program.refined(solution.values[self.program.integers])
-            if refined.values is not None:
-                solution = MixedIntegerSolution(
-                    solution.status, refined.values, refined.cost, min(solution.bound, refined.cost), solution.nodes
-                )
-        return self._plan(solution)
+        return self.refined(self._plan(solution)) if refine else self._plan(solution)
+
+    def refined(self, plan: SpecificationPlan, tolerance: float = 1e-7) -> SpecificationPlan:
+        """Solve the program with the alternatives of one of its plans, and squares in place of their tangents.
+
+        Args:
+            plan: A plan of this program.
+            tolerance: By how much the cost of squares may exceed that of their tangents.
+
+        Returns:
+            The new plan; the given one if there is nothing to improve.
+        """
+        solution = plan.solution
+        if solution.values is None or not self.program.has_squares:
+            return plan
+        found = self.program.refined(solution.values[self.program.integers], tolerance)
+        if found.values is None:
+            return plan
+        bound = min(solution.bound, found.cost)
+        return self._plan(MixedIntegerSolution(solution.status, found.values, found.cost, bound, solution.nodes))
 
     def solve_as_chosen(self, guess: Array, tolerance: float = 1e-7) -> SpecificationPlan:
         """Solve the program with the alternatives that states choose, without a search.

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import linprog
+from scipy.optimize import linprog, minimize
 from symaware_warehouse import Commitment, Planner, Progress, Tube
 
 from symaware_cli.formulas import Region
@@ -37,6 +37,11 @@ MODEL = Linear(
 STEPS = 3
 DYNAMICS = LinearDynamics.of(MODEL, 1.0)
 TUBE = Tube.of("chebyshev", VARIANCE, 0.01)
+#: The weight of the energy in comparisons with it: large, so that it decides between alternatives.
+ENERGY = 0.02
+#: Squares consist of so many tangents in a search, and so much less than the squares they come to at most.
+TANGENTS = 25
+BELOW = ENERGY * 2 * STEPS * (SPEED / (TANGENTS - 1)) ** 2
 
 
 def commitment(text: str, boxes: dict[str, Box], start: int = 0, epsilon: float | None = None) -> Commitment:
@@ -45,8 +50,66 @@ def commitment(text: str, boxes: dict[str, Box], start: int = 0, epsilon: float 
     return Commitment(text, formulation, predicate_sets(formulation, state_names(MODEL), regions), start, epsilon)
 
 
-def planner(steps: int, tube: Tube = TUBE) -> Planner:
-    return Planner(DYNAMICS, tube, steps, energy=0.0, gap=1e-7)
+def planner(steps: int, tube: Tube = TUBE, energy: float = 0.0) -> Planner:
+    return Planner(DYNAMICS, tube, steps, energy=energy, gap=1e-7, tangents=TANGENTS)
+
+
+class Choice(NamedTuple):
+    """The program of a choice of instants and sides, in x, y, radius and risk of the steps 1 to 3.
+
+    Attributes:
+        rows: Shape (m, 12).
+        limits: What the rows come to at most; shape (m,).
+    """
+
+    rows: Array
+    limits: Array
+
+    def least(self, state: Array | None = None, energy: float = 0.0) -> tuple[float, Array]:
+        """The least sum of the risks, and of a bound of the energy from below; infinite if there is none."""
+        n = STEPS
+        bounds = [*self._bounds(), *[(0.0, None)] * 2 * n]
+        cost = np.concatenate([np.zeros(3 * n), np.ones(n), np.full(2 * n, energy)])
+        rows, limits = [np.pad(self.rows, ((0, 0), (0, 2 * n)))], [self.limits]
+        if state is not None:
+            # Each square is above its tangents.
+            moves, offset = self._moves(state)
+            for at in np.linspace(-SPEED, SPEED, 13):
+                rows.append(np.hstack([2.0 * at * moves, -np.eye(2 * n)]))
+                limits.append(at * at - 2.0 * at * offset)
+        found = linprog(cost, np.vstack(rows), np.concatenate(limits), bounds=bounds, method="highs")
+        return (np.inf, np.empty(0)) if found.x is None else (float(cost @ found.x), found.x[: 4 * n])
+
+    def least_square(self, state: Array, energy: float, start: Array) -> float:
+        """The least sum of the risks and of the energy itself, from a point that satisfies the rows."""
+        moves, offset = self._moves(state)
+
+        def cost(values: Array) -> tuple[float, Array]:
+            move, slope = moves @ values + offset, np.zeros(4 * STEPS)
+            slope[3 * STEPS :] = 1.0
+            return float(values[3 * STEPS :].sum() + energy * move @ move), slope + 2.0 * energy * move @ moves
+
+        rows = {"type": "ineq", "fun": lambda values: self.limits - self.rows @ values, "jac": lambda _: -self.rows}
+        given: Any = {"jac": True, "bounds": self._bounds(), "constraints": [rows]}
+        found = minimize(cost, start, method="SLSQP", options={"ftol": 1e-13, "maxiter": 500}, **given)
+        assert found.success, found.message
+        return float(found.fun)
+
+    @staticmethod
+    def _bounds() -> list[Any]:
+        n = STEPS
+        return [*[(None, None)] * 2 * n, *[(TUBE.least, TUBE.greatest)] * n, *[(TUBE.least_risk, 1.0)] * n]
+
+    @staticmethod
+    def _moves(state: Array) -> tuple[Array, Array]:
+        """The control inputs as a matrix and an offset of the variables; shapes (6, 12) and (6,)."""
+        n = STEPS
+        difference = np.eye(n) - np.eye(n, k=-1)
+        moves, offset = np.zeros((2 * n, 4 * n)), np.zeros(2 * n)
+        for axis in range(2):
+            moves[axis * n : (axis + 1) * n, axis * n : (axis + 1) * n] = difference
+            offset[axis * n] = -state[axis]
+        return moves, offset
 
 
 class Errand(NamedTuple):
@@ -93,9 +156,21 @@ class Errand(NamedTuple):
         """The least sum of the risks over all choices of instants and sides; infinite if none is possible."""
         best, floor = np.inf, STEPS * TUBE.least_risk
         for one, other, *sides in product((1, 2), (2, 3), self._sides(1), self._sides(2)):
-            best = min(best, self._least(one, other, sides))
+            best = min(best, self._program(one, other, sides).least()[0])
             if best <= floor + 1e-9:
                 break
+        return best
+
+    def best_with_energy(self) -> float:
+        """The least sum of risks and energy, by sequential quadratic programs; infinite if none is possible."""
+        choices = product((1, 2), (2, 3), self._sides(1), self._sides(2))
+        programs = [self._program(one, other, sides) for one, other, *sides in choices]
+        found = sorted(((*each.least(self.state, ENERGY), each) for each in programs), key=lambda each: each[0])
+        best = np.inf
+        for bound, start, program in found:
+            if bound >= best:
+                break
+            best = min(best, program.least_square(self.state, ENERGY, start))
         return best
 
     def _sides(self, step: int) -> list[int]:
@@ -106,8 +181,8 @@ class Errand(NamedTuple):
         ways = (x - left, right - x, y - low, high - y)
         return [side for side, way in enumerate(ways) if way <= room]
 
-    def _least(self, one: int, other: int, sides: list[int]) -> float:
-        """Solve the linear program of a choice, in positions, radii and risks: no inputs, and no binary variables."""
+    def _program(self, one: int, other: int, sides: list[int]) -> Choice:
+        """Return the program of a choice, in positions, radii and risks: no inputs, and no binary variables."""
         n = STEPS
         x, y, radius, risk = (np.arange(n) + n * block for block in range(4))
         rows: list[Array] = []
@@ -138,10 +213,7 @@ class Errand(NamedTuple):
             axis, sign, edge = ((x, 1.0, left), (x, -1.0, -right), (y, 1.0, low), (y, -1.0, -high))[side]
             row([(axis[step], sign), (radius[step], 1.0)], edge)
         row([(variable, 1.0) for variable in risk.tolist()], self.epsilon)
-        bounds = [(None, None)] * 2 * n + [(TUBE.least, TUBE.greatest)] * n + [(TUBE.least_risk, 1.0)] * n
-        cost = np.concatenate([np.zeros(3 * n), np.ones(n)])
-        found = linprog(cost, np.array(rows), limits, bounds=bounds, method="highs")
-        return float(found.fun) if found.fun is not None else np.inf
+        return Choice(np.array(rows), np.array(limits))
 
 
 def check(seed: int) -> bool:
@@ -172,6 +244,35 @@ def test_a_bid_is_the_least_risk_over_all_choices() -> None:
 def test_bids_are_the_least_risk_over_all_choices_of_200_instances() -> None:
     found = [check(seed) for seed in range(200)]
     assert 40 <= sum(found) <= 160
+
+
+def check_energy(seed: int) -> float | None:
+    """Compare a plan with energy; returns by how much it costs more than the best, None if there is none."""
+    errand = Errand.drawn(seed)
+    best = errand.best_with_energy()
+    plan = planner(STEPS, energy=ENERGY).solve([errand.commitment()], Progress.beginning(errand.state))
+    assert (plan is None) == (best == np.inf), seed
+    if plan is None:
+        return None
+    assert plan.bound <= best + 2e-6, seed
+    assert -2e-6 <= plan.cost - best <= BELOW + 2e-6, seed
+    return plan.cost - best
+
+
+def check_energies(count: int) -> None:
+    found = [excess for seed in range(count) if (excess := check_energy(seed)) is not None]
+    assert 0.2 * count <= len(found) < count
+    # The squares are exact once the alternatives are chosen, so most plans are the best to the last digits.
+    assert np.mean(np.array(found) < 2e-6) > 0.9
+
+
+def test_a_plan_with_energy_is_the_best_of_all_choices() -> None:
+    check_energies(6)
+
+
+@pytest.mark.slow
+def test_plans_with_energy_are_the_best_of_all_choices_of_200_instances() -> None:
+    check_energies(200)
 
 
 def test_what_needs_more_than_its_epsilon_is_not_bid_on() -> None:

@@ -100,7 +100,8 @@ class TubeControl(Component):
     )
     events: ClassVar[Mapping[str, str]] = {
         "planned": "A search has found a plan: its `cost`, and by how much the best may be better, `gap`.",
-        "bid": "The robot says what specifications would cost: `costs` by name, null where there is no plan.",
+        "bid": "The robot says what specifications would cost: `costs` by name, null where there is no plan, and why: "
+        "`reasons`.",
         "infeasible": "There is no plan; the last one is followed, with feedback. Once until there is a plan again.",
     }
 
@@ -289,8 +290,9 @@ class TubeControl(Component):
         said = {name: {"since": since, "at": at, "cost": bid.cost} for name, (bid, since) in bids.items()}
         knowledge["bids"] = {**knowledge.get("bids", {}), **said}
         costs = {name: bid.cost for name, (bid, _) in bids.items()}
-        text = ", ".join(f"{name} {'no plan' if cost is None else f'{cost:g}'}" for name, cost in costs.items())
-        self.emit("bid", text, costs=costs)
+        reasons = {name: bid.status for name, (bid, _) in bids.items() if bid.cost is None}
+        text = ", ".join(f"{name} {reasons[name] if cost is None else f'{cost:g}'}" for name, cost in costs.items())
+        self.emit("bid", text, costs=costs, reasons=reasons)
 
     # Specifications
 

@@ -262,14 +262,18 @@ class Planner:
             if again.states is not None:
                 return program.plan(again, "followed")
         found = program.specifications.solve(nodes=self.nodes, gap=self.gap, guess=rest, refine=False)
-        best, states = found, found.states
+        states, best = found.states, None
         if states is None:
             return None
-        for turn in range(_POLISHES):
+        for _ in range(_POLISHES):
             better = program.specifications.solve_as_chosen(states, self.tolerance)
-            if better.states is None or (turn and better.solution.cost > best.solution.cost - _WORTH):
+            if better.states is None or (best is not None and not _is_cheaper(better, best)):
                 break
             best, states = better, better.states
+        # What the positions seem to choose may cost more than what the search chose.
+        searched = program.specifications.refined(found, self.tolerance)
+        if best is None or _is_cheaper(searched, best):
+            best = searched
         return program.plan(best, "searched", found.solution.bound)
 
     def risk(self, accepted: Sequence[Commitment], progress: Progress, plan: PlannedTube | None) -> float:
@@ -279,6 +283,11 @@ class Planner:
             taken = np.append(taken, plan.risks[progress.step - plan.start + 1 :])
         counted = [each.steps(len(taken) - 1) for each in accepted if each.epsilon is not None]
         return float(sum(taken[steps.start : steps.stop].sum() for steps in counted))
+
+
+def _is_cheaper(plan: SpecificationPlan, other: SpecificationPlan) -> bool:
+    """Whether a plan costs less than another one, by enough to be worth another solution."""
+    return plan.solution.cost <= other.solution.cost - _WORTH
 
 
 class _TubeProgram:
