@@ -144,7 +144,7 @@ def verify_folder(
     missing = len({*range(folder.plan.count)} - {row.index for row in rows})
     lost = sum(row.state == "lost" for row in rows)
     return SweepVerification(
-        folder.path, level, len(rows), missing, lost, logs, not_evaluated, len(chosen), found, changed
+        folder.path, level, len(rows), missing, lost, logs, dict(not_evaluated), len(chosen), found, changed
     )
 
 

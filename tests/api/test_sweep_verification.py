@@ -208,6 +208,7 @@ def test_specifications_that_logs_do_not_suffice_for_are_counted(tmp_path: Path,
     result = verified(made, "monitor")
     assert result.is_sound, result.findings
     assert result.not_evaluated == {f"apart: {reason}": 2}
+    assert json.loads(json.dumps(result.to_json()))["not_evaluated"] == result.not_evaluated
 
 
 def test_the_log_of_a_component_that_rolls_dice_is_told_apart_at_the_right_place(doubles: Path, tmp_path: Path) -> None:
