@@ -73,6 +73,11 @@ class KnowledgeModel(Plugin):
         low, high = self.bounds[cell, :, 0], self.bounds[cell, :, 1]
         return bool(((low <= point[:2]) & (point[:2] <= high)).all())
 
+    def distance(self, cell: int, point: Array) -> float:
+        """Return the distance of a point from a cell [m], 0 within it; shape (d,)."""
+        apart = point[:2] - np.clip(point[:2], self.bounds[cell, :, 0], self.bounds[cell, :, 1])
+        return float(np.sqrt(apart @ apart))
+
     def centre(self, cell: int) -> Array:
         """Return the centre of a cell [m]; shape (2,)."""
         return np.asarray(self.bounds[cell].mean(axis=1))
