@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from symaware_cli import (
     Agent,
@@ -18,7 +17,6 @@ from symaware_cli import (
     Component,
     KnowledgeDatabase,
     Level,
-    Parameters,
     Quantity,
     Signal,
     TimeSeries,
@@ -26,10 +24,9 @@ from symaware_cli import (
     seconds,
 )
 from symaware_cli.formulas import Specification
-from symaware_cli.optimal_control import LinearDynamics
+from symaware_warehouse.plan_parameters import PlanParameters
 from symaware_warehouse.planner import Bid, Commitment, PlannedTube, Planner, Progress
 from symaware_warehouse.told_tube import ToldTube
-from symaware_warehouse.tube import Tube, TubeKind
 
 Array = NDArray[np.float64]
 
@@ -105,68 +102,15 @@ class TubeControl(Component):
         "infeasible": "There is no plan; the last one is followed, with feedback. Once until there is a plan again.",
     }
 
-    class Parameters(Parameters):
+    class Parameters(PlanParameters):
         """What to plan for, and how."""
-
-        specifications: list[str] = Field(
-            min_length=1, description="The specifications to satisfy: those in force, and those that may be accepted."
-        )
-        horizon: float = Field(40.0, gt=0, description="The instant up to which is planned [s].")
-        tube: TubeKind = Field(
-            "chebyshev", description="The bound of the risk of a radius: `chebyshev` for any error, or `gaussian`."
-        )
-        least_risk: float = Field(0.01, gt=0, lt=0.6, description="beta: the risk that each step has at least.")
-        chords: int = Field(1, ge=1, le=20, description="How many chords approximate the bound of the risk from above.")
-        feedback: float = Field(
-            0.6180339887498949, gt=0, lt=2, description="K: the error e of a plan becomes (1 - K) e + w in a step."
-        )
-        variance: float | None = Field(
-            None, gt=0, description="Variance of w along each axis [m^2]; that of the model's noise if null."
-        )
-        max_input: float | None = Field(
-            None,
-            gt=0,
-            description="Greatest magnitude of each element of u [m]; that of the model if null. Robots that know a "
-            "`max_input` have that one.",
-        )
-        energy: float = Field(0.001, ge=0, description="Cost of the square of each element of u [1/m^2].")
-        tangents: int = Field(3, ge=3, le=101, description="Of how many tangents these squares consist in a search.")
-        gap: float = Field(0.05, ge=0, description="By how much a plan may cost more than the best.")
-        nodes: int = Field(5_000, ge=1, description="Limit of a search: the nodes of its tree.")
-        bids: bool = Field(True, description="Whether to bid on what is offered.")
-        step: float | None = Field(
-            None,
-            gt=0,
-            description="Duration of a step of the plan [s], for a robot with another model that `warehouse.track` "
-            "moves along the plan; give the component the same `period`. By default a step of the world, and the first "
-            "u of the plan is the control input.",
-        )
-        margin: float = Field(
-            0.0,
-            ge=0,
-            description="By how much specifications hold beyond the tube [m]: for the body, and for how far the robot "
-            "is from the straight way between two steps.",
-        )
-        separation: float | None = Field(
-            None,
-            ge=0,
-            description="By how much its tube and those of robots of its group with a lower index are apart [m], along "
-            "x or along y, if they told it their plans: `communication.broadcast` and `communication.inbox` do. By "
-            "default the robots do not avoid each other.",
-        )
-        notice: float = Field(
-            0.0,
-            ge=0,
-            description="How much later than its bid the robot has to reckon with acceptance [s]. The bid is about a "
-            "robot that follows its present plan until then.",
-        )
 
     def check(self, group: AgentGroup) -> None:
         """Check that the model is x+ = x + u + w with limited u and known noise, or that a plan can be made without."""
         if self.parameters.step is not None and len(group.model.position) != 2:
             raise ValueError("plans are for robots that move in a plane")
         for row in range(len(group)):
-            self._planner_of(group, row, self._plan_step(group), 0)
+            self.parameters.planner(group, row, self._plan_step(group), 0)
 
     def _plan_step(self, group: AgentGroup) -> float:
         """Return the duration of a step of the plan, before the world is known [s]."""
@@ -179,10 +123,9 @@ class TubeControl(Component):
         if specification.automaton is not None:
             raise ValueError("it is in linear temporal logic")
         epsilon = None if specification.offer is None else specification.offer.epsilon
-        commitment = Commitment.of(
-            specification, group.model, group.regions, 0, epsilon, self._every(specification.formulation.time_step)
-        )
-        planner = self._planner_of(group, 0, self._plan_step(group), 0)
+        every = self.parameters.every(specification.formulation.time_step)
+        commitment = Commitment.of(specification, group.model, group.regions, 0, epsilon, every)
+        planner = self.parameters.planner(group, 0, self._plan_step(group), 0)
         if epsilon is not None and not commitment.is_possible(planner.steps, planner.tube):
             count = len(commitment.steps(planner.steps))
             raise ValueError(
@@ -209,10 +152,10 @@ class TubeControl(Component):
         """Start without a plan."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         time_step = self.environment.time_step
-        self._step = time_step * self._every(time_step)
+        self._step: int = time_step * self.parameters.every(time_step)
         #: The step of the plan at which the robot begins; its own steps count from there.
         self._origin = -(-self.now // self._step)
-        self._planner = self._planner_of(agent.group, agent.row, seconds(self._step), self._origin)
+        self._planner: Planner = self.parameters.planner(agent.group, agent.row, seconds(self._step), self._origin)
         self._progress: Progress | None = None
         self._plan: PlannedTube | None = None
         self._starts: Mapping[str, int] = {}
@@ -309,7 +252,8 @@ class TubeControl(Component):
         began = statuses.began
         if began is None:
             began = max(self.now, statuses.specification.start)
-        return max(0, -(-began // self._step) - self._origin)
+        place: int = -(-began // self._step) - self._origin
+        return max(0, place)
 
     def _commitments(self, starts: Mapping[str, int], step: int) -> tuple[list[Commitment], list[Commitment]]:
         """Return all that the robot has to satisfy, and what is not decided of it.
@@ -337,7 +281,7 @@ class TubeControl(Component):
         epsilon = None
         if specification.offer is not None:
             epsilon = math.inf if specification.offer.epsilon is None else specification.offer.epsilon
-        every = self._every(specification.formulation.time_step)
+        every = self.parameters.every(specification.formulation.time_step)
         return Commitment.of(specification, group.model, group.regions, start, epsilon, every)
 
     def _others(self) -> Sequence[ToldTube]:
@@ -378,63 +322,3 @@ class TubeControl(Component):
         notice = min(nanoseconds(self.parameters.notice) // self._step, self._planner.steps - 1 - progress.step)
         start = self._start(name, progress.step)
         return self._planner.bid(self._commitment(name, start), held, progress.along(self._plan, notice))
-
-    # The planner
-
-    def _planner_of(self, group: AgentGroup, row: int, step: float, origin: int) -> Planner:
-        """Return the planner of one robot of a group.
-
-        Raises:
-            ValueError: The model is not x+ = x + u + w, or limits or noise are not known.
-        """
-        given = self.parameters
-        model = group.model
-        unit = np.eye(2)
-        if given.step is not None:
-            free = np.full(2, np.inf)
-            dynamics = LinearDynamics(unit, unit, np.zeros(2), -free, free, np.zeros((0, 2)), np.zeros(0))
-        else:
-            dynamics = LinearDynamics.of(model, step)
-        if dynamics.A.shape != (2, 2) or dynamics.B.shape != (2, 2) or dynamics.c.any():
-            raise ValueError("the model must be x+ = x + u + w in the plane")
-        if not (np.array_equal(dynamics.A, unit) and np.array_equal(dynamics.B, unit)) or len(dynamics.normals):
-            raise ValueError("the model must be x+ = x + u + w, with a limit of each element of u")
-        max_input = group.knowledge[row].get("max_input", given.max_input)
-        if max_input is not None:
-            if not isinstance(max_input, int | float) or not max_input > 0:
-                raise ValueError(f"the knowledge `max_input` of {group.ids[row]} must be a number above 0")
-            least = np.maximum(dynamics.least, -max_input)
-            greatest = np.minimum(dynamics.greatest, max_input)
-            dynamics = replace(dynamics, least=least, greatest=greatest)
-        if not np.isfinite([*dynamics.least, *dynamics.greatest]).all():
-            raise ValueError("a plan needs a limit of u: `max_input`, or that of the model")
-        variance = given.variance
-        if variance is None:
-            noise = None if given.step is not None else model.noise_covariance(step)
-            if noise is None or not noise.any():
-                raise ValueError("a tube needs noise: its `variance`, or that of the model")
-            variance = float(np.linalg.eigvalsh(noise).max())
-        tube = Tube.of(given.tube, variance / (1.0 - (1.0 - given.feedback) ** 2), given.least_risk, given.chords)
-        last = round(nanoseconds(given.horizon) / nanoseconds(step)) - origin
-        return Planner(
-            dynamics,
-            tube,
-            last,
-            given.energy,
-            given.tangents,
-            given.gap,
-            given.nodes,
-            margin=given.margin,
-            separation=given.separation or 0.0,
-        )
-
-    def _every(self, time_step: int) -> int:
-        """Return how many steps of the world, in nanoseconds, a step of the plan takes.
-
-        Raises:
-            ValueError: It is not a whole number.
-        """
-        step = time_step if self.parameters.step is None else nanoseconds(self.parameters.step)
-        if step % time_step:
-            raise ValueError(f"the `step` of {seconds(step):g} s is not a multiple of {seconds(time_step):g} s")
-        return step // time_step
