@@ -40,6 +40,16 @@ def test_robots_with_weak_motors_fetch_nothing() -> None:
 
 
 @pytest.mark.slow
+def test_the_auction_of_the_published_case_gives_its_allocation_with_the_names_of_the_robots_exchanged() -> None:
+    log = run("_auctioned.yaml")
+    found = holders(log)
+    # There fetch_1 to 3 went to D, A and B, and fetch_4 and 5 to B and D, with the same total the other way round.
+    assert [found[f"fetch_{number}"] for number in (1, 2, 3)] == [["robot.0"], ["robot.1"], ["robot.2"]]
+    assert [found[f"fetch_{number}"] for number in (4, 5)] == [["robot.0"], ["robot.2"]]
+    assert [each.verdict for each in log.outcomes] == ["satisfied"] * 10
+
+
+@pytest.mark.slow
 def test_what_a_failed_robot_held_goes_to_another_and_nothing_that_was_accepted_is_violated() -> None:
     log = run("failing-robots.yaml")
     assert holders(log)["fetch_4"] == ["robot.1", "robot.3"]

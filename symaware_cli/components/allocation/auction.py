@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -66,9 +66,8 @@ class Auction(CommunicationReceiver):
         auctioneer: str | None = Field(
             None, description="The id of the auctioneer, an agent of the group. By default its first agent."
         )
-        candidates: int | Literal["offered"] | None = Field(
+        candidates: Annotated[int, Field(ge=1)] | Literal["offered"] | None = Field(
             None,
-            ge=1,
             description="How many agents are considered for each specification: those with the highest robustness on "
             "what was measured. `offered`: as many as there are specifications in the round. By default all.",
         )

@@ -141,6 +141,14 @@ def test_only_the_candidates_with_the_highest_robustness_are_considered(ran: Ran
     ]
 
 
+def test_as_many_candidates_as_there_are_specifications_are_considered_for_each(ran: Ran) -> None:
+    log = ran(BOTH, auction={"candidates": "offered"})
+    # Two for two: as without a filter.
+    assert holders(log) == {"south": [(2.0, "robot.0")], "north": [(2.5, "robot.1")]}
+    alone = ran({"south": SOUTH}, "alone", auction={"candidates": "offered"})
+    assert holders(alone) == {"south": [(2.0, "robot.0")]}
+
+
 def test_an_auctioneer_that_is_dead_is_replaced_in_the_same_round(ran: Ran) -> None:
     log = ran(BOTH, faults={"crash": {"stop": "robot.0", "at": 0.5}})
     assert history(log, "assigned") == [(2.0, "assigned", "north to robot.2, south to robot.1")]
