@@ -24,6 +24,9 @@ pytest.importorskip("ray", reason="Ray is not installed")
 # All of them in one process, for one cluster.
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ray"), pytest.mark.filterwarnings("default")]
 
+#: What Ray says when it ends a process whose task has answered while it was cancelled, and how often that may happen.
+_DEFECT, _ATTEMPTS = "You have likely discovered a bug in Ray", 4
+
 
 @pytest.fixture(scope="module")
 def nodes() -> Iterator[RayNodes]:
@@ -116,17 +119,21 @@ def test_a_worker_and_a_node_that_are_killed_cost_nothing(
 
 def test_ctrl_c_leaves_nothing_behind(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
     scenario, digest = expected
-    before = {*nodes.folder.iterdir()}
-    with started(scenario, tmp_path / "out", nodes) as sweep:
-        awaited(1)
-        time.sleep(1.0)
-        sweep.send_signal(signal.SIGINT)
-        said, _ = sweep.communicate(timeout=60)
+    for number in range(_ATTEMPTS):
+        out, before = tmp_path / str(number), {*nodes.folder.iterdir()}
+        with started(scenario, out, nodes) as sweep:
+            awaited(1)
+            time.sleep(1.0)
+            sweep.send_signal(signal.SIGINT)
+            said, _ = sweep.communicate(timeout=60)
+        if _DEFECT not in said:
+            break
+        assert_no_workers_remain()
     assert sweep.returncode == 130, said
     assert_no_workers_remain()
     assert {*nodes.folder.iterdir()} <= before
-    symaware("sweep", tmp_path / "out", "--jobs", 0)
-    assert table_digest(tmp_path / "out") == digest
+    symaware("sweep", out, "--jobs", 0)
+    assert table_digest(out) == digest
 
 
 def test_logs_that_are_kept_come_back(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
