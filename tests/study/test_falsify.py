@@ -11,7 +11,7 @@ import yaml
 from sweeping import symaware
 
 import symaware_cli as sa
-from symaware_cli.study.falsification import METHODS, Method
+from symaware_cli.study.search_method import METHODS, Method
 
 #: Two robots whose ways cross at a right angle; they meet only where both arrive at the same time.
 CROSSING: dict[str, Any] = {
