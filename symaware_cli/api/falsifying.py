@@ -80,6 +80,7 @@ class Falsification:
             "over": list(self.over),
             "runs": result.runs,
             "failed": result.failed,
+            "failure": result.failure,
             "runs_to_shrink": result.shrinking,
             "one_by_one": result.one_by_one,
             "values": dict(result.values),
@@ -102,6 +103,7 @@ def falsify(
     runs: int = 200,
     seed: int = 0,
     jobs: int = 0,
+    batch: int | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> Falsification:
     """Search for values with which a scenario violates a specification, and make what is found simple.
@@ -118,6 +120,7 @@ def falsify(
         runs: How many runs at most, besides those that make the violation simple.
         seed: What the search draws from.
         jobs: How many worker processes make the runs; 0 to make them in this process. The result is the same.
+        batch: How many runs are made together at most, where that is possible; 1 for none. The result is the same.
         on_progress: Called after each run with how many were made, and how many at most.
 
     Raises:
@@ -131,7 +134,7 @@ def falsify(
     said = [t for name, each in over.items() for t in varied(name, each)] if isinstance(over, Mapping) else list(over)
     source = read_sweep(path, SweepRequest(over=said, set=texts(changes)))
     space = SearchSpace(source, specification, seeds)
-    result = search(space, method, runs, seed, jobs, on_progress)
+    result = search(space, method, runs, seed, jobs, batch, on_progress)
     found = Falsification(path, specification, method, seed, said, result)
     if not found.is_found or output is None:
         return found

@@ -101,6 +101,8 @@ def _lines(found: Falsification) -> Iterator[str]:
     if not found.is_found:
         yield f"{found.scenario}: no violation of {found.specification} found, which does not prove that there is none"
         yield f"  {'looked':<12} {looked}"
+        if result.failure is not None:
+            yield f"  {'failed':<12} the first because of: {printable(result.failure)}"
         for text in found.over:
             yield f"  {'over':<12} {printable(text)}"
         if outcome is not None:

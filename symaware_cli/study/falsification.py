@@ -32,6 +32,7 @@ class SearchResult:
     Attributes:
         runs: How many runs there are up to the first violation, or in all; further ones of its batch do not count.
         failed: How many of them failed, or had values that the scenario refuses.
+        failure: Why the first of these failed.
         shrinking: How many further runs it took to make the violation simple.
         values: The values of the violation, or those of the least robustness without one, by their paths.
         found: The values of the violation before it was made simple; None without one.
@@ -41,6 +42,7 @@ class SearchResult:
 
     runs: int
     failed: int
+    failure: str | None
     shrinking: int
     values: Mapping[str, Any]
     found: Mapping[str, Any] | None
@@ -58,8 +60,9 @@ class _Search:
     Attributes:
         runs: How many runs count.
         failed: How many of them failed.
-        values: The values of the violation, or of the least robustness so far.
-        merit: What the search minimises there; infinite before a run succeeded.
+        failure: Why the first of these failed.
+        values: The values of the violation, or of the least robustness so far; None before a run succeeded.
+        merit: What the search minimises there.
         is_violated: Whether that is a violation.
         one_by_one: See `SearchResult`.
     """
@@ -74,7 +77,8 @@ class _Search:
     ) -> None:
         self.runs = 0
         self.failed = 0
-        self.values: Mapping[str, Any] = {}
+        self.failure: str | None = None
+        self.values: Mapping[str, Any] | None = None
         self.merit = math.inf
         self.is_violated = False
         self.one_by_one: str | None = None
@@ -99,9 +103,11 @@ class _Search:
         for index in range(begin, begin + len(values)):
             row = rows[index]
             self.runs += 1
-            self.failed += row.state != "done"
+            if row.state != "done":
+                self.failed += 1
+                self.failure = self.failure or row.error
             merit = self._space.merit(row)
-            if merit < self.merit:
+            if merit < self.merit or (self.values is None and row.state == "done"):
                 self.values, self.merit = values[index], merit
             if self._space.is_violated(row):
                 self.values, self.is_violated = values[index], True
@@ -135,6 +141,7 @@ def search(
     runs: int,
     seed: int,
     jobs: int = 0,
+    batch: int | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> SearchResult:
     """Search for a violation.
@@ -145,6 +152,7 @@ def search(
         runs: How many runs at most, besides those that make the violation simple.
         seed: What the search draws from.
         jobs: How many worker processes make the runs of a batch; 0 for this process. The result is the same.
+        batch: How many are made together at most, where that is possible; 1 for none. The result is the same.
         on_progress: Called after each run with how many were made, and how many at most.
 
     Raises:
@@ -153,22 +161,24 @@ def search(
     """
     require(method)
     with signals_raised():
-        state = _searched(space, method, runs, seed, jobs, on_progress)
-        known = (state.runs, state.failed)
+        state = _searched(space, space.work(batch), method, runs, seed, jobs, on_progress)
+        known = (state.runs, state.failed, state.failure)
         # The runs of a batch have no reasons, so this one is made again by itself.
-        outcome = space.outcome(state.values) if math.isfinite(state.merit) else None
+        outcome = None if state.values is None else space.outcome(state.values)
+        values = state.values or {}
         if not state.is_violated:
-            return SearchResult(*known, 0, state.values, None, outcome, state.one_by_one)
+            return SearchResult(*known, 0, values, None, outcome, state.one_by_one)
         if not space.is_violation(outcome):
             raise SweepError(f"run {state.runs - 1} of the search came out otherwise when it was repeated")
-        shrinking = _Shrinking(space, dict(state.values), outcome)
+        shrinking = _Shrinking(space, dict(values), outcome)
         shrinking.shrink()
-    found = shrinking.values, state.values, shrinking.outcome
+    found = shrinking.values, values, shrinking.outcome
     return SearchResult(*known, shrinking.runs, *found, state.one_by_one)
 
 
 def _searched(
     space: SearchSpace,
+    work: CandidateWork,
     method: Method,
     runs: int,
     seed: int,
@@ -176,7 +186,6 @@ def _searched(
     on_progress: Callable[[int, int], object] | None,
 ) -> _Search:
     """Look until there is a violation, or all runs are made."""
-    work = space.work()
     with executor_of(work, min(jobs, runs)) as executor:
         state = _Search(space, executor, work, runs, on_progress)
         with suppress(_SearchOverError):

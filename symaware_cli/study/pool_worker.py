@@ -2,7 +2,7 @@
 
 What goes through its two pipes is JSON, one value a line. The first line it reads says what the work is; each further
 one is a block of it. It writes a list of what differs from the code of the machine that asks, which is empty if it is
-ready, and then a line for each result.
+ready, and then a line for each result, or for the error that keeps it from making more.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ def main() -> None:
     blocks: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(requests, blocks), daemon=True).start()
     # Imported with the path in place, and while whoever started it does something else.
+    from symaware_cli.scenario.problem import ScenarioError
+    from symaware_cli.study.sweep_error import SweepError
     from symaware_cli.study.work import Block
 
     work = _made_again(setup["work"])
@@ -45,8 +47,11 @@ def main() -> None:
     while True:
         block = blocks.get()
         values = tuple(block["values"])
-        for result in work.results(Block(tuple(block["indices"]), block["is_recorded"], values)):
-            _tell(answers, {"index": result.index, "result": result.to_json()})
+        try:
+            for result in work.results(Block(tuple(block["indices"]), block["is_recorded"], values)):
+                _tell(answers, {"index": result.index, "result": result.to_json()})
+        except (ScenarioError, SweepError) as error:
+            _tell(answers, {"error": str(error)})
 
 
 def _made_again(content: dict[str, Any]) -> Work[Any]:

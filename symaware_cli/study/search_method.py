@@ -130,9 +130,7 @@ def _adapt(look: Look, names: Sequence[str], most: int, seed: int) -> None:
     size: int | None = None
     for attempt in range(most):
         (first,) = independent(seed, names, np.arange(attempt, attempt + 1))
-        found = CMA(
-            mean=first, sigma=_DEVIATION, bounds=square, seed=_number(seed, attempt), population_size=size
-        )
+        found = CMA(mean=first, sigma=_DEVIATION, bounds=square, seed=_number(seed, attempt), population_size=size)
         while not found.should_stop():
             points = [found.ask() for _ in range(found.population_size)]
             found.tell(list(zip(points, look(np.array(points)).tolist(), strict=True)))

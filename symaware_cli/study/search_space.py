@@ -107,10 +107,14 @@ class SearchSpace:
             return None
         return next(each for each in run.summary.specifications if each.name == self.specification)
 
-    def work(self) -> CandidateWork:
-        """Return what makes the rows of runs with some values."""
+    def work(self, batch: int | None = None) -> CandidateWork:
+        """Return what makes the rows of runs with some values.
+
+        Args:
+            batch: See `Runner`.
+        """
         shared = {change.target: change.value for change in self._shared}
-        return CandidateWork(str(self._scenario), shared)
+        return CandidateWork(str(self._scenario), shared, batch)
 
     def is_violated(self, row: Row) -> bool:
         """Whether a run violates the specification."""

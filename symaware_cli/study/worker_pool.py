@@ -69,6 +69,7 @@ class WorkerPool(Generic[ResultT]):
         Raises:
             WorkerPoolError: No worker can be started.
             CodeDifferenceError: One has other code.
+            SweepError: One cannot make a result; the message is its reason.
         """
         while True:
             self._employ(blocks)
@@ -191,6 +192,7 @@ class _Worker:
 
         Raises:
             CodeDifferenceError: It has other code.
+            SweepError: It cannot make a result; the message is its reason.
         """
         data = os.read(self.answers.fileno(), 1 << 20)
         *lines, self._rest = (self._rest + data).split(b"\n")
@@ -203,6 +205,8 @@ class _Worker:
                         listed("other code than where the sweep was started: rows would not be comparable", content)
                     )
                 self.is_ready = True
+            elif "error" in content:
+                raise SweepError(content["error"])
             else:
                 index, result = content["index"], content["result"]
                 received.append(result)
