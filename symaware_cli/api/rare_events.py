@@ -12,7 +12,7 @@ from symaware_cli.api.scenario import FilePath
 from symaware_cli.study.executor import Blocks
 from symaware_cli.study.pilot import Pilot, pilot
 from symaware_cli.study.rare_event import EventKind, RareEvent
-from symaware_cli.study.repeats import Repeat, RepeatWork, SplittingPlan
+from symaware_cli.study.repeats import Repeat, RepeatWork, SplittingPlan, check
 from symaware_cli.study.signals import signals_raised
 from symaware_cli.study.splitting import mean_of_repeats
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
@@ -130,6 +130,8 @@ def estimate(
         if levels is None:
             piloted = pilot(plan)
             plan = replace(plan, event=replace(plan.event, levels=piloted.levels))
+        else:
+            check(plan)
         made: list[Repeat] = []
         with executor_of(RepeatWork(plan), min(jobs, repeats)) as executor:
             for each in executor.results(Blocks(range(repeats), repeats)):

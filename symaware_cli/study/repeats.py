@@ -105,6 +105,18 @@ def repeat(plan: SplittingPlan, number: int) -> Repeat:
     return Repeat(number, counts, estimate, run.steps, run.failed, time.process_time() - began)
 
 
+def check(plan: SplittingPlan) -> None:
+    """Make sure that repeats can begin, before somebody is asked for them.
+
+    Raises:
+        ScenarioError: See `repeat`.
+        SweepError: See `repeat`.
+        KeyboardInterrupt: See `repeat`.
+    """
+    with split_run(open_scenario(plan.scenario, plan.changes, seed_of(plan.seed, 0)), plan.event) as run:
+        run.begin()
+
+
 class RepeatWork:
     """`Work` that makes repeats."""
 

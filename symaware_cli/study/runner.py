@@ -42,9 +42,6 @@ from symaware_cli.study.sweep_source import texts_of
 #: How many scenarios are kept ready, and how many runs are looked at together to find those that can be batched.
 _MOST_READY = 256
 
-#: Where the scenario says how an agent begins, in which runs of a batch may differ.
-_START = ("state", "knowledge")
-
 #: How many runs are made between two garbage collections.
 _MOST_UNCOLLECTED = 500
 
@@ -277,17 +274,20 @@ class Runner:
 
 
 def _kind_of(composition: Composition) -> str:
-    """A hash of a scenario without its seed and without how its agents begin."""
+    """A hash of a scenario without its seed, initial states and values of knowledge, in which runs of a batch differ."""
     data = {name: each for name, each in composition.data.items() if name not in ("seed", "parameters")}
-    agents = data.get("agents")
-    if isinstance(agents, dict):
-        data["agents"] = {
-            group: {name: value for name, value in each.items() if name not in _START}
-            if isinstance(each, dict)
-            else each
-            for group, each in agents.items()
-        }
+    if isinstance(agents := data.get("agents"), dict):
+        data["agents"] = {group: _without_start(each) for group, each in agents.items()}
     return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _without_start(group: Any) -> Any:
+    """An entry of agents without how they begin."""
+    if not isinstance(group, dict):
+        return group
+    known = group.get("knowledge")
+    names = sorted(known) if isinstance(known, dict) else known
+    return {**group, "state": None, "knowledge": names}
 
 
 def _row(

@@ -11,6 +11,11 @@ from typer.testing import CliRunner
 
 import symaware_cli as sa
 from symaware_cli.cli.application import application
+from symaware_cli.study.executor import Blocks
+from symaware_cli.study.rare_event import RareEvent
+from symaware_cli.study.repeats import RepeatWork, SplittingPlan
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.worker_pool import executor_of
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 WALK = SCENARIOS / "random-walk.yaml"
@@ -64,20 +69,22 @@ def test_the_figures_are_the_same_however_many_workers_there_are() -> None:
 
 
 def test_a_pilot_chooses_levels_which_can_be_passed_again() -> None:
-    options = ["--event", "satisfied", "--trials", 20, "--repeats", 2, "--set", "run.duration=40", "--jobs", 0]
+    options = ["--event", "satisfied", "--trials", 10, "--repeats", 2, "--set", "run.duration=30", "--jobs", 0]
     arguments = [str(WALK), "--specification", "far", *map(str, options)]
     status, text = text_of(*arguments)
     assert status == 0
     (again,) = [line for line in text.splitlines() if "by a pilot of" in line]
-    levels = again.rpartition(" ")[2]
-    found, given = (json.loads(text_of(*arguments, "--json", *more)[1]) for more in ([], [levels]))
-    assert levels == f"--levels={','.join(map(str, found['event']['levels']))}"
-    assert len(found["event"]["levels"]) >= 2
-    assert found["pilot"]["steps"] > 0
+    given = json.loads(text_of(*arguments, "--json", again.rpartition(" ")[2])[1])
+    assert len(given["event"]["levels"]) >= 2
     assert given["pilot"] is None
-    assert [each["counts"] for each in given["repeats"]] == [each["counts"] for each in found["repeats"]]
+    assert f"a probability of about {given['probability']['value']:.4g}" in text
+    assert [line.split()[1] for line in text.splitlines() if line.startswith("  to ")] == [
+        *(f"{level:g}" for level in given["event"]["levels"]),
+        "satisfied",
+    ]
 
 
+@pytest.mark.slow
 def test_with_levels_of_a_pilot_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
     changes = {"run.duration": 40.0}
     found = sa.estimate(WALK, "far", event="satisfied", trials=40, repeats=8, changes=changes, confidence=0.999)
@@ -87,10 +94,9 @@ def test_with_levels_of_a_pilot_the_walk_reaches_its_far_end_as_often_as_is_know
 
 def test_a_pilot_draws_apart_from_the_trials() -> None:
     # With the same levels, trials are those of an estimate without a pilot.
-    found = sa.estimate(WALK, "far", event="satisfied", trials=10, repeats=2, changes={"run.duration": 30.0})
-    levels = found.plan.event.levels
-    again = sa.estimate(WALK, "far", levels, event="satisfied", trials=10, repeats=2, changes={"run.duration": 30.0})
-    assert plain(found) == plain(again)
+    options: dict[str, Any] = {"event": "satisfied", "trials": 10, "repeats": 2, "changes": {"run.duration": 30.0}}
+    found = sa.estimate(WALK, "far", **options)
+    assert plain(sa.estimate(WALK, "far", found.plan.event.levels, **options)) == plain(found)
 
 
 def test_a_pilot_of_a_violation_finds_the_levels_of_the_satisfaction_with_another_sign() -> None:
@@ -124,11 +130,10 @@ def test_without_levels_all_trials_are_plain_runs() -> None:
 
 
 def test_what_a_worker_cannot_do_is_told_with_its_reason() -> None:
-    formula = 'specifications={in: {each: referee, formula: "always norm(position) < 99"}}'
-    arguments = [SCENARIOS / "billiards.yaml", "--specification", "in", "--levels", "3,2", "--set", formula]
-    status, text = text_of(*map(str, arguments), "--trials", "2", "--repeats", "2", "--jobs", "2")
-    assert status == 2
-    assert "the run cannot be split: the state of the environment cannot be captured: its engine" in text
+    # Somebody else asks for repeats of what was not checked before.
+    plan = SplittingPlan(WALK, (), RareEvent("fra", "satisfied"), 2, 0)
+    with executor_of(RepeatWork(plan), 1) as executor, pytest.raises(SweepError, match="no specification `fra`, only"):
+        [*executor.results(Blocks([0], 1))]
 
 
 def test_a_level_that_nobody_reaches_is_told() -> None:
