@@ -274,7 +274,7 @@ class Runner:
 
 
 def _kind_of(composition: Composition) -> str:
-    """A hash of a scenario without its seed, initial states and values of knowledge, in which runs of a batch differ."""
+    """A hash of a scenario but for what runs of a batch differ in: seed, initial states, and values of knowledge."""
     data = {name: each for name, each in composition.data.items() if name not in ("seed", "parameters")}
     if isinstance(agents := data.get("agents"), dict):
         data["agents"] = {group: _without_start(each) for group, each in agents.items()}

@@ -291,7 +291,7 @@ def test_searches_find_what_is_planted_with_fewer_runs_than_chance(tmp_path: Pat
         for method in METHODS:
             made = [
                 sa.falsify(crossing(tmp_path, clear), "apart", over=over, runs=600, seed=seed, method=method).result
-                for seed in range(5)
+                for seed in range(9)
             ]
             assert all(each.found is not None for each in made)
             medians[method] += statistics.median(each.runs for each in made)
