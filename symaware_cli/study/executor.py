@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Generic, Protocol
 
-from symaware_cli.study.work import Block, ResultT, Work
+from symaware_cli.study.work import Block, ResultT, ResultT_co, Work
 
 #: The wall time that a block of runs is to take [s], and the most runs of a block.
 _WORTH, _MOST = 1.0, 1000
@@ -81,10 +81,10 @@ class Blocks:
         self._mean = wall_time if self._mean is None else self._mean + 0.2 * (wall_time - self._mean)
 
 
-class Executor(Protocol[ResultT]):
+class Executor(Protocol[ResultT_co]):
     """Has work done, wherever; knows nothing of journals and tables."""
 
-    def results(self, blocks: Blocks) -> Iterator[ResultT]:
+    def results(self, blocks: Blocks) -> Iterator[ResultT_co]:
         """Have results made until there are no more, and yield them as they come, in any order."""
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -81,9 +81,13 @@ def _evolve(look: Look, names: Sequence[str], most: int, seed: int) -> None:
 
     size = max(_LEAST, _EACH * len(names))
     bounds = Bounds(np.zeros(len(names)), np.ones(len(names)))
+
+    def of_columns(points: Any) -> Any:  # a generation of points (d, n), of which the types of SciPy know nothing
+        return look(points.T)
+
     for attempt in range(-(-most // size)):
         differential_evolution(
-            lambda points: look(points.T),
+            of_columns,
             bounds,
             init=independent(seed, names, np.arange(attempt * size, (attempt + 1) * size)),
             seed=np.random.default_rng((seed, attempt)),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 ResultT = TypeVar("ResultT", bound="Result")
+ResultT_co = TypeVar("ResultT_co", bound="Result", covariant=True)
 
 
 class Result(Protocol):
@@ -39,7 +40,7 @@ class Block:
     values: tuple[Mapping[str, Any], ...] = ()
 
 
-class Work(Protocol[ResultT]):
+class Work(Protocol[ResultT_co]):
     """Makes results in the process that it is in; another process makes it again of `to_json`."""
 
     def open(self) -> None:
@@ -48,7 +49,7 @@ class Work(Protocol[ResultT]):
     def prepare(self) -> None:
         """Import all that is used for the first result, so that the code of two machines can be compared."""
 
-    def results(self, block: Block) -> Iterator[ResultT]:
+    def results(self, block: Block) -> Iterator[ResultT_co]:
         """Make the results of a block, in any order.
 
         Raises:
@@ -58,10 +59,10 @@ class Work(Protocol[ResultT]):
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data; its ``kind`` is what `pool_worker` knows it by."""
 
-    def received(self, content: dict[str, Any]) -> ResultT:
+    def received(self, content: dict[str, Any]) -> ResultT_co:
         """Return the result of which another process sent `Result.to_json`."""
 
-    def lost(self, index: int, why: str) -> ResultT:
+    def lost(self, index: int, why: str) -> ResultT_co:
         """Return what stands for a result whose process died, or that took too long.
 
         Raises:

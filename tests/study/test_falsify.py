@@ -2,14 +2,17 @@
 
 import json
 import statistics
+import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from sweeping import symaware
+from simulating import COMMAND
+from sweeping import children, symaware
 
 import symaware_cli as sa
 from symaware_cli.study.search_method import METHODS, Method
@@ -162,6 +165,19 @@ def test_a_run_that_ends_its_process_ends_the_search(tmp_path: Path) -> None:
         options = ("--specification", "apart", "--over", "parameters.west={uniform: [8, 9]}", "--runs", 3, "--jobs", 1)
         said = symaware("falsify", tmp_path / "crossing.yaml", *options, status=2)
     assert "run 0 of the search was lost: the worker process was ended by SIGKILL" in said
+
+
+def test_an_interrupted_search_ends_its_workers(tmp_path: Path) -> None:
+    over = "parameters.slow={uniform: [0.01, 0.02]}"
+    options = ["--specification", "apart", "--over", over, "--runs", "1000000", "--jobs", "2"]
+    with subprocess.Popen([*COMMAND, "falsify", str(crossing(tmp_path)), *options], stderr=subprocess.PIPE) as process:
+        while len(workers := children(process.pid)) < 2 and process.poll() is None:
+            time.sleep(0.05)
+        process.terminate()
+        assert b"interrupted" in process.communicate()[1]
+    assert process.returncode == 130
+    assert len(workers) == 2
+    assert not any(Path(f"/proc/{worker}").exists() for worker in workers)
 
 
 def gusty(folder: Path, **gust: Any) -> Path:
