@@ -100,16 +100,12 @@ def test_a_pilot_draws_apart_from_the_trials() -> None:
 
 
 def test_a_pilot_of_a_violation_finds_the_levels_of_the_satisfaction_with_another_sign() -> None:
-    formula = {"near": {"each": "walker", "formula": "always x < 19.5"}}
-    violated, satisfied = (
-        sa.estimate(WALK, name, event=event, trials=10, repeats=2, changes={"run.duration": 20.0, **more})
-        for name, event, more in (
-            ("near", "violated", {"specifications": formula}),
-            ("far", "satisfied", dict[str, Any]()),
-        )
-    )
-    assert violated.plan.event.levels == tuple(-level for level in satisfied.plan.event.levels)
-    assert violated.plan.event.levels
+    changes: dict[str, Any] = {"run.duration": 20.0}
+    reached = sa.estimate(WALK, "far", event="satisfied", trials=10, repeats=2, changes=changes).plan.event.levels
+    changes["specifications"] = {"near": {"each": "walker", "formula": "always x < 19.5"}}
+    violated = sa.estimate(WALK, "near", trials=10, repeats=2, changes=changes).plan.event.levels
+    assert violated == tuple(-level for level in reached)
+    assert violated
 
 
 def test_a_pilot_of_what_happens_often_or_has_no_robustness_chooses_no_levels() -> None:
