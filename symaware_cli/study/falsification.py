@@ -21,8 +21,8 @@ from symaware_cli.study.statistics.interval_estimate import Array
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.worker_pool import executor_of
 
-#: What stands for the robustness of a run that failed; methods take finite numbers.
-_WORST = 1e300
+#: What stands for the robustness of a run that failed; methods take finite numbers, and square them.
+_WORST = 1e100
 
 
 @dataclass(frozen=True, slots=True)

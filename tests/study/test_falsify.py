@@ -258,11 +258,16 @@ def test_a_scenario_that_violates_by_itself_needs_no_change(tmp_path: Path) -> N
     assert found.result.runs == 1
 
 
-def test_values_that_a_scenario_refuses_are_counted(tmp_path: Path) -> None:
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("method", METHODS)
+def test_values_that_a_scenario_refuses_are_counted_and_the_first_reason_is_told(
+    method: Method, tmp_path: Path
+) -> None:
     over = {"environment.with.time_step": {"choice": [-1.0, 0.1, -2.0]}}
-    found = sa.falsify(crossing(tmp_path), "apart", over=over, runs=20, method="random")
+    found = sa.falsify(crossing(tmp_path), "apart", over=over, runs=20, method=method)
     assert found.result.runs == 20
-    assert 5 < found.result.failed < 20
+    assert 3 < found.result.failed < 20
+    assert "environment.with.time_step" in (found.result.failure or "")
     assert found.outcome is not None
 
 
