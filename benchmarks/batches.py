@@ -154,7 +154,7 @@ def _print_speed(folder: Path, rounds: int, only: str) -> None:
     together = {name: sweep.runner(None) for name, sweep in sweeps.items()}
     alone = {name: sweep.runner(1) for name, sweep in sweeps.items()}
     for name in cases:
-        reason = together[name].refusal(0)
+        reason = together[name].refusal([0])
         assert reason is None, reason
         list(together[name].rows(range(2)))
         alone[name].run(0)

@@ -14,8 +14,9 @@ from symaware_cli.api.scenario import Scenario
 from symaware_cli.api.sweeps import FilePath, varied
 from symaware_cli.recording.output import whole_folder
 from symaware_cli.specification.outcome import Outcome
-from symaware_cli.study.falsification import Method, SearchResult, search
+from symaware_cli.study.falsification import SearchResult, search
 from symaware_cli.study.request import SweepRequest
+from symaware_cli.study.search_method import Method
 from symaware_cli.study.search_space import SearchSpace
 from symaware_cli.study.sweep_source import read_sweep
 
@@ -79,7 +80,9 @@ class Falsification:
             "over": list(self.over),
             "runs": result.runs,
             "failed": result.failed,
+            "failure": result.failure,
             "runs_to_shrink": result.shrinking,
+            "one_by_one": result.one_by_one,
             "values": dict(result.values),
             "values_found": None if result.found is None else dict(result.found),
             "outcome": None if result.outcome is None else asdict(result.outcome),
@@ -99,6 +102,8 @@ def falsify(
     method: Method = "differential-evolution",
     runs: int = 200,
     seed: int = 0,
+    jobs: int = 0,
+    batch: int | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> Falsification:
     """Search for values with which a scenario violates a specification, and make what is found simple.
@@ -111,14 +116,17 @@ def falsify(
         over: What varies, as for `sweep`.
         seeds: How many seeds of the scenario are tried as well; 0 for its own alone.
         changes: Values of the scenario that all runs share.
-        method: ``random``, ``differential-evolution`` or ``cma-es``.
+        method: ``random``, ``differential-evolution``, ``tpe`` or ``cma-es``.
         runs: How many runs at most, besides those that make the violation simple.
         seed: What the search draws from.
+        jobs: How many worker processes make the runs; 0 to make them in this process. The result is the same.
+        batch: How many runs are made together at most, where that is possible; 1 for none. The result is the same.
         on_progress: Called after each run with how many were made, and how many at most.
 
     Raises:
         ScenarioError: The scenario, or what varies, has problems.
-        SweepError: Nothing varies, there is no such specification, or the method needs a module that is not installed.
+        SweepError: Nothing varies, there is no such specification, or the method needs a module that is not installed,
+            or a worker process died.
         OutputError: The folder cannot be written.
         KeyboardInterrupt: A signal ended a run.
     """
@@ -126,7 +134,7 @@ def falsify(
     said = [t for name, each in over.items() for t in varied(name, each)] if isinstance(over, Mapping) else list(over)
     source = read_sweep(path, SweepRequest(over=said, set=texts(changes)))
     space = SearchSpace(source, specification, seeds)
-    result = search(space, method, runs, seed, on_progress)
+    result = search(space, method, runs, seed, jobs, batch, on_progress)
     found = Falsification(path, specification, method, seed, said, result)
     if not found.is_found or output is None:
         return found

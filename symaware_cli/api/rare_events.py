@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from symaware_cli.api.changes import Changes, texts
 from symaware_cli.api.scenario import FilePath
+from symaware_cli.study.executor import Blocks
+from symaware_cli.study.pilot import Pilot, pilot
 from symaware_cli.study.rare_event import EventKind, RareEvent
-from symaware_cli.study.repeats import Repeat, SplittingPlan, repeat
+from symaware_cli.study.repeats import Repeat, RepeatWork, SplittingPlan, check
+from symaware_cli.study.signals import signals_raised
 from symaware_cli.study.splitting import mean_of_repeats
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
+from symaware_cli.study.worker_pool import executor_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +27,13 @@ class RareEventEstimate:
         plan: What every repeat did.
         repeats: What came of each, by its number.
         probability: The mean of the repeats with its interval.
+        pilot: What chose the levels; None if they were given.
     """
 
     plan: SplittingPlan
     repeats: Sequence[Repeat]
     probability: IntervalEstimate
+    pilot: Pilot | None = None
 
     @property
     def shares(self) -> Sequence[float]:
@@ -64,6 +70,7 @@ class RareEventEstimate:
         return {
             **self.plan.to_json(),
             "probability": asdict(self.probability),
+            "pilot": None if self.pilot is None else asdict(self.pilot),
             "shares": list(self.shares),
             "missed": self.missed,
             "failed": self.failed,
@@ -76,7 +83,7 @@ class RareEventEstimate:
 def estimate(
     scenario: FilePath,
     specification: str,
-    levels: Sequence[float] = (),
+    levels: Sequence[float] | None = None,
     *,
     event: EventKind = "violated",
     trials: int = 100,
@@ -84,6 +91,7 @@ def estimate(
     changes: Changes | None = None,
     seed: int = 0,
     confidence: float = 0.95,
+    jobs: int = 0,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> RareEventEstimate:
     """Estimate how probable it is that a specification is violated, or satisfied, by splitting.
@@ -95,27 +103,40 @@ def estimate(
         scenario: A scenario, or a log of one. The state of its runs must be one that can be captured (docs/capture.md).
         specification: The name of the specification.
         levels: Robustness on the way to the event, in the unit of the formula: descending and above 0 to a violation,
-            ascending and below 0 otherwise. Without levels, all trials are plain runs.
+            ascending and below 0 otherwise. By default a pilot chooses them; empty to let all trials be plain runs.
         event: ``violated`` or ``satisfied``, of all agents or pairs that the specification is about.
         trials: The number of trials of each stage of each repeat.
         repeats: The number of independent repeats, from which the interval is made.
         changes: Values of the scenario to change.
         seed: What everything is drawn from: the same seed gives the same estimate.
         confidence: The confidence of the interval.
+        jobs: How many worker processes make the repeats; 0 to make them in this process. The figures are the same.
         on_progress: Called after each repeat with how many were made, and how many there are.
 
     Raises:
         ScenarioError: The scenario has problems.
-        SweepError: It has no such event, or the state of its runs cannot be captured; the message names what cannot.
+        SweepError: It has no such event, the state of its runs cannot be captured, or a worker process died; the
+            message says what.
         ValueError: There are no trials, or fewer than two repeats.
         KeyboardInterrupt: A signal ended a run.
     """
     if trials < 1 or repeats < 2:
         raise ValueError(f"at least one trial and two repeats are needed, not {trials} and {repeats}")
-    plan = SplittingPlan(Path(scenario), texts(changes), RareEvent(specification, event, tuple(levels)), trials, seed)
-    made = []
-    for number in range(repeats):
-        made.append(repeat(plan, number))
-        if on_progress is not None:
-            on_progress(len(made), repeats)
-    return RareEventEstimate(plan, made, mean_of_repeats([each.estimate for each in made], confidence))
+    plan = SplittingPlan(
+        Path(scenario), texts(changes), RareEvent(specification, event, tuple(levels or ())), trials, seed
+    )
+    with signals_raised():
+        piloted = None
+        if levels is None:
+            piloted = pilot(plan)
+            plan = replace(plan, event=replace(plan.event, levels=piloted.levels))
+        else:
+            check(plan)
+        made: list[Repeat] = []
+        with executor_of(RepeatWork(plan), min(jobs, repeats)) as executor:
+            for each in executor.results(Blocks(range(repeats), repeats)):
+                made.append(each)
+                if on_progress is not None:
+                    on_progress(len(made), repeats)
+    made.sort(key=lambda each: each.number)
+    return RareEventEstimate(plan, made, mean_of_repeats([each.estimate for each in made], confidence), piloted)

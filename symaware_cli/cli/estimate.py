@@ -10,10 +10,12 @@ import typer
 from symaware_cli.cli.terminal import (
     INTERRUPTED,
     WRONG_INPUT,
+    Jobs,
     Json,
     Overrides,
     ScenarioPath,
     fail,
+    job_count,
     output_kept,
     print_json,
     progress_shown,
@@ -32,7 +34,8 @@ def estimate(
     levels: Annotated[
         str | None,
         typer.Option(
-            help="Robustness on the way to the event, such as `3,2,1`; without levels all trials are plain runs.",
+            help="Robustness on the way to the event, such as `3,2,1`; by default a pilot chooses it. `none`: all "
+            "trials are plain runs.",
             metavar="VALUES",
         ),
     ] = None,
@@ -44,6 +47,7 @@ def estimate(
     confidence: Annotated[float, typer.Option(help="Confidence of the interval.")] = 0.95,
     overrides: Overrides = None,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="What everything is drawn from.")] = 0,
+    jobs: Jobs = None,
     as_json: Json = False,
 ) -> None:
     """Estimate how probable a rare event is, by splitting runs where they come closer to it."""
@@ -68,6 +72,7 @@ def estimate(
                     changes=overrides,
                     seed=seed,
                     confidence=confidence,
+                    jobs=job_count(jobs),
                     on_progress=shown,
                 )
         except KeyboardInterrupt:
@@ -78,11 +83,13 @@ def estimate(
         typer.echo("\n".join(_lines(found)))
 
 
-def _numbers(text: str | None, as_json: bool) -> Sequence[float]:
+def _numbers(text: str | None, as_json: bool) -> Sequence[float] | None:
+    if text is None or text == "none":
+        return None if text is None else ()
     try:
-        return [float(each) for each in text.split(",")] if text else []
+        return [float(each) for each in text.split(",")]
     except ValueError:
-        fail(f"--levels takes numbers such as `3,2,1`, not {text}", WRONG_INPUT, as_json)
+        fail(f"--levels takes numbers such as `3,2,1`, or `none`, not {text}", WRONG_INPUT, as_json)
 
 
 def _lines(found: RareEventEstimate) -> Iterator[str]:
@@ -96,6 +103,9 @@ def _lines(found: RareEventEstimate) -> Iterator[str]:
         yield f"  {'interval':<12} none: no repeat came to the event, so all that is known is that it was not seen"
     repeats = f"{len(found.repeats):,} repeats of {plan.trials:,} trials a stage"
     yield f"  {'estimated by':<12} splitting: {repeats}, seed {plan.seed}"
+    if found.pilot is not None:
+        chosen = ",".join(f"{level!r}" for level in event.levels) or "none"
+        yield f"  {'levels':<12} by a pilot of {found.pilot.steps:,} steps; to use them again: --levels={chosen}"
     for number, share in enumerate(found.shares):
         last = number == event.stages - 1
         end = event.kind if last else f"{event.levels[number]:g}"

@@ -13,10 +13,12 @@ from symaware_cli.cli.terminal import (
     INTERRUPTED,
     VIOLATED,
     WRONG_INPUT,
+    Jobs,
     Json,
     Overrides,
     ScenarioPath,
     fail,
+    job_count,
     output_kept,
     print_json,
     printable,
@@ -46,12 +48,13 @@ def falsify(
     ] = 0,
     overrides: Overrides = None,
     method: Annotated[
-        str, typer.Option(help="How to search: random, differential-evolution or cma-es.")
+        str, typer.Option(help="How to search: random, differential-evolution, tpe or cma-es.")
     ] = "differential-evolution",
     runs: Annotated[
         int, typer.Option(min=1, max=10_000_000, help="How many runs at most, besides those that simplify a violation.")
     ] = 200,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="What the search draws from.")] = 0,
+    jobs: Jobs = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="A new folder for the counterexample and its log.", metavar="DIR"),
@@ -61,7 +64,7 @@ def falsify(
     """Search for a violation of a specification, and simplify what is found. Exit status 3 if there is one."""
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api.falsifying import falsify
-        from symaware_cli.study.falsification import METHODS
+        from symaware_cli.study.search_method import METHODS
 
         chosen = next((each for each in METHODS if each == method), None)
         if chosen is None:
@@ -78,6 +81,7 @@ def falsify(
                     method=chosen,
                     runs=runs,
                     seed=seed,
+                    jobs=job_count(jobs),
                     on_progress=shown,
                 )
         except KeyboardInterrupt:
@@ -92,10 +96,13 @@ def falsify(
 def _lines(found: Falsification) -> Iterator[str]:
     result, outcome = found.result, found.outcome
     failed = f", {result.failed:,} of them failed" if result.failed else ""
+    one_by_one = [] if result.one_by_one is None else [f"  {'one by one':<12} {printable(result.one_by_one)}"]
     looked = f"{result.runs:,} runs by {found.method}, seed {found.seed}{failed}"
     if not found.is_found:
         yield f"{found.scenario}: no violation of {found.specification} found, which does not prove that there is none"
         yield f"  {'looked':<12} {looked}"
+        if result.failure is not None:
+            yield f"  {'failed':<12} the first because of: {printable(result.failure)}"
         for text in found.over:
             yield f"  {'over':<12} {printable(text)}"
         if outcome is not None:
@@ -104,6 +111,7 @@ def _lines(found: Falsification) -> Iterator[str]:
             yield f"  {'with':<12} {path}={json.dumps(value)}"
         if found.bound is not None:
             yield f"  {'at most':<12} {found.bound:.3g} of such draws violate it, with confidence 0.95"
+        yield from one_by_one
         return
     yield f"{found.scenario}: {found.specification} is violated"
     yield f"  {'reason':<12} {printable(str(outcome))}"
@@ -112,6 +120,7 @@ def _lines(found: Falsification) -> Iterator[str]:
     if not result.values:
         yield f"  {'with':<12} nothing changed: the scenario itself violates it"
     yield f"  {'found after':<12} {looked}; {result.shrinking:,} more to simplify {len(result.found or ()):,} values"
+    yield from one_by_one
     if found.folder is not None:
         yield f"  {'to repeat':<12} symaware run {found.folder / 'counterexample.yaml'}"
         yield f"  {'log':<12} {found.folder / 'counterexample.mcap'}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,10 +18,12 @@ from symaware_cli.cli.terminal import (
     FAILED,
     INTERRUPTED,
     WRONG_INPUT,
+    Jobs,
     Json,
     Overrides,
     fail,
     is_lively,
+    job_count,
     output_kept,
     print_json,
     trouble_shown,
@@ -145,17 +146,7 @@ def sweep(
         float | None,
         typer.Option(min=0.001, help="Wall time after which a run is given up, in seconds.", rich_help_panel=_PLAN),
     ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            "--jobs",
-            "-j",
-            min=0,
-            max=1024,
-            help="Number of worker processes, by default one per core; 0 to run in this process.",
-            rich_help_panel=_MEANS,
-        ),
-    ] = None,
+    jobs: Jobs = None,
     ray: Annotated[
         str | None,
         typer.Option(
@@ -223,7 +214,7 @@ def sweep(
             with _shown(folder, not quiet and not as_json) as tell:
                 outcome = conduct(
                     folder,
-                    jobs if jobs is not None else 0 if ray else _cores(),
+                    0 if ray and jobs is None else job_count(jobs),
                     ray=ray,
                     batch={"auto": None, "off": 1}.get(batch) if batch in ("auto", "off") else int(batch),
                     retry_lost=retry is not None,
@@ -344,7 +335,3 @@ def _told(progress: SweepProgress) -> str:
         f"{name} {each.lower:.2g} to {each.upper:.2g}" for name, each in progress.estimates().items() if each.count
     ]
     return ", ".join(parts)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -26,6 +26,18 @@ Overrides = Annotated[
     ),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, max=2**63 - 1, help="A seed that replaces the one of the scenario.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        "--jobs",
+        "--workers",
+        "-j",
+        min=0,
+        max=1024,
+        help="Number of worker processes, by default one per core; 0 to run in this process.",
+        metavar="N",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 
@@ -131,6 +143,13 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
 def names(listed: str | None) -> list[str]:
     """Split a list of names at commas."""
     return [name.strip() for name in (listed or "").split(",") if name.strip()]
+
+
+def job_count(jobs: int | None) -> int:
+    """The number of worker processes: by default one per core."""
+    if jobs is not None:
+        return jobs
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def instant(option: str, time: float | None, as_json: bool = False) -> int | None:

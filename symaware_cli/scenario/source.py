@@ -60,6 +60,13 @@ class SourceNode:
             self.size += child.size
             self.height = max(self.height, child.height + 1)
 
+    @classmethod
+    def of(cls, value: Any, span: TextSpan) -> "SourceNode":
+        """Returns the tree of a plain value, all of which stands at one position."""
+        if isinstance(value, dict):
+            return cls({key: MappingEntry(span, cls.of(each, span)) for key, each in value.items()}, span)
+        return cls([cls.of(each, span) for each in value] if isinstance(value, list) else value, span)
+
     def children(self) -> "Iterator[SourceNode]":
         """Yields the values directly inside."""
         if isinstance(self.value, dict):

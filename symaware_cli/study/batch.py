@@ -35,6 +35,8 @@ from symaware_cli.world.plugin import Plugin
 
 Array = NDArray[np.float64]
 
+#: How the agents of a group begin: their states, shape (n, nx), and the knowledge of each.
+Start = tuple[Array, Sequence[Mapping[str, Any]]]
 
 #: The most agents of a batch, and the most pairs of agents: their arrays take some hundred bytes each.
 _MOST_AGENTS, _MOST_PAIRS = 20_000, 400_000
@@ -106,22 +108,36 @@ def _declares(kind: type[Plugin]) -> bool:
     return bool(vars(kind).get("batchable", False))
 
 
-class Batch:
-    """Runs of one scenario that differ in their seeds."""
+def starts_of(built: Built) -> Mapping[str, Start]:
+    """Return how the agents of each group begin in a run."""
+    return {group.name: (group.initial_state, group.knowledge) for group in built.simulation.groups}
 
-    def __init__(self, composition: Composition, built: Built, seeds: Sequence[int]) -> None:
+
+class Batch:
+    """Runs of one scenario that differ in their seeds, and may differ in how their agents begin."""
+
+    def __init__(
+        self,
+        composition: Composition,
+        built: Built,
+        seeds: Sequence[int],
+        starts: Sequence[Mapping[str, Start]] = (),
+    ) -> None:
         """Prepare the runs.
 
         Args:
             composition: The scenario.
             built: The same, built for any seed; it is not run.
             seeds: The seed of each run.
+            starts: How the agents of each run begin, by their groups, where the scenarios of the runs differ in that;
+                by default as `composition` says.
 
         Raises:
             ScenarioError: Values that were drawn for a seed are not valid.
         """
         self._built = built
         self._seeds = tuple(seeds)
+        self._starts = starts
         self.simulation = self._simulation(composition)
         self.observer = BatchObserver(self.simulation)
         self.measurement = Measurement(self.simulation)
@@ -219,6 +235,9 @@ class Batch:
     ) -> tuple[Array, Sequence[Mapping[str, Any]]]:
         """The initial state and the knowledge of each row."""
         count = len(self._seeds)
+        if self._starts:
+            own = [each[template.name] for each in self._starts]
+            return np.concatenate([states for states, _ in own]), [dict(each) for _, known in own for each in known]
         if not contains([content.get("state"), content.get("knowledge")], RANDOM):
             return np.tile(template.initial_state, (count, 1)), [dict(each) for each in template.knowledge] * count
         sampler = Sampler(composition, self._seeds, template.ids, content.get("count") is not None, template.model)

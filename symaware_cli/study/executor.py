@@ -1,33 +1,17 @@
-"""Who makes the runs: the interface, and the simplest executor, which is this process."""
+"""Who does the work: the interface, and the simplest executor, which is this process."""
 
 from __future__ import annotations
 
 import gc
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Generic, Protocol
 
-from symaware_cli.study.row import Row
-from symaware_cli.study.runner import Runner
+from symaware_cli.study.work import Block, ResultT, ResultT_co, Work
 
 #: The wall time that a block of runs is to take [s], and the most runs of a block.
 _WORTH, _MOST = 1.0, 1000
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Runs that are given away together.
-
-    Attributes:
-        indices: Their numbers.
-        is_recorded: Whether their logs are written.
-    """
-
-    indices: tuple[int, ...]
-    is_recorded: bool = False
 
 
 class Blocks:
@@ -41,6 +25,7 @@ class Blocks:
         is_recorded: bool = False,
         run_time: float | None = None,
         least: int = 1,
+        values: Mapping[int, Mapping[str, Any]] | None = None,
     ) -> None:
         """Prepare.
 
@@ -50,7 +35,9 @@ class Blocks:
             is_recorded: Whether their logs are to be written.
             run_time: How long a run takes [s], as far as that is known already.
             least: The fewest runs of a block, however long one takes: several where together they take less.
+            values: See `Block`, by the numbers of the runs.
         """
+        self._values = values
         self._indices = iter(indices)
         self._left = count
         self._returned: deque[int] = deque()
@@ -73,7 +60,10 @@ class Blocks:
                 break
             taken.append(index)
         self._left -= len(taken)
-        return Block(tuple(taken), self._is_recorded) if taken else None
+        if not taken:
+            return None
+        values = () if self._values is None else tuple(self._values[index] for index in taken)
+        return Block(tuple(taken), self._is_recorded, values)
 
     def give_back(self, indices: Iterable[int]) -> None:
         """Take back runs that were not made."""
@@ -81,36 +71,41 @@ class Blocks:
         self._returned.extend(returned)
         self._left += len(returned)
 
+    @property
+    def run_time(self) -> float | None:
+        """How long a run takes [s], as far as that is known."""
+        return self._mean
+
     def learn(self, wall_time: float) -> None:
         """Take note of how long a run took [s]."""
         self._mean = wall_time if self._mean is None else self._mean + 0.2 * (wall_time - self._mean)
 
 
-class Executor(Protocol):
-    """Makes runs, wherever; knows nothing of journals and tables."""
+class Executor(Protocol[ResultT_co]):
+    """Has work done, wherever; knows nothing of journals and tables."""
 
-    def rows(self, blocks: Blocks) -> Iterator[Row]:
-        """Make runs until there are no more, and yield their rows as they come, in any order."""
+    def results(self, blocks: Blocks) -> Iterator[ResultT_co]:
+        """Have results made until there are no more, and yield them as they come, in any order."""
 
     def close(self) -> None:
-        """End what makes runs."""
+        """End what makes them."""
 
 
-class LocalExecutor:
-    """Makes all runs in this process, one after the other."""
+class LocalExecutor(Generic[ResultT]):
+    """Does all work in this process, one block after the other."""
 
-    def __init__(self, runner: Runner, logs: Path) -> None:
-        self._runner = runner
-        self._logs = logs
+    def __init__(self, work: Work[ResultT]) -> None:
+        self._work = work
+        work.open()
         # What is imported by now need not be searched whenever the objects of past runs are collected.
         gc.freeze()
 
-    def rows(self, blocks: Blocks) -> Iterator[Row]:
+    def results(self, blocks: Blocks) -> Iterator[ResultT]:
         """See `Executor`."""
         while (block := blocks.take()) is not None:
-            for row in self._runner.rows(block.indices, self._logs if block.is_recorded else None):
-                blocks.learn(row.wall_time)
-                yield row
+            for result in self._work.results(block):
+                blocks.learn(result.wall_time)
+                yield result
 
     def close(self) -> None:
         """See `Executor`."""

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
 from symaware_cli.specification.outcome import Outcome
-from symaware_cli.study.search_space import SearchSpace, is_violated, merit
-from symaware_cli.study.statistics.design import independent
+from symaware_cli.study.candidates import CandidateWork
+from symaware_cli.study.executor import Blocks, Executor
+from symaware_cli.study.row import Row
+from symaware_cli.study.search_method import Method, minimise, require
+from symaware_cli.study.search_space import SearchSpace
+from symaware_cli.study.signals import signals_raised
 from symaware_cli.study.statistics.interval_estimate import Array
 from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.worker_pool import executor_of
 
-#: ``random``: independent draws; the others: towards less robustness.
-Method = Literal["random", "differential-evolution", "cma-es"]
-METHODS: tuple[Method, ...] = get_args(Method)
-
-#: The least number of points of a generation of differential evolution, and how many for each coordinate.
-_LEAST, _EACH = 8, 5
-
-#: The standard deviation with which the covariance matrix adaptation begins, on coordinates between 0 and 1.
-_DEVIATION = 0.3
+#: What stands for the robustness of a run that failed; methods take finite numbers, and square them.
+_WORST = 1e100
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,20 +30,24 @@ class SearchResult:
     """What a search found.
 
     Attributes:
-        runs: How many runs were made until the first violation, or in all.
+        runs: How many runs there are up to the first violation, or in all; further ones of its batch do not count.
         failed: How many of them failed, or had values that the scenario refuses.
+        failure: Why the first of these failed.
         shrinking: How many further runs it took to make the violation simple.
         values: The values of the violation, or those of the least robustness without one, by their paths.
         found: The values of the violation before it was made simple; None without one.
         outcome: What became of the specification with these values; None if every run failed.
+        one_by_one: Why the runs of a batch were made one by one; None if they were made together as arrays.
     """
 
     runs: int
     failed: int
+    failure: str | None
     shrinking: int
     values: Mapping[str, Any]
     found: Mapping[str, Any] | None
     outcome: Outcome | None
+    one_by_one: str | None
 
 
 class _SearchOverError(Exception):
@@ -53,34 +55,84 @@ class _SearchOverError(Exception):
 
 
 class _Search:
-    """Counts runs, keeps the best, and ends with the first violation or the last run that is allowed."""
+    """Has runs made, keeps the best, and ends with the first violation or the last run that is allowed.
 
-    def __init__(self, space: SearchSpace, runs: int, on_progress: Callable[[int, int], object] | None) -> None:
-        self.space = space
-        self.most = runs
+    Attributes:
+        runs: How many runs count.
+        failed: How many of them failed.
+        failure: Why the first of these failed.
+        values: The values of the violation, or of the least robustness so far; None before a run succeeded.
+        merit: What the search minimises there.
+        is_violated: Whether that is a violation.
+        one_by_one: See `SearchResult`.
+    """
+
+    def __init__(
+        self,
+        space: SearchSpace,
+        executor: Executor[Row],
+        work: CandidateWork,
+        runs: int,
+        on_progress: Callable[[int, int], object] | None,
+    ) -> None:
         self.runs = 0
         self.failed = 0
-        self.values: Mapping[str, Any] = {}
-        self.outcome: Outcome | None = None
+        self.failure: str | None = None
+        self.values: Mapping[str, Any] | None = None
+        self.merit = math.inf
+        self.is_violated = False
+        self.one_by_one: str | None = None
+        self._space = space
+        self._executor = executor
+        self._work = work
+        self._most = runs
         self._on_progress = on_progress
+        self._run_time: float | None = None
 
-    def look(self, point: Array) -> float:
-        """Make the run at a point, and return what is to be minimised."""
-        if self.runs == self.most:
+    def look(self, points: Array) -> Array:
+        """Have the runs at some points made, and return what is to be minimised; shapes (n, d) and (n,).
+
+        Raises:
+            _SearchOverError: One is a violation, or no more are allowed.
+        """
+        begin = self.runs
+        values = dict(enumerate(map(self._space.values, points[: self._most - begin]), start=begin))
+        if begin == 0:
+            self.one_by_one = self._work.refusal([*values.values()][:2])
+        rows = self._made(values)
+        for index in range(begin, begin + len(values)):
+            row = rows[index]
+            self.runs += 1
+            if row.state != "done":
+                self.failed += 1
+                self.failure = self.failure or row.error
+            merit = self._space.merit(row)
+            if merit < self.merit or (self.values is None and row.state == "done"):
+                self.values, self.merit = values[index], merit
+            if self._space.is_violated(row):
+                self.values, self.is_violated = values[index], True
+                raise _SearchOverError
+        if self.runs == self._most:
             raise _SearchOverError
-        values = self.space.values(point)
-        outcome = self.space.outcome(values)
-        self.runs += 1
-        self.failed += outcome is None
-        if self._on_progress is not None:
-            self._on_progress(self.runs, self.most)
-        if outcome is not None and (self.outcome is None or merit(outcome) < merit(self.outcome)):
-            self.values, self.outcome = values, outcome
-        if is_violated(outcome):
-            self.values, self.outcome = values, outcome
-            raise _SearchOverError
-        found = merit(outcome)
-        return found if math.isfinite(found) else 1e300
+        return np.array([min(self._space.merit(row), _WORST) for row in rows.values()])
+
+    def _made(self, values: Mapping[int, Mapping[str, Any]]) -> dict[int, Row]:
+        """The rows of all runs, in their order; of those before and with the first violation, if there is one."""
+        rows: dict[int, Row] = {}
+        first, reached = max(values), min(values)
+        blocks = Blocks(values, len(values), run_time=self._run_time, values=values)
+        for row in self._executor.results(blocks):
+            rows[row.index] = row
+            if self._on_progress is not None:
+                self._on_progress(min(values) + len(rows), self._most)
+            if self._space.is_violated(row):
+                first = min(first, row.index)
+            while reached in rows:
+                reached += 1
+            if reached > first:
+                break
+        self._run_time = blocks.run_time
+        return {index: rows[index] for index in sorted(rows)}
 
 
 def search(
@@ -88,6 +140,8 @@ def search(
     method: Method,
     runs: int,
     seed: int,
+    jobs: int = 0,
+    batch: int | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> SearchResult:
     """Search for a violation.
@@ -97,73 +151,46 @@ def search(
         method: How to search.
         runs: How many runs at most, besides those that make the violation simple.
         seed: What the search draws from.
+        jobs: How many worker processes make the runs of a batch; 0 for this process. The result is the same.
+        batch: How many are made together at most, where that is possible; 1 for none. The result is the same.
         on_progress: Called after each run with how many were made, and how many at most.
 
     Raises:
-        SweepError: The method needs a module that is not installed.
+        SweepError: The method needs a module that is not installed, or a worker process died.
         KeyboardInterrupt: A signal ended a run.
     """
-    if method == "cma-es" and find_spec("cmaes") is None:
-        raise SweepError(
-            "the method cma-es needs the module `cmaes`, which is not installed: pip install 'symaware-cli[falsify]'"
-        )
-    state = _Search(space, runs, on_progress)
-    try:
-        if method == "random":
-            for block in range(0, runs, 256):
-                for point in independent(seed, [*space.distributions], np.arange(block, block + 256)):
-                    state.look(point)
-        elif method == "cma-es":
-            _adapt(state, seed)
-        else:
-            _evolve(state, seed)
-    except _SearchOverError:
-        pass
-    if not is_violated(state.outcome):
-        return SearchResult(state.runs, state.failed, 0, state.values, None, state.outcome)
-    shrinking = _Shrinking(space, dict(state.values), state.outcome)
-    shrinking.shrink()
-    return SearchResult(state.runs, state.failed, shrinking.runs, shrinking.values, state.values, shrinking.outcome)
+    require(method)
+    with signals_raised():
+        state = _searched(space, space.work(batch), method, runs, seed, jobs, on_progress)
+        known = (state.runs, state.failed, state.failure)
+        # The runs of a batch have no reasons, so this one is made again by itself.
+        outcome = None if state.values is None else space.outcome(state.values)
+        values = state.values or {}
+        if not state.is_violated:
+            return SearchResult(*known, 0, values, None, outcome, state.one_by_one)
+        if not space.is_violation(outcome):
+            raise SweepError(f"run {state.runs - 1} of the search came out otherwise when it was repeated")
+        shrinking = _Shrinking(space, dict(values), outcome)
+        shrinking.shrink()
+    found = shrinking.values, values, shrinking.outcome
+    return SearchResult(*known, shrinking.runs, *found, state.one_by_one)
 
 
-def _evolve(state: _Search, seed: int) -> None:
-    """Differential evolution on points between 0 and 1, until it is ended; it begins again where it has converged.
-
-    Source: R. Storn, K. Price, "Differential Evolution: A Simple and Efficient Heuristic for Global Optimization over
-    Continuous Spaces", Journal of Global Optimization 11, 1997; as in `scipy.optimize.differential_evolution`.
-    """
-    from scipy.optimize import Bounds, differential_evolution
-
-    names = [*state.space.distributions]
-    size = max(_LEAST, _EACH * len(names))
-    for attempt in range(state.most):
-        first = independent(seed, names, np.arange(attempt * size, (attempt + 1) * size))
-        random = np.random.default_rng((seed, attempt))
-        bounds = Bounds(np.zeros(len(names)), np.ones(len(names)))
-        differential_evolution(state.look, bounds, init=first, seed=random, polish=False, tol=1e-6, maxiter=state.most)
-
-
-def _adapt(state: _Search, seed: int) -> None:
-    """Covariance matrix adaptation on points between 0 and 1, until it is ended.
-
-    Where it has converged, it begins again at another point, with twice the points in a generation.
-
-    Sources: N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772, 2016; A. Auger, N. Hansen, "A
-    Restart CMA Evolution Strategy with Increasing Population Size", IEEE Congress on Evolutionary Computation 2005.
-    """
-    from cmaes import CMA
-
-    names = [*state.space.distributions]
-    square = np.tile([0.0, 1.0], (len(names), 1))
-    size: int | None = None
-    for attempt in range(state.most):
-        (first,) = independent(seed, names, np.arange(attempt, attempt + 1))
-        drawn = int(np.random.SeedSequence((seed, attempt)).generate_state(1)[0])
-        found = CMA(mean=first, sigma=_DEVIATION, bounds=square, seed=drawn, population_size=size)
-        while not found.should_stop():
-            points = [found.ask() for _ in range(found.population_size)]
-            found.tell([(point, state.look(point)) for point in points])
-        size = 2 * found.population_size
+def _searched(
+    space: SearchSpace,
+    work: CandidateWork,
+    method: Method,
+    runs: int,
+    seed: int,
+    jobs: int,
+    on_progress: Callable[[int, int], object] | None,
+) -> _Search:
+    """Look until there is a violation, or all runs are made."""
+    with executor_of(work, min(jobs, runs)) as executor:
+        state = _Search(space, executor, work, runs, on_progress)
+        with suppress(_SearchOverError):
+            minimise(method, state.look, [*space.distributions], runs, seed)
+    return state
 
 
 class _Shrinking:
@@ -191,7 +218,7 @@ class _Shrinking:
     def _try(self, values: Mapping[str, Any]) -> bool:
         outcome = self.space.outcome(values)
         self.runs += 1
-        if not is_violated(outcome):
+        if not self.space.is_violation(outcome):
             return False
         self.values, self.outcome = values, outcome
         return True

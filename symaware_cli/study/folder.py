@@ -111,6 +111,15 @@ class SweepFolder:
         """
         return Runner(self.plan, self.source.scenario, batch, follow)
 
+    def one_by_one(self, batch: int | None = None) -> str | None:
+        """Say why runs of one combination are made one by one; None if they are batched.
+
+        Args:
+            batch: See `Runner`.
+        """
+        plan = self.plan
+        return self.runner(batch).refusal(range(0, min(plan.count, 2 * len(plan.cells)), len(plan.cells)))
+
     def check(self) -> None:
         """Make sure that further rows come of the same files and versions.
 

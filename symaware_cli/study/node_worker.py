@@ -20,6 +20,7 @@ from symaware_cli.study.code_identity import CodeIdentity
 from symaware_cli.study.executor import Blocks
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_files import LOGS
+from symaware_cli.study.sweep_work import SweepWork
 from symaware_cli.study.worker_pool import CodeDifferenceError, WorkerPool, WorkerPoolError
 
 
@@ -68,11 +69,12 @@ class _NodeWorker:
         self.key = setup.key
         self._setup = setup
         self._folder = Path(tempfile.gettempdir(), f"symaware-sweep-{uuid.uuid4().hex}")
-        self._pool = WorkerPool(self._folder, 1, setup.timeout, setup.batch, CodeIdentity(**setup.code))
+        work = SweepWork(str(self._folder), setup.batch)
+        self._pool = WorkerPool(work, 1, setup.timeout, CodeIdentity(**setup.code))
 
     def answer(self, indices: Sequence[int], is_recorded: bool) -> BlockAnswer:
         with self._copied() as logs:
-            rows = list(self._pool.rows(Blocks(indices, len(indices), is_recorded=is_recorded, run_time=0.0)))
+            rows = list(self._pool.results(Blocks(indices, len(indices), is_recorded=is_recorded, run_time=0.0)))
             return BlockAnswer(rows, {file.name: file.read_bytes() for file in logs.iterdir()})
 
     def close(self) -> None:

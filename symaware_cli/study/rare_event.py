@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -92,6 +92,7 @@ class SplitRun:
     """A run that is put back into earlier states, and continued from there with other draws; see `splitting.Process`.
 
     Attributes:
+        event: The event; another one with other levels may take its place between trials.
         steps: How many steps were made in all.
         failed: How many trials ended because a component failed; they do not reach the end of their stage.
     """
@@ -111,7 +112,7 @@ class SplitRun:
         self.steps = 0
         self.failed = 0
         self._run = run
-        self._event = event
+        self.event = event
         self._scenario = scenario
         self._monitor = next(
             each for each in run.specification_monitors if each.specification.name == event.specification
@@ -121,6 +122,11 @@ class SplitRun:
             raise KeyboardInterrupt
         if run.failure is not None:
             raise SweepError(f"the run failed at the beginning: {run.failure.problem}")
+
+    @property
+    def has_robustness(self) -> bool:
+        """Whether the specification has one: formulas of linear temporal logic have not."""
+        return self._monitor.specification.automaton is None
 
     def begin(self) -> SplitState:
         """Return the state before the first step.
@@ -139,40 +145,72 @@ class SplitRun:
         """
         if state is HAPPENED:
             return state
-        run = self._run
-        restore(run, state, self._scenario, __version__, seed)
-        before = run.done
-        if not self._is_over(stage):
-            run.advance(until=lambda: self._is_over(stage))
-        self.steps += run.done - before
-        if run.signal is not None:
-            raise KeyboardInterrupt
-        if run.failure is not None:
-            self.failed += 1
+        if not self._continue(state, seed, lambda: self._is_over(stage)):
             return None
         if self._has_happened():
             return HAPPENED
         # From the end of a run, nothing leads any further.
-        return self._captured() if run.status is None and self._is_at_level(stage) else None
+        return self._captured() if self._run.status is None and self._is_at_level(stage) else None
+
+    def closest(self, state: SplitState, seed: int) -> float:
+        """Continue from a state until the event, or the end of the run, and return how close it came.
+
+        Returns:
+            The robustness that came closest to the event, with the sign by which it rises towards it; infinite if the
+            event happened, and minus infinity if a component failed.
+
+        Raises:
+            KeyboardInterrupt: A signal ended the run.
+        """
+        if state is HAPPENED:
+            return math.inf
+        found = -math.inf
+
+        def is_over() -> bool:
+            nonlocal found
+            found = max(found, self._closeness())
+            return self._is_over(len(self.event.levels))
+
+        if not self._continue(state, seed, is_over):
+            return -math.inf
+        return math.inf if self._has_happened() else found
+
+    def _continue(self, state: SimulationState, seed: int, is_over: Callable[[], bool]) -> bool:
+        """Continue from a state until the end of a trial; False if a component failed."""
+        run = self._run
+        restore(run, state, self._scenario, __version__, seed)
+        before = run.done
+        if not is_over():
+            run.advance(until=is_over)
+        self.steps += run.done - before
+        if run.signal is not None:
+            raise KeyboardInterrupt
+        self.failed += run.failure is not None
+        return run.failure is None
 
     def _is_over(self, stage: int) -> bool:
         """Whether a stage has ended, or the event cannot happen any more."""
-        return self._has_happened() or self._is_at_level(stage) or (self._event.sign > 0 and self._monitor.verdict < 0)
+        return self._has_happened() or self._is_at_level(stage) or (self.event.sign > 0 and self._monitor.verdict < 0)
 
     def _has_happened(self) -> bool:
-        if self._monitor.verdict != self._event.sign:
+        if self._monitor.verdict != self.event.sign:
             return False
         # Further agents or instances of a specification may begin, and are to be satisfied as well.
-        return self._event.sign < 0 or self._run.status is not None or self._is_final()
+        return self.event.sign < 0 or self._run.status is not None or self._is_final()
 
     def _is_at_level(self, stage: int) -> bool:
-        monitor, event = self._monitor, self._event
+        levels = self.event.levels
+        return stage < len(levels) and self._closeness() >= self.event.sign * levels[stage]
+
+    def _closeness(self) -> float:
+        """The robustness now, with the sign by which it rises towards the event."""
+        monitor = self._monitor
         begun = monitor.begun
-        if stage == len(event.levels) or not begun.any():
-            return False
-        if event.sign > 0:
-            return bool(monitor.lower[begun].min() >= event.levels[stage])
-        return bool(monitor.upper[begun].min() <= event.levels[stage])
+        if not begun.any():
+            return -math.inf
+        if self.event.sign > 0:
+            return float(monitor.lower[begun].min())
+        return -float(monitor.upper[begun].min())
 
     def _is_final(self) -> bool:
         return self._monitor.begins and bool(self._monitor.begun.all())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -12,6 +12,8 @@ from symaware_cli.scenario.files import open_scenario
 from symaware_cli.study.rare_event import RareEvent, split_run
 from symaware_cli.study.seeds import seed_of
 from symaware_cli.study.splitting import StageCount, product, split
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.work import Block
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +65,23 @@ class Repeat:
     failed: int
     cpu_time: float
 
+    @property
+    def index(self) -> int:
+        """Its number."""
+        return self.number
+
+    @property
+    def wall_time(self) -> float:
+        """How long it took [s]."""
+        return self.cpu_time
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Self:
-        """Create it from what `dataclasses.asdict` returned, after a way through JSON."""
+        """Create it from what `to_json` returned, after a way through JSON."""
         return cls(**{**data, "counts": [StageCount(**each) for each in data["counts"]]})
 
 
@@ -87,3 +103,55 @@ def repeat(plan: SplittingPlan, number: int) -> Repeat:
         counts = split(run, plan.event.stages, plan.trials, seed)
     estimate = product(counts, plan.event.stages)
     return Repeat(number, counts, estimate, run.steps, run.failed, time.process_time() - began)
+
+
+def check(plan: SplittingPlan) -> None:
+    """Make sure that repeats can begin, before somebody is asked for them.
+
+    Raises:
+        ScenarioError: See `repeat`.
+        SweepError: See `repeat`.
+        KeyboardInterrupt: See `repeat`.
+    """
+    with split_run(open_scenario(plan.scenario, plan.changes, seed_of(plan.seed, 0)), plan.event) as run:
+        run.begin()
+
+
+class RepeatWork:
+    """`Work` that makes repeats."""
+
+    def __init__(self, plan: SplittingPlan) -> None:
+        """Prepare.
+
+        Args:
+            plan: What each does.
+        """
+        self._plan = plan
+
+    def open(self) -> None:
+        """See `Work`."""
+
+    def prepare(self) -> None:
+        """See `Work`."""
+        open_scenario(self._plan.scenario, self._plan.changes)
+
+    def results(self, block: Block) -> Iterator[Repeat]:
+        """See `Work`.
+
+        Raises:
+            ScenarioError: See `repeat`.
+            SweepError: See `repeat`.
+        """
+        return (repeat(self._plan, number) for number in block.indices)
+
+    def to_json(self) -> dict[str, Any]:
+        """See `Work`."""
+        return {"kind": "repeats", "plan": self._plan.to_json()}
+
+    def received(self, content: dict[str, Any]) -> Repeat:
+        """See `Work`."""
+        return Repeat.from_json(content)
+
+    def lost(self, index: int, why: str) -> Repeat:
+        """See `Work`; without it the mean would be that of the repeats that happened to end."""
+        raise SweepError(f"repeat {index} was lost: {why}")

@@ -1,8 +1,13 @@
-"""Makes runs of a plan in this process: each cell is read and composed once, its runs are batched where they can be."""
+"""Makes runs of a plan in this process: what they share is read and composed once, and they are batched if they can be.
+
+Runs can be batched if they differ in nothing but their seeds, initial states and knowledge.
+"""
 
 from __future__ import annotations
 
 import gc
+import hashlib
+import json
 import os
 import re
 import time
@@ -12,7 +17,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.reader import open_log
@@ -25,15 +30,16 @@ from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.study.agent_verdicts import agent_verdicts
-from symaware_cli.study.batch import Batch, batch_size, refusal
+from symaware_cli.study.batch import Batch, Start, batch_size, refusal, starts_of
 from symaware_cli.study.custom_metrics import CustomMetrics, Followers, typed
 from symaware_cli.study.measurement import Measurement, RunMeasurement
 from symaware_cli.study.metrics import MetricDescription, RunFigures, figures
 from symaware_cli.study.row import Row
-from symaware_cli.study.sweep_plan import SweepPlan
+from symaware_cli.study.sweep_document import SweepDocument
+from symaware_cli.study.sweep_plan import ParameterChange
 from symaware_cli.study.sweep_source import texts_of
 
-#: How many cells are kept ready.
+#: How many scenarios are kept ready, and how many runs are looked at together to find those that can be batched.
 _MOST_READY = 256
 
 #: How many runs are made between two garbage collections.
@@ -50,12 +56,26 @@ class MetricError(Exception):
     """A metric has no value, or one of another type than it declares."""
 
 
+class RunPlan(Protocol):
+    """Which runs there are, by their numbers: the plan of a sweep, or the candidates of a search."""
+
+    @property
+    def document(self) -> SweepDocument:
+        """What is said of all of them: time-outs and further metrics."""
+
+    def changes(self, index: int) -> Sequence[ParameterChange]:
+        """Return all that a run changes in the scenario, in this order."""
+
+    def seed(self, index: int) -> int | None:
+        """Return the seed of a run; None for that of the scenario."""
+
+
 class Runner:
     """Makes runs of a plan."""
 
     def __init__(
         self,
-        plan: SweepPlan,
+        plan: RunPlan,
         scenario: Path,
         batch: int | None = None,
         follow: Callable[[Sequence[int], Simulation], object] | None = None,
@@ -71,11 +91,11 @@ class Runner:
         self._follow = follow
         self._batch = batch
         self._since_collection = 0
-        self._templates: OrderedDict[int, Built | str] = OrderedDict()
+        self._templates: OrderedDict[str, Built | str] = OrderedDict()
         self._plan = plan
         self._scenario = scenario
         self._catalogue = Catalogue()
-        self._ready: OrderedDict[int, Composition] = OrderedDict()
+        self._ready: OrderedDict[tuple[str, ...], tuple[Composition, str]] = OrderedDict()
         self._custom = CustomMetrics(plan.document, self._catalogue)
         self._described = self._custom.descriptions()
 
@@ -89,47 +109,50 @@ class Runner:
         Raises:
             KeyboardInterrupt: A signal ended one.
         """
-        of_cells: dict[int, list[int]] = {}
-        for index in indices:
-            of_cells.setdefault(self._plan.cell(index).number, []).append(index)
-        for own in of_cells.values():
-            template = self._template(own[0]) if logs is None and len(own) > 1 else ""
-            if isinstance(template, str):
-                yield from (self.run(index, logs) for index in own)
-                continue
-            size = min(self._batch or len(own), batch_size(template))
-            for start in range(0, len(own), size):
-                yield from self._batched(own[start : start + size], template)
+        for begin in range(0, len(indices), _MOST_READY):
+            groups: dict[str, list[int]] = {}
+            for index in indices[begin : begin + _MOST_READY]:
+                groups.setdefault(self._kind(index), []).append(index)
+            for kind, own in groups.items():
+                template = self._template(kind, own[0]) if logs is None and len(own) > 1 else ""
+                if isinstance(template, str):
+                    yield from (self.run(index, logs) for index in own)
+                    continue
+                size = min(self._batch or len(own), batch_size(template))
+                for start in range(0, len(own), size):
+                    yield from self._batched(own[start : start + size], template)
         self._since_collection += len(indices)
         if self._since_collection >= _MOST_UNCOLLECTED:
             # Runs consist of objects that refer to each other, and full collections are rare.
             gc.collect()
             self._since_collection = 0
 
-    def refusal(self, index: int) -> str | None:
-        """Say in one line why the runs of a run's cell are made one by one; None if they are batched."""
-        template = self._template(index)
-        return template if isinstance(template, str) else None
+    def refusal(self, indices: Sequence[int]) -> str | None:
+        """Say in one line why some runs are made one by one; None if those that are alike are batched."""
+        kinds = [self._kind(index) for index in indices]
+        template = self._template(kinds[0], indices[0])
+        if isinstance(template, str):
+            return template
+        if len(kinds) > 1 and len({*kinds}) == len(kinds):
+            return "runs differ in more than seeds, initial states and knowledge"
+        return None
 
     def prepare(self) -> None:
         """Import all that it takes to build the first run."""
         with suppress(ScenarioError):  # values that were drawn for its seed
             self._built(0)
 
-    def _template(self, index: int) -> Built | str:
-        """The cell of a run, built for any seed, or why its runs cannot be batched."""
-        number = self._plan.cell(index).number
-        if number not in self._templates:
+    def _template(self, kind: str, index: int) -> Built | str:
+        """A run, built to make others of its kind together with it, or why they cannot be batched."""
+        if kind not in self._templates:
             if len(self._templates) >= _MOST_READY:
                 self._templates.popitem(last=False)
-            self._templates[number] = self._new_template(index)
-        return self._templates[number]
+            self._templates[kind] = self._new_template(index)
+        return self._templates[kind]
 
     def _new_template(self, index: int) -> Built | str:
         if self._batch == 1:
             return "batches are switched off"
-        if self._plan.document.drawn:
-            return "each run draws parameters of its own"
         if self._plan.document.timeout is not None:
             return "each run has a time-out of its own"
         if self._plan.document.metrics:
@@ -143,11 +166,16 @@ class Runner:
         return refusal(built) or built
 
     def _batched(self, indices: Sequence[int], template: Built) -> Iterator[Row]:
-        """Make runs of one cell together; one by one if anything goes wrong."""
+        """Make runs of one kind together; one by one if anything goes wrong."""
         began = time.monotonic()
-        seeds = [self._plan.seed(index) for index in indices]
+        seeds = [template.document.seed if (seed := self._plan.seed(index)) is None else seed for index in indices]
+        first = self._composition(indices[0])
+        starts: list[Mapping[str, Start]] = []
         try:
-            batch = Batch(self._composition(indices[0]).copy(), template, seeds)
+            if any(self._composition(index) is not first for index in indices):
+                # Each is built, so that what is refused alone is refused here.
+                starts = [starts_of(self._built(index)) for index in indices]
+            batch = Batch(first.copy(), template, seeds, starts)
         except ScenarioError:
             yield from map(self.run, indices)
             return
@@ -224,16 +252,42 @@ class Runner:
         return build_composition(composition, self._scenario.parent, self._plan.seed(index), self._catalogue)
 
     def _composition(self, index: int) -> Composition:
-        if self._plan.document.drawn:  # each run is another scenario
-            return compose(self._scenario, texts_of(self._plan.changes(index)))
-        cell = self._plan.cell(index)
-        found = self._ready.pop(cell.number, None)
+        return self._composed(index)[0]
+
+    def _kind(self, index: int) -> str:
+        """What runs have in common that can be batched."""
+        try:
+            return self._composed(index)[1]
+        except (ScenarioError, OSError):
+            return f"run {index} cannot be composed"
+
+    def _composed(self, index: int) -> tuple[Composition, str]:
+        texts = tuple(texts_of(self._plan.changes(index)))
+        found = self._ready.pop(texts, None)
         if found is None:
-            found = compose(self._scenario, texts_of(self._plan.changes(index)))
+            composition = compose(self._scenario, texts)
+            found = composition, _kind_of(composition)
             if len(self._ready) >= _MOST_READY:
                 self._ready.popitem(last=False)
-        self._ready[cell.number] = found
+        self._ready[texts] = found
         return found
+
+
+def _kind_of(composition: Composition) -> str:
+    """A hash of a scenario but for what runs of a batch differ in: seed, initial states, and values of knowledge."""
+    data = {name: each for name, each in composition.data.items() if name not in ("seed", "parameters")}
+    if isinstance(agents := data.get("agents"), dict):
+        data["agents"] = {group: _without_start(each) for group, each in agents.items()}
+    return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _without_start(group: Any) -> Any:
+    """An entry of agents without how they begin."""
+    if not isinstance(group, dict):
+        return group
+    known = group.get("knowledge")
+    names = sorted(known) if isinstance(known, dict) else known
+    return {**group, "state": None, "knowledge": names}
 
 
 def _row(

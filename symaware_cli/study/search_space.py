@@ -13,12 +13,17 @@ from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.compose import compose
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import ScenarioError
-from symaware_cli.specification.outcome import Outcome
+from symaware_cli.specification.outcome import VERDICTS, Outcome
+from symaware_cli.study.candidates import SEED, CandidateWork
+from symaware_cli.study.row import Row
 from symaware_cli.study.statistics.interval_estimate import Array
 from symaware_cli.study.statistics.parameter_distribution import Choice, ParameterDistribution
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_plan import ParameterChange
 from symaware_cli.study.sweep_source import SweepSource, texts_of
+
+#: The verdict that a search is for.
+VIOLATED = VERDICTS[-1]
 
 
 class SearchSpace:
@@ -49,7 +54,7 @@ class SearchSpace:
         distributions: dict[str, ParameterDistribution] = {path: Choice(each) for path, each in document.listed.items()}
         distributions.update({path: each.distribution for path, each in document.drawn.items()})
         if seeds:
-            distributions["seed"] = Choice(range(seeds))
+            distributions[SEED] = Choice(range(seeds))
         if not distributions:
             raise SweepError("there is nothing to vary: --over 'PATH={uniform: [0, 1]}', or --seeds 100")
         self.distributions: Mapping[str, ParameterDistribution] = distributions
@@ -102,16 +107,30 @@ class SearchSpace:
             return None
         return next(each for each in run.summary.specifications if each.name == self.specification)
 
+    def work(self, batch: int | None = None) -> CandidateWork:
+        """Return what makes the rows of runs with some values.
 
-def is_violated(outcome: Outcome | None) -> bool:
-    """Whether an outcome is a violation."""
-    return outcome is not None and outcome.verdict == "violated"
+        Args:
+            batch: See `Runner`.
+        """
+        shared = {change.target: change.value for change in self._shared}
+        return CandidateWork(str(self._scenario), shared, batch)
 
+    def is_violated(self, row: Row) -> bool:
+        """Whether a run violates the specification."""
+        return row.verdicts.get(self.specification) == VIOLATED
 
-def merit(outcome: Outcome | None) -> float:
-    """What a search minimises: the robustness, and less than any where a specification without one is violated."""
-    if outcome is None:
-        return math.inf
-    if is_violated(outcome):
-        return min(outcome.robustness or 0.0, 0.0)
-    return math.inf if outcome.robustness is None else outcome.robustness
+    @staticmethod
+    def is_violation(outcome: Outcome | None) -> bool:
+        """Whether an outcome is a violation."""
+        return outcome is not None and outcome.verdict == VIOLATED
+
+    def merit(self, row: Row) -> float:
+        """What a search minimises: the robustness, less than any other where a specification without one is violated.
+
+        It is infinite if the run failed.
+        """
+        robustness = row.robustness.get(self.specification)
+        if self.is_violated(row):
+            return min(robustness or 0.0, 0.0)
+        return math.inf if row.state != "done" or robustness is None else robustness

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import math
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.study import sweep_table, table_file
 from symaware_cli.study.cell_stops import CellStops
-from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
+from symaware_cli.study.executor import Blocks, Executor
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.row import Row
+from symaware_cli.study.signals import signals_raised
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_files import JOURNAL, TABLE, TIMES
 from symaware_cli.study.sweep_journal import Counts, SweepJournal
-from symaware_cli.study.worker_pool import WorkerPool
+from symaware_cli.study.sweep_work import SweepWork
+from symaware_cli.study.worker_pool import executor_of
 
 if TYPE_CHECKING:
     import pyarrow
@@ -136,7 +135,7 @@ def conduct(
         session = _Session(folder, journal, jobs, ray, batch, on_progress)
         interrupted = False
         try:
-            with _signals_raised():
+            with signals_raised():
                 session.make_all(fail_fast)
                 session.keep_logs()
         except KeyboardInterrupt:
@@ -152,7 +151,7 @@ def conduct(
             interrupted,
             session.stopped,
             session.stops.reason,
-            folder.runner(batch).refusal(0),
+            folder.one_by_one(batch),
         )
 
 
@@ -201,7 +200,7 @@ class _Session:
             least=self._least(),
         )
         with self._executor(missing) as executor:
-            for row in executor.rows(blocks):
+            for row in executor.results(blocks):
                 self._note(row)
                 if fail_fast and row.state == "failed":
                     self.stopped = f"run {row.index} failed: {row.error}"
@@ -214,7 +213,7 @@ class _Session:
         Otherwise runs that take long by themselves would never be made together, which is many times as fast.
         """
         plan = self._folder.plan
-        if plan.document.keep == "all" or self._folder.runner(self._batch).refusal(0) is not None:
+        if plan.document.keep == "all" or self._folder.one_by_one(self._batch) is not None:
             return 1
         return min(self._batch or _BATCHED, _BATCHED) * len(plan.cells)
 
@@ -225,7 +224,7 @@ class _Session:
         missing = sorted(wanted - have.keys())
         if missing:
             with self._executor(len(missing)) as executor:
-                for row in executor.rows(Blocks(missing, len(missing), is_recorded=True)):
+                for row in executor.results(Blocks(missing, len(missing), is_recorded=True)):
                     former = self._journal.row(row.index)
                     if former is not None and row.state != "lost" and row.digest != former.digest:
                         raise SweepError(f"run {row.index} came out otherwise when it was repeated for its log")
@@ -254,21 +253,20 @@ class _Session:
             )
 
     @contextmanager
-    def _executor(self, count: int) -> Iterator[Executor]:
+    def _executor(self, count: int) -> Iterator[Executor[Row]]:
         folder = self._folder
-        executor: Executor
-        if self._ray is not None:
-            from symaware_cli.study.ray_cluster import RayCluster
+        if self._ray is None:
+            work = SweepWork(str(folder.path), self._batch)
+            with executor_of(work, min(self._jobs, count), folder.plan.document.timeout) as executor:
+                yield executor
+            return
+        from symaware_cli.study.ray_cluster import RayCluster
 
-            executor = RayCluster(folder, self._ray, self._jobs, self._batch)
-        elif self._jobs == 0:
-            executor = LocalExecutor(folder.runner(self._batch), folder.logs)
-        else:
-            executor = WorkerPool(folder.path, min(self._jobs, count), folder.plan.document.timeout, self._batch)
+        cluster = RayCluster(folder, self._ray, self._jobs, self._batch)
         try:
-            yield executor
+            yield cluster
         finally:
-            executor.close()
+            cluster.close()
 
 
 def rows_so_far(folder: SweepFolder) -> pyarrow.Table:
@@ -311,22 +309,3 @@ def _merit(row: Row) -> float:
         return min(values, default=math.inf)
     closest = row.metrics["closest"]
     return math.inf if closest is None else float(closest)
-
-
-@contextmanager
-def _signals_raised() -> Iterator[None]:
-    """Make SIGTERM what Ctrl-C is; in other threads than the main one neither is."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def raised(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    previous = {number: signal.signal(number, raised) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in previous.items():
-            with suppress(TypeError):  # a handler that Python did not install
-                signal.signal(number, handler)

@@ -67,7 +67,7 @@ class SweepSource:
         span = self._root.nearest_span(key, key=True)
         node = _node_at(self._root, change.place)
         if node is None or node.plain() != change.value:
-            node = SourceNode(change.value, self._root.nearest_span(change.place))
+            node = SourceNode.of(change.value, self._root.nearest_span(change.place))
         return Override.of(sources[span.file], change.target, span, node)
 
 

@@ -1,4 +1,4 @@
-"""Runs in worker processes, which are started once and take blocks; one that dies or hangs costs the run it was at."""
+"""Worker processes, which are started once and take blocks; one that dies or hangs costs the run it was at."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import sys
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from pathlib import Path
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
+from typing import Any, Generic
 
 from symaware_cli import processor
 from symaware_cli.study.code_identity import CodeIdentity
-from symaware_cli.study.executor import Block, Blocks
-from symaware_cli.study.row import Row
+from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
 from symaware_cli.study.sweep_error import SweepError, listed
+from symaware_cli.study.work import Block, ResultT, Work
 
 #: Wall time beyond its time-out after which a run that does not heed it is ended with its worker [s].
 _GRACE = 2.0
@@ -35,52 +36,51 @@ class CodeDifferenceError(SweepError):
     """A worker process on another machine has other code than the process that sent for it."""
 
 
-class WorkerPool:
+class WorkerPool(Generic[ResultT]):
     """An `Executor` of worker processes."""
 
     def __init__(
         self,
-        folder: Path,
+        work: Work[ResultT],
         count: int,
-        timeout: float | None,
-        batch: int | None = None,
+        timeout: float | None = None,
         code: CodeIdentity | None = None,
     ) -> None:
         """Prepare; workers are started when there is something to do.
 
         Args:
-            folder: The folder of the sweep.
+            work: What they make.
             count: How many workers, at most.
             timeout: Wall time after which a run is given up [s]; None for never.
-            batch: See `Runner`.
             code: The code that workers have to have, where rows are made for another machine; None to let them have
                 that of this process.
         """
-        self._batch = batch
+        self._work = work
         self._code = code
-        self._folder = folder
         self._count = count
         self._timeout = timeout
         self._workers: list[_Worker] = []
         self._selector = selectors.DefaultSelector()
         self._stillborn = 0
 
-    def rows(self, blocks: Blocks) -> Iterator[Row]:
+    def results(self, blocks: Blocks) -> Iterator[ResultT]:
         """See `Executor`.
 
         Raises:
             WorkerPoolError: No worker can be started.
             CodeDifferenceError: One has other code.
+            SweepError: One cannot make a result; the message is its reason.
         """
         while True:
             self._employ(blocks)
             if not any(worker.tasks for worker in self._workers):
                 return
             for worker in self._awaited():
-                rows, alive = worker.read()
-                for row in rows:
-                    blocks.learn(row.wall_time)
-                    yield row
+                received, alive = worker.read()
+                for content in received:
+                    result = self._work.received(content)
+                    blocks.learn(result.wall_time)
+                    yield result
                 if not alive:
                     yield from self._buried(worker, blocks, worker.end())
             now = time.monotonic()
@@ -108,7 +108,7 @@ class WorkerPool:
             block = blocks.take(self._count)
             if block is None:
                 return
-            worker = _Worker(self._folder, self._timeout, self._batch, self._code)
+            worker = _Worker(self._work.to_json(), self._timeout, self._code)
             self._workers.append(worker)
             self._selector.register(worker.answers, selectors.EVENT_READ, worker)
             worker.give(block)
@@ -119,7 +119,7 @@ class WorkerPool:
         patience = max(0.0, min(deadlines) - time.monotonic()) + 0.01 if deadlines else None
         return [key.data for key, _ in self._selector.select(patience)]
 
-    def _buried(self, worker: _Worker, blocks: Blocks, why: str) -> Iterator[Row]:
+    def _buried(self, worker: _Worker, blocks: Blocks, why: str) -> Iterator[ResultT]:
         """Go on without a worker: what it was at is lost, the rest of its block is for others."""
         self._workers.remove(worker)
         self._selector.unregister(worker.answers)
@@ -128,12 +128,28 @@ class WorkerPool:
         if worker.is_ready:
             self._stillborn = 0
             if tasks:
-                yield Row(tasks.pop(0), "lost", error=why)
+                yield self._work.lost(tasks.pop(0), why)
         else:
             self._stillborn += 1
             if self._stillborn >= _PATIENCE:
                 raise WorkerPoolError(f"no worker process can be started: {why}")
         blocks.give_back(tasks)
+
+
+@contextmanager
+def executor_of(work: Work[ResultT], jobs: int, timeout: float | None = None) -> Iterator[Executor[ResultT]]:
+    """Have some work done in this process, or in worker processes.
+
+    Args:
+        work: The work.
+        jobs: How many worker processes; 0 for this process.
+        timeout: See `WorkerPool`.
+    """
+    executor: Executor[ResultT] = LocalExecutor(work) if jobs == 0 else WorkerPool(work, jobs, timeout)
+    try:
+        yield executor
+    finally:
+        executor.close()
 
 
 class _Worker:
@@ -145,14 +161,14 @@ class _Worker:
         deadline: When the run it is at is given up, on the monotonic clock [s]; None for never.
     """
 
-    def __init__(self, folder: Path, timeout: float | None, batch: int | None, code: CodeIdentity | None) -> None:
+    def __init__(self, work: Mapping[str, Any], timeout: float | None, code: CodeIdentity | None) -> None:
         self.tasks: deque[int] = deque()
         self.is_ready = False
         self.deadline: float | None = None
         self._timeout = timeout
         self._rest = b""
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", "from symaware_cli.study.sweep_worker import main; main()"],
+            [sys.executable, "-P", "-c", "from symaware_cli.study.pool_worker import main; main()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             # Ctrl-C is for the driver alone, which ends its workers.
@@ -162,24 +178,25 @@ class _Worker:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._requests, self.answers = self._process.stdin, self._process.stdout
-        setup = {"parent": os.getpid(), "path": sys.path, "folder": str(folder), "batch": batch}
+        setup = {"parent": os.getpid(), "path": sys.path, "work": work}
         self._send({**setup, "code": None if code is None else code.to_json()})
 
     def give(self, block: Block) -> None:
         """Tell it what to do next."""
         self.tasks.extend(block.indices)
-        self._send({"indices": block.indices, "is_recorded": block.is_recorded})
+        self._send(asdict(block))
         self._start_clock()
 
-    def read(self) -> tuple[list[Row], bool]:
-        """Return the rows that it has told, and whether there may be more.
+    def read(self) -> tuple[list[dict[str, Any]], bool]:
+        """Return the results that it has told, and whether there may be more.
 
         Raises:
             CodeDifferenceError: It has other code.
+            SweepError: It cannot make a result; the message is its reason.
         """
         data = os.read(self.answers.fileno(), 1 << 20)
         *lines, self._rest = (self._rest + data).split(b"\n")
-        rows = []
+        received = []
         for line in lines:
             content = json.loads(line)
             if isinstance(content, list):
@@ -188,12 +205,15 @@ class _Worker:
                         listed("other code than where the sweep was started: rows would not be comparable", content)
                     )
                 self.is_ready = True
+            elif "error" in content:
+                raise SweepError(content["error"])
             else:
-                rows.append(Row(**content))
-                self.tasks.remove(rows[-1].index)
+                index, result = content["index"], content["result"]
+                received.append(result)
+                self.tasks.remove(index)
         if lines:
             self._start_clock()
-        return rows, bool(data)
+        return received, bool(data)
 
     def kill(self) -> None:
         """End it, whatever it does."""

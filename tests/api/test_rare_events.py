@@ -11,6 +11,11 @@ from typer.testing import CliRunner
 
 import symaware_cli as sa
 from symaware_cli.cli.application import application
+from symaware_cli.study.executor import Blocks
+from symaware_cli.study.rare_event import RareEvent
+from symaware_cli.study.repeats import RepeatWork, SplittingPlan
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.worker_pool import executor_of
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 WALK = SCENARIOS / "random-walk.yaml"
@@ -20,6 +25,11 @@ LEVELS = [-11.5, -8.5, -5.5, -2.5]
 def text_of(*arguments: str) -> tuple[int, str]:
     done = CliRunner().invoke(application, ["estimate", *map(str, arguments)])
     return done.exit_code, done.output
+
+
+def plain(found: sa.RareEventEstimate) -> Any:
+    """What is to be equal when an estimate is made again."""
+    return found.probability, [(each.counts, each.estimate, each.steps) for each in found.repeats]
 
 
 def small(**changes: Any) -> sa.RareEventEstimate:
@@ -37,9 +47,6 @@ def test_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
 
 
 def test_the_same_seed_gives_the_same_estimate_and_another_one_another() -> None:
-    def plain(found: sa.RareEventEstimate) -> Any:
-        return [(each.counts, each.estimate, each.steps) for each in found.repeats]
-
     one, two = small(), small()
     assert plain(one) == plain(two)
     other = sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, seed=1)
@@ -50,6 +57,79 @@ def test_levels_descend_to_a_violation_and_the_answer_is_the_same() -> None:
     changes = {"specifications": {"near": {"each": "walker", "formula": "always x < 19.5"}}, "run.duration": 100.0}
     found = sa.estimate(WALK, "near", [11.5, 8.5, 5.5, 2.5], trials=20, repeats=3, changes=changes)
     assert [each.counts for each in found.repeats] == [each.counts for each in small().repeats]
+
+
+def test_the_figures_are_the_same_however_many_workers_there_are() -> None:
+    told: list[tuple[int, int]] = []
+    shared = sa.estimate(
+        WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, jobs=2, on_progress=lambda *at: told.append(at)
+    )
+    assert plain(shared) == plain(small())
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_a_pilot_chooses_levels_which_can_be_passed_again() -> None:
+    options = ["--event", "satisfied", "--trials", 10, "--repeats", 2, "--set", "run.duration=30", "--jobs", 0]
+    arguments = [str(WALK), "--specification", "far", *map(str, options)]
+    status, text = text_of(*arguments)
+    assert status == 0
+    (again,) = [line for line in text.splitlines() if "by a pilot of" in line]
+    given = json.loads(text_of(*arguments, "--json", again.rpartition(" ")[2])[1])
+    assert len(given["event"]["levels"]) >= 2
+    assert given["pilot"] is None
+    assert f"a probability of about {given['probability']['value']:.4g}" in text
+    assert [line.split()[1] for line in text.splitlines() if line.startswith("  to ")] == [
+        *(f"{level:g}" for level in given["event"]["levels"]),
+        "satisfied",
+    ]
+
+
+@pytest.mark.slow
+def test_with_levels_of_a_pilot_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
+    changes = {"run.duration": 40.0}
+    found = sa.estimate(WALK, "far", event="satisfied", trials=40, repeats=8, changes=changes, confidence=0.999)
+    assert found.probability.covers(0.00312465853)
+    assert all(0.05 < share < 0.6 for share in found.shares)
+
+
+def test_a_pilot_draws_apart_from_the_trials() -> None:
+    # With the same levels, trials are those of an estimate without a pilot.
+    options: dict[str, Any] = {"event": "satisfied", "trials": 10, "repeats": 2, "changes": {"run.duration": 30.0}}
+    found = sa.estimate(WALK, "far", **options)
+    assert plain(sa.estimate(WALK, "far", found.plan.event.levels, **options)) == plain(found)
+
+
+def test_a_pilot_of_a_violation_finds_the_levels_of_the_satisfaction_with_another_sign() -> None:
+    changes: dict[str, Any] = {"run.duration": 20.0}
+    reached = sa.estimate(WALK, "far", event="satisfied", trials=10, repeats=2, changes=changes).plan.event.levels
+    changes["specifications"] = {"near": {"each": "walker", "formula": "always x < 19.5"}}
+    violated = sa.estimate(WALK, "near", trials=10, repeats=2, changes=changes).plan.event.levels
+    assert violated == tuple(-level for level in reached)
+    assert violated
+
+
+def test_a_pilot_of_what_happens_often_or_has_no_robustness_chooses_no_levels() -> None:
+    often = {"often": {"each": "walker", "formula": "always x < 6.5"}}
+    finite = {"often": {"each": "walker", "logic": "ltl", "formula": "always x < 19.5"}}
+    for formula in (often, finite):
+        changes = {"specifications": formula, "run.duration": 20.0}
+        found = sa.estimate(WALK, "often", trials=10, repeats=2, changes=changes)
+        assert found.plan.event.levels == ()
+        assert found.pilot is not None
+
+
+def test_without_levels_all_trials_are_plain_runs() -> None:
+    arguments = [str(WALK), "--specification", "far", "--event", "satisfied", "--levels", "none"]
+    status, text = text_of(*arguments, "--trials", "5", "--repeats", "2", "--jobs", "0", "--json")
+    found = json.loads(text)
+    assert (status, found["event"]["levels"], found["pilot"], len(found["shares"])) == (0, [], None, 1)
+
+
+def test_what_a_worker_cannot_do_is_told_with_its_reason() -> None:
+    # Somebody else asks for repeats of what was not checked before.
+    plan = SplittingPlan(WALK, (), RareEvent("fra", "satisfied"), 2, 0)
+    with executor_of(RepeatWork(plan), 1) as executor, pytest.raises(SweepError, match="no specification `fra`, only"):
+        [*executor.results(Blocks([0], 1))]
 
 
 def test_a_level_that_nobody_reaches_is_told() -> None:

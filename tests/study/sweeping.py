@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -54,3 +55,9 @@ def rows(folder: Path) -> list[dict[str, Any]]:
 def table_digest(folder: Path) -> str:
     """The SHA-256 of the bytes of a sweep's table."""
     return hashlib.sha256((folder / "runs.parquet").read_bytes()).hexdigest()
+
+
+def children(parent: int) -> list[int]:
+    """The processes that a process started and that have not ended."""
+    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(parent)], capture_output=True, text=True).stdout
+    return [int(pid) for pid in found.split()]

@@ -16,6 +16,7 @@ from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.compose import compose
 from symaware_cli.study.batch import Batch, refusal
+from symaware_cli.study.folder import SweepFolder
 from symaware_cli.testing import assert_batchable
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -205,6 +206,34 @@ def test_a_sweep_has_the_same_rows_whatever_is_batched(tmp_path: Path, jobs: int
     assert len(set(tables[0]["digest"].to_pylist())) == 12
     assert tables[1].equals(tables[0])
     assert tables[2].equals(tables[0])
+
+
+def test_runs_that_draw_initial_states_and_knowledge_are_batched(tmp_path: Path) -> None:
+    document = yaml.safe_load((SCENARIOS / "crossing.yaml").read_text())
+    name = next(iter(document["agents"]))
+    document["agents"][name]["knowledge"]["calm"] = 1.0
+    (tmp_path / "drawn.yaml").write_text(yaml.safe_dump({**document, "run": {"duration": 0.5}}))
+    options: dict[str, Any] = {
+        "over": {
+            f"agents.{name}.state": {"choice": [{"circle": {"radius": 3.0}}, {"circle": {"radius": 5.0}}]},
+            f"agents.{name}.knowledge.calm": {"uniform": [0, 1]},
+        },
+        "runs": 8,
+    }
+    alone, batched = (
+        sweep(tmp_path / "drawn.yaml", tmp_path / str(batch), batch=batch, **options) for batch in (1, None)
+    )
+    assert batched.equals(alone)
+    assert len({*batched["digest"].to_pylist()}) > 1
+    assert SweepFolder.opened(tmp_path / "None").one_by_one() is None
+    assert SweepFolder.opened(tmp_path / "1").one_by_one(1) == "batches are switched off"
+
+
+def test_runs_that_draw_anything_else_are_made_one_by_one(tmp_path: Path) -> None:
+    changes, over = {"run.duration": 0.2}, {"agents.straight.components.sense.with.range": {"uniform": [1.0, 9.0]}}
+    sweep(SCENARIOS / "noisy.yaml", tmp_path / "out", changes=changes, over=over, runs=3)
+    reason = "runs differ in more than seeds, initial states and knowledge"
+    assert SweepFolder.opened(tmp_path / "out").one_by_one() == reason
 
 
 def test_a_run_that_fails_costs_its_row_only_in_a_batch_too(tmp_path: Path) -> None:

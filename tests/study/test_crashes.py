@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from simulating import COMMAND
-from sweeping import rows, symaware, table_digest, tiny
+from sweeping import children, rows, symaware, table_digest, tiny
 
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.request import SweepRequest
@@ -42,11 +42,6 @@ def driver(folder: Path, jobs: int, batch: int | None = 1) -> ForkServerProcess:
     process = context.Process(target=resume, args=(folder, jobs, batch))
     process.start()
     return process
-
-
-def children(parent: int) -> list[int]:
-    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(parent)], capture_output=True, text=True).stdout
-    return [int(pid) for pid in found.split()]
 
 
 def made(folder: Path) -> int:

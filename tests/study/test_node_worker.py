@@ -78,7 +78,7 @@ def test_kernels_are_chosen_before_python_starts(setup: SweepSetup, monkeypatch:
 def test_files_of_an_installed_and_of_an_editable_distribution_are_known() -> None:
     files = CodeIdentity.of_this_process().files
     assert any(name.startswith("numpy.libs/") for name in files["numpy"])
-    assert "symaware_cli/study/sweep_worker.py" in files["symaware-cli"]
+    assert "symaware_cli/study/pool_worker.py" in files["symaware-cli"]
     assert not any("__pycache__" in name or ".dist-info" in name for each in files.values() for name in each)
 
 

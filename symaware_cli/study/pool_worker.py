@@ -1,8 +1,8 @@
-"""A worker process of a sweep: makes the runs that it is told to, one after the other, and tells the row of each.
+"""A worker process of a pool: makes the results that it is told to, one after the other.
 
-What goes through its two pipes is JSON, one value a line. The first line it reads says where the sweep is; each further
-one is a block of runs. It writes a list of what differs from the code of the machine that asks, which is empty if it is
-ready, and then a line for each run.
+What goes through its two pipes is JSON, one value a line. The first line it reads says what the work is; each further
+one is a block of it. It writes a list of what differs from the code of the machine that asks, which is empty if it is
+ready, and then a line for each result, or for the error that keeps it from making more.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from symaware_cli.runtime.worker import end_with
 
 if TYPE_CHECKING:
-    from symaware_cli.study.runner import Runner
+    from symaware_cli.study.work import Work
 
 
 def main() -> None:
@@ -35,24 +35,46 @@ def main() -> None:
     blocks: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(requests, blocks), daemon=True).start()
     # Imported with the path in place, and while whoever started it does something else.
-    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.scenario.problem import ScenarioError
+    from symaware_cli.study.sweep_error import SweepError
+    from symaware_cli.study.work import Block
 
-    folder = SweepFolder.opened(setup["folder"])
-    runner = folder.runner(setup["batch"])
-    _tell(answers, [] if setup["code"] is None else _differences(setup["code"], runner))
+    work = _made_again(setup["work"])
+    work.open()
+    _tell(answers, [] if setup["code"] is None else _differences(setup["code"], work))
     # What is imported by now need not be searched whenever the objects of past runs are collected.
     gc.freeze()
     while True:
         block = blocks.get()
-        for row in runner.rows(block["indices"], folder.logs if block["is_recorded"] else None):
-            _tell(answers, row.to_json())
+        values = tuple(block["values"])
+        try:
+            for result in work.results(Block(tuple(block["indices"]), block["is_recorded"], values)):
+                _tell(answers, {"index": result.index, "result": result.to_json()})
+        except (ScenarioError, SweepError) as error:
+            _tell(answers, {"error": str(error)})
 
 
-def _differences(code: dict[str, Any], runner: Runner) -> list[str]:
+def _made_again(content: dict[str, Any]) -> Work[Any]:
+    """Return the work of which another process sent `Work.to_json`."""
+    kind, content = content["kind"], {name: each for name, each in content.items() if name != "kind"}
+    if kind == "sweep":
+        from symaware_cli.study.sweep_work import SweepWork
+
+        return SweepWork(**content)
+    if kind == "candidates":
+        from symaware_cli.study.candidates import CandidateWork
+
+        return CandidateWork(**content)
+    from symaware_cli.study.repeats import RepeatWork, SplittingPlan
+
+    return RepeatWork(SplittingPlan.from_json(content["plan"]))
+
+
+def _differences(code: dict[str, Any], work: Work[Any]) -> list[str]:
     """Say how the code here differs from that of another machine, once everything for a run is imported."""
     from symaware_cli.study.code_identity import CodeIdentity
 
-    runner.prepare()
+    work.prepare()
     return CodeIdentity(**code).differences(CodeIdentity.of_this_process())
 
 
