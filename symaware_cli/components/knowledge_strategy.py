@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.assumption_monitor import AssumptionMonitor
+from symaware_cli.components.cell_watch import CellWatch
 from symaware_cli.components.knowledge_game import GameParameters, KnowledgeGame
 from symaware_cli.components.strategy_follower import Fallback, StrategyFollower
 from symaware_cli.components.strategy_memory import StrategyMemory, StrategyTurn, TurnReport
 from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
-from symaware_cli.core import AgentGroup, GroupComponent, Level, Quantity, Signal
+from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, Signal
 from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.attempt import attempt
 from symaware_cli.synthesis.conflict import conflict
@@ -48,7 +49,8 @@ class KnowledgeStrategy(GroupComponent):
     The strategy is synthesised before the run, from formulas in the fragment GR(1) about the cells of a knowledge
     model, and checked by a model checker. It advances at the turns at which the agent believes to be in the cell that
     it was going to; the environment is what the agent then believes about it. If the environment breaks an assumption,
-    the agent stops in its cell.
+    the agent stops in its cell. Whoever steers the agent: if it leaves the cell that it came from and the one that it
+    goes to, or skips that, this is an event.
 
     When the agent learns of cells that cannot be entered, the strategy is made again without them.
     """
@@ -72,7 +74,7 @@ class KnowledgeStrategy(GroupComponent):
         "strategy-unrealisable": "No strategy from what the agent has learnt meets its guarantees from where it is.",
         "retreated": "The agent goes back towards the last cell from which its guarantees can be met.",
         "strategy-resumed": "An agent that had stopped goes on.",
-        "cells-left": "An agent is neither in the cell that it came from nor in the one that it goes to.",
+        **CellWatch.EVENTS,
     }
     # Made from the parameters and the model before the run, and the same in each run of the scenario.
     uncaptured: ClassVar[Collection[str]] = (
@@ -129,6 +131,8 @@ class KnowledgeStrategy(GroupComponent):
         start = StrategyMemory(unknown, (self.now,) * count, (False,) * count)
         self._memory = [start] * len(group)
         self._is_announced = False
+        self._watch = CellWatch(self._knowledge.model, len(group))
+        self._surroundings.events.subscribe("stepped", self._on_stepped, "environment")
 
     # Before the run
 
@@ -245,6 +249,18 @@ class KnowledgeStrategy(GroupComponent):
         )
         self.record(PLAN, plan)
         self._show_environment()
+
+    def _on_stepped(self, event: Event) -> None:
+        """Watch after each step of the world, and not only at turns, where agents believe to be."""
+        group, cells = self._group, self._game.values[CELL]
+        positions = group.model.positions(group.awareness.state)
+        for row in group.rows.tolist():
+            memory = self._memory[row]
+            if memory.state < 0:
+                continue
+            found = self._watch.seen(row, int(cells[memory.state]), memory.following, positions[row])
+            if found is not None:
+                self.emit_for(row, found.name, found.text, level=found.level, **found.data)
 
     def _show_environment(self) -> None:
         """Record what each agent knows of the cells of others and of closed ones, where that changed."""

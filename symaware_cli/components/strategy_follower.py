@@ -88,11 +88,7 @@ class StrategyFollower:
                 "turned-back", f"{self._named(memory.following)} cannot be entered: stays in {self._named(here)}"
             )
             memory = memory._replace(following=here)
-        if model.contains(memory.following, turn.position):
-            return memory.following, memory
-        if not model.contains(here, turn.position):
-            turn.report("cells-left", "left its cells", Level.WARNING)
-        return None, memory
+        return (memory.following if model.contains(memory.following, turn.position) else None), memory
 
     def _stepped(
         self, memory: StrategyMemory, after: Mapping[str, NDArray[np.intp]], turn: StrategyTurn

@@ -76,7 +76,7 @@ class _CellCheck:
         try:
             drive = self._environment.drive(self._entry.group)
         except WorldError as error:
-            self._uncertain(str(error), error.path, "none")
+            self._uncertain(str(error), error.path, "nothing else that moves it")
             return
         if drive.collides:
             self._check_contacts()
@@ -125,7 +125,9 @@ class _CellCheck:
             return False
         if timing.jitter or timing.trigger is not None or timing.condition is not None:
             return False
-        period = step if timing.period is None else timing.period
+        if timing.is_steady(step):
+            return True
+        period = timing.period
         return bool(period) and self._period % period == 0 and (self._entry.timing.offset - timing.offset) % period == 0
 
     def _check_contacts(self) -> None:
