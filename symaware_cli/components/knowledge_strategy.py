@@ -12,7 +12,7 @@ from pydantic import Field
 from symaware_cli.components.assumption_monitor import AssumptionMonitor
 from symaware_cli.components.cell_watch import CellWatch
 from symaware_cli.components.knowledge_game import GameParameters, KnowledgeGame
-from symaware_cli.components.strategy_follower import Fallback, StrategyFollower
+from symaware_cli.components.strategy_follower import Fallback, OverdueFallback, StrategyFollower
 from symaware_cli.components.strategy_memory import StrategyMemory, StrategyTurn, TurnReport
 from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
 from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, Signal
@@ -115,6 +115,13 @@ class KnowledgeStrategy(GroupComponent):
             description="Time after which something that is assumed to happen again and again is reported as overdue"
             " [s]. By default it is not.",
         )
+        on_overdue: OverdueFallback = Field(
+            "report",
+            description="What an agent does when something is overdue: it reports that, and goes on to wait; it stays in"
+            " its cell for good; it stays until that happens after all; it goes back to the last cell from which there"
+            " is a way to meet the guarantees without that assumption, and stays there; or it goes on by a strategy"
+            " without it, if there is one.",
+        )
 
     def check(self, group: AgentGroup) -> None:
         """Make the strategy."""
@@ -166,7 +173,13 @@ class KnowledgeStrategy(GroupComponent):
         revisions = StrategyRevisions(self._strategy, given.revision.budget, cache)
         monitor = AssumptionMonitor(game, given.patience)
         self._follower = StrategyFollower(
-            self._knowledge.model, revisions, self._counterstrategy, monitor, given.on_violation, given.revision
+            self._knowledge.model,
+            revisions,
+            self._counterstrategy,
+            monitor,
+            given.on_violation,
+            given.on_overdue,
+            given.revision,
         )
 
     def _check_revision(self, group: AgentGroup) -> None:
@@ -176,12 +189,17 @@ class KnowledgeStrategy(GroupComponent):
             ParameterError: One is invalid.
         """
         given = self.parameters
-        is_revised = given.blocked is not None or given.on_violation == "weaken"
+        weakens = [name for name in ("on_violation", "on_overdue") if getattr(given, name) == "weaken"]
+        is_revised = given.blocked is not None or bool(weakens)
+        if given.on_overdue != "report" and given.patience is None:
+            raise ParameterError("nothing is ever overdue without a `patience` [s]", ("on_overdue",))
         if given.on_unrealisable == "counterstrategy" and is_revised:
             said = "an environment that plays a counterstrategy needs the strategy as it was made before the run"
-            raise ParameterError(f"{said}: without `blocked` and `on_violation: weaken`", ("on_unrealisable",))
+            without = f"`{weakens[0]}: weaken`" if weakens else "`blocked`"
+            raise ParameterError(f"{said}: leave {without} out", ("on_unrealisable",))
         if "revision" in given.model_fields_set and not is_revised:
-            raise ParameterError("no strategy is made again without `blocked` or `on_violation: weaken`", ("revision",))
+            said = "no strategy is made again without `blocked`, or `weaken` for `on_violation` or `on_overdue`"
+            raise ParameterError(said, ("revision",))
         for row, known in enumerate(group.knowledge if given.blocked is not None else ()):
             if given.blocked not in known:
                 said = (

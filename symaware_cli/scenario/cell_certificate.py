@@ -98,7 +98,9 @@ class _CellCheck:
                 self._uncertain(why, self._key(key), f"no {key}")
         for key, value in (("period", self._period), ("offset", timing.offset)):
             if value % self._step or (key == "period" and not value):
-                why = f"{'an input' if key == 'period' else 'the first'} is held for a part of a time step of {step:g} s"
+                why = (
+                    f"{'an input' if key == 'period' else 'the first'} is held for a part of a time step of {step:g} s"
+                )
                 self._uncertain(why, self._key(key), f"a whole multiple of {step:g} [s]")
 
     def _key(self, key: str) -> Path:
@@ -135,7 +137,9 @@ class _CellCheck:
         group, given = self._entry.group, self._entry.components[0].parameters
         where = (*self._path, "with", "apart_from") if given.apart_from else self._path
         if len(group.model.position) > 2:
-            self._uncertain("a body in space may touch the ground", ("agents", group.name, "model"), "a model in a plane")
+            self._uncertain(
+                "a body in space may touch the ground", ("agents", group.name, "model"), "a model in a plane"
+            )
         excluded = {*self._excluded(given.apart_from)}
         others = sorted({*self._movers(group)} - excluded)
         if others:
@@ -149,7 +153,9 @@ class _CellCheck:
                 f"{quoted(name)} is {max(gap, 0.0):.3g} m from the cell {quoted(cell)}, and the body reaches "
                 f"{radius:.3g} m from its position"
             )
-            self._uncertain(why, where, f"cells {radius:.3g} m from it (`margin` of {quoted(given.model)}), a smaller body")
+            self._uncertain(
+                why, where, f"cells {radius:.3g} m from it (`margin` of {quoted(given.model)}), a smaller body"
+            )
 
     def _excluded(self, patterns: Sequence[str]) -> Iterator[str]:
         """Yield the bodies that are known to keep apart."""
@@ -168,7 +174,9 @@ class _CellCheck:
             if self._environment.moves(name) or obstacle.shape.urdf:
                 yield name
 
-    def _near(self, group: AgentGroup, model: KnowledgeModel, excluded: Collection[str]) -> Iterator[tuple[str, str, float]]:
+    def _near(
+        self, group: AgentGroup, model: KnowledgeModel, excluded: Collection[str]
+    ) -> Iterator[tuple[str, str, float]]:
         """Yield each fixed body that the agent might touch, with the nearest cell and the distance of both [m]."""
         scenery, radius = self._environment.scenery, group.entity.radius
         apart = {*excluded, *self._movers(group)}

@@ -247,3 +247,68 @@ def test_after_a_broken_assumption_an_agent_does_what_is_declared(
 def test_parameters_that_make_no_sense_are_refused(changes: Mapping[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         load(SCENARIOS / "blocked.yaml", changes)
+
+
+DECIDE = "agents.robot.components.decide.with"
+OVERDUE = ("assumption-overdue", "assumption-dropped", "assumption-kept", "strategy-resumed", "strategy-revised")
+
+
+def test_what_is_overdue_is_assumed_no_more_and_the_other_door_taken(tmp_path: Path) -> None:
+    log = run(tmp_path / "a.mcap", name="two-doors.yaml")
+    assert events(log, "robot.decide", *OVERDUE) == [
+        (14.5, "assumption-overdue"),
+        (14.5, "assumption-dropped"),
+        (15.0, "strategy-revised"),
+    ]
+    path = cells(log, "robot")
+    assert (3, 0) in path
+    assert (3, 4) not in path
+    assert len(events(log, "robot.decide", "goal-met")) >= 4
+
+
+def test_what_is_overdue_is_only_reported_unless_a_fallback_is_declared(tmp_path: Path) -> None:
+    changes = {f"{DECIDE}.on_overdue": "report", f"{DECIDE}.revision": None}
+    log = run(tmp_path / "a.mcap", changes, "two-doors.yaml")
+    assert events(log, "robot.decide", *OVERDUE) == [(14.5, "assumption-overdue")]
+    assert not cells(log, "robot") & {(3, 0), (3, 4)}
+
+
+def test_without_what_is_overdue_there_may_be_no_strategy(tmp_path: Path) -> None:
+    log = run(tmp_path / "a.mcap", {f"{DECIDE}.on_overdue": "weaken"}, "locked.yaml")
+    found = [name for _, name in events(log, "robot.decide", *OVERDUE, "strategy-unrealisable")]
+    assert found == ["assumption-overdue", "assumption-dropped", "strategy-revised", "strategy-unrealisable"]
+
+
+#: The door opens after 20 s, long after it is overdue.
+LATE = {
+    "agents.door.knowledge.waypoints": {"all": [[3.5, 2.5], [3.5, 1.0], [3.5, 4.0]]},
+    "agents.door.components.slide.with": {"speed": 0.2, "loop": False},
+    f"{DECIDE}.patience": 5.0,
+    "run.duration": 45.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("fallback", "passes"), [("report", True), ("stop", False), ("resume", True), ("last-safe-cell", False)]
+)
+def test_a_robot_stays_while_something_is_overdue_or_for_good(tmp_path: Path, fallback: str, passes: bool) -> None:
+    log = run(tmp_path / "a.mcap", {**LATE, f"{DECIDE}.on_overdue": fallback}, "locked.yaml")
+    found = [name for _, name in events(log, "robot.decide", *OVERDUE)]
+    assert found[:2] == ["assumption-overdue", "assumption-kept"]
+    assert ("strategy-resumed" in found) == (fallback == "resume")
+    assert ((3, 2) in cells(log, "robot")) == passes
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({f"{DECIDE}.patience": None, f"{DECIDE}.on_overdue": "stop"}, "nothing is ever overdue without a `patience`"),
+        (
+            {f"{DECIDE}.on_overdue": "weaken", f"{DECIDE}.on_unrealisable": "counterstrategy"},
+            "leave `on_overdue: weaken` out",
+        ),
+    ],
+)
+def test_a_fallback_without_effect_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        load(SCENARIOS / "locked.yaml", changes)

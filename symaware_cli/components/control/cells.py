@@ -190,7 +190,9 @@ class CellSteering(Steering):
             self._braking.slowed(np.abs(speed)),
         )
         rolls_on = (np.abs(speed) > _AT_REST) if self._braking.is_limited else np.zeros(len(off), bool)
-        control_input[:, 1] = np.where(drives | rolls_on, 0.0, self._turn_rates(error, moving & ~is_straight, turn_rate))
+        control_input[:, 1] = np.where(
+            drives | rolls_on, 0.0, self._turn_rates(error, moving & ~is_straight, turn_rate)
+        )
         return control_input
 
     def _turn_rates(self, error: Array, turning: NDArray[np.bool_], present: Array) -> Array:
