@@ -117,8 +117,8 @@ class KnowledgeStrategy(GroupComponent):
         )
         on_overdue: OverdueFallback = Field(
             "report",
-            description="What an agent does when something is overdue: it reports that, and goes on to wait; it stays in"
-            " its cell for good; it stays until that happens after all; it goes back to the last cell from which there"
+            description="What an agent does when something is overdue: it reports that, and goes on to wait; it stays"
+            " in its cell for good; it stays until that happens after all; it goes back to the last cell from which there"
             " is a way to meet the guarantees without that assumption, and stays there; or it goes on by a strategy"
             " without it, if there is one.",
         )
@@ -170,7 +170,7 @@ class KnowledgeStrategy(GroupComponent):
             if self.parameters.on_unrealisable == "refuse" or not game.starts(self._knowledge.starts)[1].any():
                 raise self._unrealisable(error) from None
             self._counterstrategy, self._strategy = oppose(game), attempt(game)
-        revisions = StrategyRevisions(self._strategy, given.revision.budget, cache)
+        revisions = StrategyRevisions(self._strategy, given.revision, cache)
         monitor = AssumptionMonitor(game, given.patience)
         self._follower = StrategyFollower(
             self._knowledge.model,
@@ -200,6 +200,9 @@ class KnowledgeStrategy(GroupComponent):
         if "revision" in given.model_fields_set and not is_revised:
             said = "no strategy is made again without `blocked`, or `weaken` for `on_violation` or `on_overdue`"
             raise ParameterError(said, ("revision",))
+        if given.revision.run_in == "process" and not given.revision.latency:
+            said = "a strategy that is due at once is waited for at once: a process of its own needs a `latency` [s]"
+            raise ParameterError(said, ("revision", "run_in"))
         for row, known in enumerate(group.knowledge if given.blocked is not None else ()):
             if given.blocked not in known:
                 said = (

@@ -140,6 +140,7 @@ class StrategyFollower:
                 cells = [self._named(each) for each in turn.blocked]
                 said = f"{', '.join(cells)} cannot be entered" if cells else "no cell is blocked"
                 turn.report("cells-learnt", f"learnt that {said}", cells=cells)
+            self._revisions.begin(wanted)
             memory = memory._replace(pending=wanted, due=turn.now + nanoseconds(self._revision.latency))
         if memory.pending is None or turn.now < memory.due:
             return memory

@@ -113,7 +113,9 @@ class _CellCheck:
         exact = [each for each in before if self._is_exact(each)]
         if not exact:
             why = "it does not perceive its own exact state before each of its turns"
-            self._uncertain(why, self._path, "`perception.self` or `perception.omniscient`, at each step, before it")
+            sensing = next((each.name for each in before if each.use.startswith("perception.")), self._entry.name)
+            expected = "`perception.self` or `perception.omniscient`, at each step, before it"
+            self._uncertain(why, (*self._path[:3], sensing), expected)
             return
         for each in own:
             if _errs(each) or each.use.startswith("uncertainty."):
@@ -153,9 +155,8 @@ class _CellCheck:
                 f"{quoted(name)} is {max(gap, 0.0):.3g} m from the cell {quoted(cell)}, and the body reaches "
                 f"{radius:.3g} m from its position"
             )
-            self._uncertain(
-                why, where, f"cells {radius:.3g} m from it (`margin` of {quoted(given.model)}), a smaller body"
-            )
+            expected = f"cells {radius:.3g} m from it (`margin` of {quoted(given.model)}), a smaller body"
+            self._uncertain(why, ("environment", "entities", name), expected)
 
     def _excluded(self, patterns: Sequence[str]) -> Iterator[str]:
         """Yield the bodies that are known to keep apart."""

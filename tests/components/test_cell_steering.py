@@ -13,6 +13,7 @@ DELIVER = Path(__file__).parents[2] / "scenarios" / "deliver.yaml"
 MODELS = {"single-integrator": 2, "unicycle": 3}
 WORLDS = ["kinematic", "pymunk", "pybullet"]
 STEER = "agents.robot.components.steer"
+SENSE = "agents.robot.components.sense"
 
 #: A robot that patrols between three cells.
 PATROL = """
@@ -168,10 +169,10 @@ WALL = {"shape": {"box": {"length": 0.8, "width": 0.2}}, "position": [1.5, -0.35
         ({f"{STEER}.period": 0.2, f"{STEER}.jitter": 0.1}, f"{STEER}.jitter", "the time for which an input is held"),
         ({f"{STEER}.condition": "risk < 0.5"}, f"{STEER}.condition", "while the condition does not hold"),
         ({f"{STEER}.trigger": {"event": "goal-met", "of": "decide"}}, f"{STEER}.trigger", "until an event"),
-        ({"agents.robot.components.sense.period": 0.2}, STEER, "its own exact state"),
+        ({"agents.robot.components.sense.period": 0.2}, SENSE, "its own exact state"),
         (
             {"agents.robot.components.sense": {"use": "perception.range", "with": {"range": 1.0, "self_noise": 0.1}}},
-            STEER,
+            SENSE,
             "its own exact state",
         ),
         (
@@ -191,7 +192,7 @@ WALL = {"shape": {"box": {"length": 0.8, "width": 0.2}}, "position": [1.5, -0.35
         ),
         (
             {"environment.use": "pymunk", "environment.entities": {"wall": WALL}},
-            STEER,
+            "environment.entities.wall",
             "`wall` is 0.25 m from the cell `c1_0`, and the body reaches 0.3 m",
         ),
         (

@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 from symaware_cli import RunFailedError, ScenarioError, SimulationState, load, open_log
+from symaware_cli.components import strategy_revision
+from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.recording.digest import digest
+from symaware_cli.synthesis.game import Game
+from symaware_cli.synthesis.strategy import Strategy
 from symaware_cli.synthesis.strategy_cache import VARIABLE
+from symaware_cli.synthesis.strategy_process import StrategyProcess
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 REVISION = "agents.{}.components.decide.with.revision"
@@ -312,3 +317,47 @@ def test_a_robot_stays_while_something_is_overdue_or_for_good(tmp_path: Path, fa
 def test_a_fallback_without_effect_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         load(SCENARIOS / "locked.yaml", changes)
+
+
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_a_process_makes_the_same_strategy_while_the_run_goes_on(
+    tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "")
+    noted: list[tuple[str, int]] = []
+    steps = [0]
+
+    class Noting(StrategyProcess):
+        def __init__(self, game: Game, budget: int | None) -> None:
+            noted.append(("begun", steps[0]))
+            super().__init__(game, budget)
+
+        def result(self) -> Strategy:
+            noted.append(("due", steps[0]))
+            return super().result()
+
+    def counted(self: KinematicEnvironment) -> None:
+        steps[0] += 1
+        step(self)
+
+    step = KinematicEnvironment.step
+    monkeypatch.setattr(strategy_revision, "StrategyProcess", Noting)
+    monkeypatch.setattr(KinematicEnvironment, "step", counted)
+    here = run(tmp_path / "here.mcap", {"run.mode": mode}, "two-doors.yaml")
+    assert not noted
+    steps[0] = 0
+    there = run(tmp_path / "there.mcap", {"run.mode": mode, f"{DECIDE}.revision.run_in": "process"}, "two-doors.yaml")
+    assert noted == [("begun", 145), ("due", 150)]  # 0.5 s, the latency, apart
+    one, two = digest(open_log(here)), digest(open_log(there))
+    assert one.channels == two.channels
+
+
+def test_a_process_that_would_take_more_than_the_budget_is_one_that_does_so_here(tmp_path: Path) -> None:
+    changes = {f"{DECIDE}.revision.run_in": "process", f"{DECIDE}.revision.budget": 10, "run.duration": 20.0}
+    log = run(tmp_path / "a.mcap", changes, "two-doors.yaml")
+    assert [name for _, name in events(log, "robot.decide", "budget-exceeded")] == ["budget-exceeded"]
+
+
+def test_a_process_without_a_latency_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="a process of its own needs a `latency`"):
+        load(SCENARIOS / "two-doors.yaml", {f"{DECIDE}.revision": {"run_in": "process"}})

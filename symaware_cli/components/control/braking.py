@@ -21,8 +21,8 @@ class Braking:
 
     and a body that accelerates less far than one that has its speed at once. So with a speed v at its beginning and u
     for the rest, a period T takes a body T u + D(v - u) if it brakes, T u - D(u - v) if it accelerates, and then D(u)
-    farther if it brakes until it stops. The sum grows with u as long as u can be reached within the period; the greatest
-    u for which it is at most the distance to the point is found by halving.
+    farther if it brakes until it stops. The sum grows with u as long as u can be reached within the period; the
+    greatest u for which it is at most the distance to the point is found by halving.
     """
 
     def __init__(self, acceleration: float, step: float, period: float) -> None:
