@@ -118,9 +118,9 @@ class KnowledgeStrategy(GroupComponent):
         on_overdue: OverdueFallback = Field(
             "report",
             description="What an agent does when something is overdue: it reports that, and goes on to wait; it stays"
-            " in its cell for good; it stays until that happens after all; it goes back to the last cell from which there"
-            " is a way to meet the guarantees without that assumption, and stays there; or it goes on by a strategy"
-            " without it, if there is one.",
+            " in its cell for good; it stays until that happens after all; it goes back to the last cell from which"
+            " there is a way to meet the guarantees without that assumption, and stays there; or it goes on by a"
+            " strategy without it, if there is one.",
         )
 
     def check(self, group: AgentGroup) -> None:

@@ -38,8 +38,8 @@ class RevisionParameters(Parameters):
     )
     run_in: Literal["here", "process"] = Field(
         "here",
-        description="Where it is made: here, when it is due; or in a process of its own, which begins when the agent has"
-        " learnt something, so that the run goes on meanwhile. It is the same strategy.",
+        description="Where it is made: here, when it is due; or in a process of its own, which begins when the agent"
+        " has learnt something, so that the run goes on meanwhile. It is the same strategy.",
     )
 
 
