@@ -106,6 +106,11 @@ class KnowledgeStrategy(GroupComponent):
             description="The name of the knowledge that lists cells, by their names, that cannot be entered. When it"
             " changes, the strategy is made again.",
         )
+        knowledge: dict[str, str] = Field(
+            default_factory=dict,
+            description="What the agent is to know of its own state, by the name in its knowledge: a label of its cell,"
+            " such as `loaded` of a gripper. It is 1 while the cell that it came to has the label, and 0 otherwise.",
+        )
         revision: RevisionParameters = Field(
             default_factory=RevisionParameters, description="What it takes to make a strategy again during the run."
         )
@@ -162,6 +167,7 @@ class KnowledgeStrategy(GroupComponent):
         self._knowledge = KnowledgeGame(given, group)
         self._game = game = self._knowledge.game
         self._cells = EnvironmentCells(game, self._knowledge.model)
+        self._check_knowledge(group)
         self._check_revision(group)
         self._counterstrategy: Counterstrategy | None = None
         try:
@@ -181,6 +187,22 @@ class KnowledgeStrategy(GroupComponent):
             given.on_overdue,
             given.revision,
         )
+
+    def _check_knowledge(self, group: AgentGroup) -> None:
+        """Check what the agents are to know of their states.
+
+        Raises:
+            ParameterError: There is no such label, or an agent does not know it at first.
+        """
+        labels = self._knowledge.model.system.labels
+        for name, label in self.parameters.knowledge.items():
+            if label not in labels:
+                known = ", ".join(sorted(labels)) or "none"
+                raise ParameterError(f"no cell has the label `{label}`; there are: {known}", ("knowledge", name))
+            for id, known_at_first in zip(group.ids, group.knowledge, strict=True):
+                if known_at_first.get(name) not in (0, 1):
+                    said = f"{id} does not know `{name}`; declare what holds at first: `knowledge: {{{name}: 0}}`"
+                    raise ParameterError(said, ("knowledge", name))
 
     def _check_revision(self, group: AgentGroup) -> None:
         """Check the parameters of strategies that are made again.
@@ -269,7 +291,17 @@ class KnowledgeStrategy(GroupComponent):
             float,
         )
         self.record(PLAN, plan)
+        self._tell_state(cells)
         self._show_environment()
+
+    def _tell_state(self, cells: NDArray[np.intp]) -> None:
+        """Write to the knowledge of each agent which labels its cell has, where that changed."""
+        labels = self._knowledge.model.system.labels
+        for name, label in self.parameters.knowledge.items():
+            for known, memory in zip(self._group.knowledge, self._memory, strict=True):
+                has = int(memory.state >= 0 and int(cells[memory.state]) in labels[label])
+                if memory.state >= 0 and known[name] != has:
+                    known[name] = has
 
     def _on_stepped(self, event: Event) -> None:
         """Watch after each step of the world, and not only at turns, where agents believe to be."""

@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import weakref
+from contextlib import suppress
 from typing import NamedTuple
 
 from symaware_cli.abstraction.transition_system import TransitionSystem
@@ -96,9 +97,8 @@ class StrategyProcess:
 def main() -> None:
     """Make the strategy for the game on the standard input, and write it to the standard output."""
     text, budget = pickle.load(sys.stdin.buffer)
-    try:
+    answer: tuple[bytes | None, int] = None, 0
+    with suppress(BudgetError):
         strategy = synthesise_anywhere(text.game(), StrategyCache.of_user(), budget)
-        answer = (encoded(strategy), strategy.effort)
-    except BudgetError:
-        answer = (None, 0)
+        answer = encoded(strategy), strategy.effort
     sys.stdout.buffer.write(pickle.dumps(answer))

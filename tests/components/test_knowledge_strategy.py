@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from symaware_cli import load, open_log
+from symaware_cli import ScenarioError, load, open_log
 from symaware_cli.synthesis.game import Game
 from symaware_cli.synthesis.strategy import synthesise
 
@@ -229,3 +229,44 @@ def test_random_legal_environments_never_lead_to_a_violation() -> None:
         state, goal = int(legal[draw.integers(len(legal))]), after
     assert min(met) > 100
     assert fair[0].any()
+
+
+LOADED = {
+    "agents.robot.knowledge": {"loaded": 0},
+    "agents.robot.components.decide.with.knowledge": {"loaded": "loaded"},
+}
+
+
+def test_an_agent_knows_the_state_of_what_has_no_place_and_components_and_messages_read_it(tmp_path: Path) -> None:
+    changes = {
+        **LOADED,
+        "topology": {"use": "complete"},
+        "agents.robot.components.tell": {"use": "communication.flooding", "with": {"names": ["loaded"]}},
+        "agents.customer.components.hear": {"use": "communication.flooding"},
+        "agents.robot.components.steer.with.certified": False,
+        "agents.robot.components.steer.condition": "knowledge.loaded > 0",
+    }
+    log = open_log(run("fetch.yaml", tmp_path / "a.mcap", {**changes, "agents.robot.components.steer.condition": None}))
+    states = load(SCENARIOS / "fetch.yaml").knowledge_models()["carrier"].system.states
+    plan = log.series("robot", "decide.plan")
+    loaded = [int(states[int(cell)].endswith(",loaded")) for cell in plan.values[:, 0]]
+    known = [(each.time, each.values["loaded"]) for each in log.knowledge("robot")]
+    changed = [place for place in range(1, len(loaded)) if loaded[place] != loaded[place - 1]]
+    assert known[0] == (0, 0)
+    assert known[1:] == [(int(plan.times[place]), loaded[place]) for place in changed]
+    assert len(known) >= 3
+    # A condition that reads it: the robot stands from where it would have to pick something up.
+    still = open_log(run("fetch.yaml", tmp_path / "b.mcap", changes)).series("robot", "state").values
+    assert (still == still[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"agents.robot.components.decide.with.knowledge": {"loaded": "loaded"}}, "robot does not know `loaded`"),
+        ({**LOADED, "agents.robot.components.decide.with.knowledge": {"loaded": "lodaed"}}, "no cell has the label"),
+    ],
+)
+def test_what_an_agent_is_to_know_of_its_state_must_exist(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        load(SCENARIOS / "fetch.yaml", changes)
