@@ -132,7 +132,12 @@ class _CellCheck:
         if timing.is_steady(step):
             return True
         period = timing.period
-        return bool(period) and self._period % period == 0 and (self._entry.timing.offset - timing.offset) % period == 0
+        return (
+            period is not None
+            and period > 0
+            and self._period % period == 0
+            and (self._entry.timing.offset - timing.offset) % period == 0
+        )
 
     def _check_contacts(self) -> None:
         """Check that no other body can touch the agent."""
