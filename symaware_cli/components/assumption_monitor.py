@@ -16,7 +16,7 @@ from symaware_cli.world.time import SECOND
 
 
 class BrokenAssumption(NamedTuple):
-    """An assumption that a step of the environment broke.
+    """An assumption that a step of the environment broke, or of which something is overdue.
 
     Attributes:
         text: The assumption.
@@ -74,6 +74,13 @@ class AssumptionMonitor:
             if not all(np.all(holds(now, after) if ahead else holds(after, None)) for holds, ahead in safety):
                 broken.append(BrokenAssumption(each.text, number))
         return broken
+
+    def overdue(self, memory: StrategyMemory) -> list[BrokenAssumption]:
+        """Return the assumptions of which something is overdue, in their order, without those that were given up."""
+        late = {number for number, is_late in zip(self._numbers, memory.overdue, strict=True) if is_late}
+        return [
+            BrokenAssumption(self._game.assumptions[number].text, number) for number in sorted(late - {*memory.dropped})
+        ]
 
     def reminded(self, memory: StrategyMemory, state: int, turn: StrategyTurn) -> StrategyMemory:
         """Note which goals the environment meets in a state, and report those that are overdue."""

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.assumption_monitor import AssumptionMonitor
+from symaware_cli.components.cell_watch import CellWatch
 from symaware_cli.components.knowledge_game import GameParameters, KnowledgeGame
-from symaware_cli.components.strategy_follower import Fallback, StrategyFollower
+from symaware_cli.components.strategy_follower import Fallback, OverdueFallback, StrategyFollower
 from symaware_cli.components.strategy_memory import StrategyMemory, StrategyTurn, TurnReport
 from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
-from symaware_cli.core import AgentGroup, GroupComponent, Level, Quantity, Signal
+from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, Signal
 from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.attempt import attempt
 from symaware_cli.synthesis.conflict import conflict
@@ -48,7 +49,8 @@ class KnowledgeStrategy(GroupComponent):
     The strategy is synthesised before the run, from formulas in the fragment GR(1) about the cells of a knowledge
     model, and checked by a model checker. It advances at the turns at which the agent believes to be in the cell that
     it was going to; the environment is what the agent then believes about it. If the environment breaks an assumption,
-    the agent stops in its cell.
+    the agent stops in its cell. Whoever steers the agent: if it leaves the cell that it came from and the one that it
+    goes to, or skips that, this is an event.
 
     When the agent learns of cells that cannot be entered, the strategy is made again without them.
     """
@@ -72,7 +74,7 @@ class KnowledgeStrategy(GroupComponent):
         "strategy-unrealisable": "No strategy from what the agent has learnt meets its guarantees from where it is.",
         "retreated": "The agent goes back towards the last cell from which its guarantees can be met.",
         "strategy-resumed": "An agent that had stopped goes on.",
-        "cells-left": "An agent is neither in the cell that it came from nor in the one that it goes to.",
+        **CellWatch.EVENTS,
     }
     # Made from the parameters and the model before the run, and the same in each run of the scenario.
     uncaptured: ClassVar[Collection[str]] = (
@@ -104,6 +106,11 @@ class KnowledgeStrategy(GroupComponent):
             description="The name of the knowledge that lists cells, by their names, that cannot be entered. When it"
             " changes, the strategy is made again.",
         )
+        knowledge: dict[str, str] = Field(
+            default_factory=dict,
+            description="What the agent is to know of its own state, by the name in its knowledge: a label of its cell,"
+            " such as `loaded` of a gripper. It is 1 while the cell that it came to has the label, and 0 otherwise.",
+        )
         revision: RevisionParameters = Field(
             default_factory=RevisionParameters, description="What it takes to make a strategy again during the run."
         )
@@ -112,6 +119,13 @@ class KnowledgeStrategy(GroupComponent):
             gt=0,
             description="Time after which something that is assumed to happen again and again is reported as overdue"
             " [s]. By default it is not.",
+        )
+        on_overdue: OverdueFallback = Field(
+            "report",
+            description="What an agent does when something is overdue: it reports that, and goes on to wait; it stays"
+            " in its cell for good; it stays until that happens after all; it goes back to the last cell from which"
+            " there is a way to meet the guarantees without that assumption, and stays there; or it goes on by a"
+            " strategy without it, if there is one.",
         )
 
     def check(self, group: AgentGroup) -> None:
@@ -129,6 +143,8 @@ class KnowledgeStrategy(GroupComponent):
         start = StrategyMemory(unknown, (self.now,) * count, (False,) * count)
         self._memory = [start] * len(group)
         self._is_announced = False
+        self._watch = CellWatch(self._knowledge.model, len(group))
+        self._surroundings.events.subscribe("stepped", self._on_stepped, "environment")
 
     # Before the run
 
@@ -151,6 +167,7 @@ class KnowledgeStrategy(GroupComponent):
         self._knowledge = KnowledgeGame(given, group)
         self._game = game = self._knowledge.game
         self._cells = EnvironmentCells(game, self._knowledge.model)
+        self._check_knowledge(group)
         self._check_revision(group)
         self._counterstrategy: Counterstrategy | None = None
         try:
@@ -159,11 +176,33 @@ class KnowledgeStrategy(GroupComponent):
             if self.parameters.on_unrealisable == "refuse" or not game.starts(self._knowledge.starts)[1].any():
                 raise self._unrealisable(error) from None
             self._counterstrategy, self._strategy = oppose(game), attempt(game)
-        revisions = StrategyRevisions(self._strategy, given.revision.budget, cache)
+        revisions = StrategyRevisions(self._strategy, given.revision, cache)
         monitor = AssumptionMonitor(game, given.patience)
         self._follower = StrategyFollower(
-            self._knowledge.model, revisions, self._counterstrategy, monitor, given.on_violation, given.revision
+            self._knowledge.model,
+            revisions,
+            self._counterstrategy,
+            monitor,
+            given.on_violation,
+            given.on_overdue,
+            given.revision,
         )
+
+    def _check_knowledge(self, group: AgentGroup) -> None:
+        """Check what the agents are to know of their states.
+
+        Raises:
+            ParameterError: There is no such label, or an agent does not know it at first.
+        """
+        labels = self._knowledge.model.system.labels
+        for name, label in self.parameters.knowledge.items():
+            if label not in labels:
+                known = ", ".join(sorted(labels)) or "none"
+                raise ParameterError(f"no cell has the label `{label}`; there are: {known}", ("knowledge", name))
+            for id, known_at_first in zip(group.ids, group.knowledge, strict=True):
+                if known_at_first.get(name) not in (0, 1):
+                    said = f"{id} does not know `{name}`; declare what holds at first: `knowledge: {{{name}: 0}}`"
+                    raise ParameterError(said, ("knowledge", name))
 
     def _check_revision(self, group: AgentGroup) -> None:
         """Check the parameters of strategies that are made again.
@@ -172,12 +211,20 @@ class KnowledgeStrategy(GroupComponent):
             ParameterError: One is invalid.
         """
         given = self.parameters
-        is_revised = given.blocked is not None or given.on_violation == "weaken"
+        weakens = [name for name in ("on_violation", "on_overdue") if getattr(given, name) == "weaken"]
+        is_revised = given.blocked is not None or bool(weakens)
+        if given.on_overdue != "report" and given.patience is None:
+            raise ParameterError("nothing is ever overdue without a `patience` [s]", ("on_overdue",))
         if given.on_unrealisable == "counterstrategy" and is_revised:
             said = "an environment that plays a counterstrategy needs the strategy as it was made before the run"
-            raise ParameterError(f"{said}: without `blocked` and `on_violation: weaken`", ("on_unrealisable",))
+            without = f"`{weakens[0]}: weaken`" if weakens else "`blocked`"
+            raise ParameterError(f"{said}: leave {without} out", ("on_unrealisable",))
         if "revision" in given.model_fields_set and not is_revised:
-            raise ParameterError("no strategy is made again without `blocked` or `on_violation: weaken`", ("revision",))
+            said = "no strategy is made again without `blocked`, or `weaken` for `on_violation` or `on_overdue`"
+            raise ParameterError(said, ("revision",))
+        if given.revision.run_in == "process" and not given.revision.latency:
+            said = "a strategy that is due at once is waited for at once: a process of its own needs a `latency` [s]"
+            raise ParameterError(said, ("revision", "run_in"))
         for row, known in enumerate(group.knowledge if given.blocked is not None else ()):
             if given.blocked not in known:
                 said = (
@@ -244,7 +291,29 @@ class KnowledgeStrategy(GroupComponent):
             float,
         )
         self.record(PLAN, plan)
+        self._tell_state(cells)
         self._show_environment()
+
+    def _tell_state(self, cells: NDArray[np.intp]) -> None:
+        """Write to the knowledge of each agent which labels its cell has, where that changed."""
+        labels = self._knowledge.model.system.labels
+        for name, label in self.parameters.knowledge.items():
+            for known, memory in zip(self._group.knowledge, self._memory, strict=True):
+                has = int(memory.state >= 0 and int(cells[memory.state]) in labels[label])
+                if memory.state >= 0 and known[name] != has:
+                    known[name] = has
+
+    def _on_stepped(self, event: Event) -> None:
+        """Watch after each step of the world, and not only at turns, where agents believe to be."""
+        group, cells = self._group, self._game.values[CELL]
+        positions = group.model.positions(group.awareness.state)
+        for row in group.rows.tolist():
+            memory = self._memory[row]
+            if memory.state < 0:
+                continue
+            found = self._watch.seen(row, int(cells[memory.state]), memory.following, positions[row])
+            if found is not None:
+                self.emit_for(row, found.name, found.text, level=found.level, **found.data)
 
     def _show_environment(self) -> None:
         """Record what each agent knows of the cells of others and of closed ones, where that changed."""

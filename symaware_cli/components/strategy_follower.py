@@ -19,6 +19,8 @@ from symaware_cli.world.time import nanoseconds
 
 #: What an agent does after the environment broke an assumption.
 Fallback = Literal["stop", "resume", "last-safe-cell", "weaken"]
+#: What an agent does when something that is assumed to happen again and again is overdue.
+OverdueFallback = Literal["report", "stop", "resume", "last-safe-cell", "weaken"]
 
 
 class StrategyFollower:
@@ -31,6 +33,7 @@ class StrategyFollower:
         counterstrategy: Counterstrategy | None,
         monitor: AssumptionMonitor,
         fallback: Fallback,
+        overdue_fallback: OverdueFallback,
         revision: RevisionParameters,
     ) -> None:
         """Prepare.
@@ -41,6 +44,7 @@ class StrategyFollower:
             counterstrategy: What the environment plays; None for what is believed about it.
             monitor: Says which assumptions were broken.
             fallback: What is done then.
+            overdue_fallback: What is done when something is overdue.
             revision: What it takes to make a strategy again.
         """
         self._game = revisions.game
@@ -49,6 +53,7 @@ class StrategyFollower:
         self._counterstrategy = counterstrategy
         self._monitor = monitor
         self._fallback = fallback
+        self._overdue_fallback = overdue_fallback
         self._revision = revision
 
     @property
@@ -88,11 +93,7 @@ class StrategyFollower:
                 "turned-back", f"{self._named(memory.following)} cannot be entered: stays in {self._named(here)}"
             )
             memory = memory._replace(following=here)
-        if model.contains(memory.following, turn.position):
-            return memory.following, memory
-        if not model.contains(here, turn.position):
-            turn.report("cells-left", "left its cells", Level.WARNING)
-        return None, memory
+        return (memory.following if model.contains(memory.following, turn.position) else None), memory
 
     def _stepped(
         self, memory: StrategyMemory, after: Mapping[str, NDArray[np.intp]], turn: StrategyTurn
@@ -106,7 +107,9 @@ class StrategyFollower:
             texts = [each.text for each in broken]
             said = f"the environment broke {_listed(texts)}"
             turn.report("assumption-broken", said, Level.WARNING, assumptions=texts)
-            memory = self._revised(self._weakened(memory, broken, turn), turn)
+            if self._fallback == "weaken":
+                memory = self._revised(self._weakened(memory, broken, turn), turn)
+        memory = self._warned(memory, turn)
         strategy = self._revisions.strategy(memory.revision)
         halt = self._halt(memory, broken, strategy.covers(state))
         if memory.halt and not halt:
@@ -115,9 +118,12 @@ class StrategyFollower:
             turn.report("strategy-unrealisable", f"there is no strategy from {self._named(cell)}", Level.WARNING)
         reached = memory._replace(state=state, following=cell, halt=halt, path=memory.walked(cell))
         if halt:
-            if self._fallback != "last-safe-cell" or halt == "revision":
+            fallback = self._overdue_fallback if halt == "overdue" else self._fallback
+            if fallback != "last-safe-cell" or halt == "revision":
                 return reached
-            return self._retreated(reached, memory, strategy, after, turn)
+            dropped = tuple(sorted({*memory.dropped, *memory.distrusted}))
+            safe = self._revisions.strategy(memory.revision._replace(dropped=dropped))
+            return self._retreated(reached, memory, safe, after, turn)
         following, goal = strategy.choice(state, memory.goal)
         number = memory.goal
         if strategy.reaches(state, number) and not (before >= 0 and strategy.reaches(before, number)):
@@ -134,6 +140,7 @@ class StrategyFollower:
                 cells = [self._named(each) for each in turn.blocked]
                 said = f"{', '.join(cells)} cannot be entered" if cells else "no cell is blocked"
                 turn.report("cells-learnt", f"learnt that {said}", cells=cells)
+            self._revisions.begin(wanted)
             memory = memory._replace(pending=wanted, due=turn.now + nanoseconds(self._revision.latency))
         if memory.pending is None or turn.now < memory.due:
             return memory
@@ -146,18 +153,34 @@ class StrategyFollower:
             turn.report("strategy-revised", said, digest=made.digest, effort=made.effort)
         return memory._replace(revision=memory.pending, pending=None)
 
+    def _warned(self, memory: StrategyMemory, turn: StrategyTurn) -> StrategyMemory:
+        """Return the memory after what is declared to be done about everything that is overdue."""
+        if self._overdue_fallback == "report":
+            return memory
+        overdue = self._monitor.overdue(memory)
+        if self._overdue_fallback == "weaken":
+            return self._revised(self._weakened(memory, overdue, turn), turn) if overdue else memory
+        lasting = () if self._overdue_fallback == "resume" else memory.distrusted
+        numbers = [each.number for each in overdue if each.number is not None]
+        return memory._replace(distrusted=tuple(sorted({*lasting, *numbers})))
+
     def _weakened(
         self, memory: StrategyMemory, broken: Sequence[BrokenAssumption], turn: StrategyTurn
     ) -> StrategyMemory:
-        """Return the memory without the assumptions that were broken, if they may be given up."""
+        """Return the memory without assumptions that were broken or are overdue, if all of them are written."""
         numbers = [each.number for each in broken if each.number is not None]
-        if self._fallback != "weaken" or len(numbers) < len(broken):
+        if len(numbers) < len(broken):
             return memory
         texts = [each.text for each in broken]
         turn.report("assumption-dropped", f"no longer assumes {_listed(texts)}", Level.WARNING, assumptions=texts)
         return memory._replace(dropped=tuple(sorted({*memory.dropped, *numbers})))
 
-    def _halt(self, memory: StrategyMemory, broken: Sequence[BrokenAssumption], covered: bool) -> Halt:
+    def _halt(
+        self,
+        memory: StrategyMemory,
+        broken: Sequence[BrokenAssumption],
+        covered: bool,
+    ) -> Halt:
         """Return why an agent stays where it is; empty if it goes on.
 
         Args:
@@ -168,6 +191,8 @@ class StrategyFollower:
         is_weakened = all(each.number in memory.dropped for each in broken)
         if not is_weakened or memory.halt == "violation":
             return "" if self._fallback == "resume" and covered else "violation"
+        if memory.distrusted:
+            return "overdue"
         if memory.pending is not None and (broken or memory.halt or not covered):
             return "revision"
         return "" if covered else "unrealisable"

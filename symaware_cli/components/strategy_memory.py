@@ -24,8 +24,9 @@ class Revision(NamedTuple):
     dropped: tuple[int, ...] = ()
 
 
-#: Why an agent stays where it is: an assumption was broken; a strategy is being made; or there is none from there.
-Halt = Literal["", "violation", "revision", "unrealisable"]
+#: Why an agent stays where it is: an assumption was broken; what is assumed is overdue; a strategy is being made; or
+#: there is none from there.
+Halt = Literal["", "violation", "overdue", "revision", "unrealisable"]
 
 
 class StrategyMemory(NamedTuple):
@@ -42,6 +43,7 @@ class StrategyMemory(NamedTuple):
         opposing: The goal that the environment pursues, if it plays a counterstrategy.
         path: The cells through which it came, without loops; the present one is the last.
         dropped: The numbers of the assumptions that it has given up, ascending.
+        distrusted: The numbers of the assumptions of which something is overdue, so that it stays, ascending.
         revision: The revision whose strategy it follows.
         pending: The revision for which a strategy is being made; None for none.
         due: When that strategy takes effect [ns].
@@ -57,6 +59,7 @@ class StrategyMemory(NamedTuple):
     opposing: int = 0
     path: tuple[int, ...] = ()
     dropped: tuple[int, ...] = ()
+    distrusted: tuple[int, ...] = ()
     revision: Revision = Revision()
     pending: Revision | None = None
     due: int = 0

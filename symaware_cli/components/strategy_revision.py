@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from symaware_cli.core import Parameters
 from symaware_cli.synthesis.game import Game
 from symaware_cli.synthesis.move_graph import BudgetError
 from symaware_cli.synthesis.strategy import Cache, Strategy, synthesise_anywhere
+from symaware_cli.synthesis.strategy_process import StrategyProcess
 from symaware_cli.synthesis.vocabulary import Vocabulary
 
 #: How many strategies are kept in memory; others are made, or read from the cache, again.
@@ -33,6 +35,11 @@ class RevisionParameters(Parameters):
         gt=0,
         description="How many states may be looked at to make it, each as often as it is; without limit if null. The"
         " count is the same on every machine.",
+    )
+    run_in: Literal["here", "process"] = Field(
+        "here",
+        description="Where it is made: here, when it is due; or in a process of its own, which begins when the agent"
+        " has learnt something, so that the run goes on meanwhile. It is the same strategy.",
     )
 
 
@@ -72,19 +79,29 @@ class StrategyRevisions:
         game: The game with all assumptions and all cells.
     """
 
-    def __init__(self, original: Strategy, budget: int | None, cache: Cache | None) -> None:
+    def __init__(self, original: Strategy, parameters: RevisionParameters, cache: Cache | None) -> None:
         """Prepare.
 
         Args:
             original: The strategy that was made before the run.
-            budget: The greatest effort to make another one; None for any.
+            parameters: The budget, and where strategies are made.
             cache: Where strategies are kept from run to run.
         """
         self._original = RevisedStrategy(original)
         self.game = original.game
-        self._budget = budget
+        self._parameters = parameters
         self._cache = cache
         self._made: dict[Revision, RevisedStrategy] = {}
+        #: The processes that make strategies now, with their games.
+        self._processes: dict[Revision, tuple[Game, StrategyProcess]] = {}
+
+    def begin(self, revision: Revision) -> None:
+        """Begin to make the strategy of a revision, if that is done in a process of its own."""
+        if self._parameters.run_in == "here" or revision == Revision():
+            return
+        if revision not in self._made and revision not in self._processes:
+            game = self._game(revision)
+            self._processes[revision] = game, StrategyProcess(game, self._parameters.budget)
 
     def strategy(self, revision: Revision) -> RevisedStrategy:
         """Return the strategy of a revision."""
@@ -97,17 +114,25 @@ class StrategyRevisions:
         return self._made[revision]
 
     def _make(self, revision: Revision) -> RevisedStrategy:
+        try:
+            if revision in self._processes:
+                game, process = self._processes.pop(revision)
+                strategy = process.result()
+            else:
+                game = self._game(revision)
+                strategy = synthesise_anywhere(game, self._cache, self._parameters.budget)
+        except BudgetError:
+            return RevisedStrategy(None)
+        return RevisedStrategy(strategy, _places(self.game, game) if revision.dropped else None)
+
+    def _game(self, revision: Revision) -> Game:
+        """Return the game of a revision."""
         game = self.game
         system = game.vocabulary.cell.system
         assert system is not None
         kept = [each for number, each in enumerate(game.assumptions) if number not in revision.dropped]
         vocabulary = Vocabulary(system.avoiding(revision.blocked), game.vocabulary.environment)
-        revised = Game(vocabulary, kept, game.guarantees)
-        try:
-            strategy = synthesise_anywhere(revised, self._cache, self._budget)
-        except BudgetError:
-            return RevisedStrategy(None)
-        return RevisedStrategy(strategy, _places(game, revised) if revision.dropped else None)
+        return Game(vocabulary, kept, game.guarantees)
 
 
 def _places(game: Game, revised: Game) -> NDArray[np.int32]:

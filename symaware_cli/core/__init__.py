@@ -28,6 +28,7 @@ from symaware_cli.geometry.scenery import Scenery
 from symaware_cli.geometry.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
 from symaware_cli.world.chance import Turn, generator
 from symaware_cli.world.contact import Contact
+from symaware_cli.world.drive import Drive
 from symaware_cli.world.entity import Entity, Obstacle
 from symaware_cli.world.model import Model, Quantity
 from symaware_cli.world.plugin import Parameters, Plugin
@@ -54,6 +55,7 @@ __all__ = [
     "Controller",
     "Cylinder",
     "Delivery",
+    "Drive",
     "Entity",
     "EntityGroup",
     "Environment",

@@ -23,6 +23,7 @@ from symaware_cli.core.event import EventBus
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.verdict import OFFERS, OfferBoard, SpecificationStatus, SpecificationStatuses
 from symaware_cli.geometry.region import Region
+from symaware_cli.world.drive import Drive
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.model import Model
 from symaware_cli.world.plugin import Plugin
@@ -65,6 +66,7 @@ class AgentGroup(EntityGroup):
         knowledge_changes: The changes of the knowledge.
         awareness: The awareness of all agents.
         surroundings: The objects that all agents of the run share.
+        drive: How the world moves their bodies; None where it does not state that, and before the run.
         regions: The regions of the scenario, by name.
         folder: The folder of the scenario, below which the files that parameters name are.
         knowledge_models: The knowledge models of the scenario, by name; None for one that could not be made.
@@ -93,6 +95,7 @@ class AgentGroup(EntityGroup):
             for row, each in enumerate(knowledge or [{} for _ in self.ids])
         )
         self._known: dict[str, KnownColumn] = {}
+        self.drive: Drive | None = None
         self.regions: Mapping[str, Region] = {}
         self.folder = Path()
         self.knowledge_models: Mapping[str, Plugin | None] = {}

@@ -38,13 +38,15 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     Attributes:
         batchable: Whether each row that it computes depends on no other but those that `AgentGroup.others` tells of, so
             that the agents of many runs may share the columns; see docs/sweeps.md.
-        bodies: Which of its parameters name an ``agent``, an ``agent or entity``, or ``agents`` by a list of ids,
-            groups and patterns; looked up before a run.
+        bodies: Which of its parameters name an ``agent``, an ``agent or entity``, ``agents`` by a list of ids, groups
+            and patterns, or ``agents or entities`` likewise; looked up before a run.
         events: The events that the component fires in addition to those of every component, with their meanings.
         knowledge: The entries of knowledge that the component requires, with their meanings.
         name: The component's key in the scenario.
         parts: The parts of awareness that it writes, in addition to those that every agent has.
         path: Its path, such as ``agents.robot.2.steer``; the source of its events.
+        period: The time between two turns, in nanoseconds; None for a turn at each step of the world, or for triggered
+            turns only.
         requires: Features that the world must provide (see `Environment.provides`), each with the worlds that do.
         specifications: The parameter that lists specifications of its agents by name, if it has one; looked up before a
             run.
@@ -70,6 +72,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     name: str = ""
     path: str = ""
     use: str = ""
+    period: int | None = None
 
     _surroundings: Surroundings
 

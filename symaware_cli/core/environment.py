@@ -18,6 +18,7 @@ from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.geometry.rays import BodiesInPlane, rays_in_plane
 from symaware_cli.geometry.scenery import Scenery
 from symaware_cli.world.contact import Contact
+from symaware_cli.world.drive import Drive
 from symaware_cli.world.entity import Obstacle
 from symaware_cli.world.plugin import Parameters, Plugin
 from symaware_cli.world.reading import Image
@@ -159,6 +160,14 @@ class Environment(Plugin, ABC):
             NotImplementedError: Agents cannot leave this world.
         """
         raise NotImplementedError(f"agents cannot enter or leave {type(self).__name__}")
+
+    def drive(self, group: EntityGroup) -> Drive:
+        """Return how the bodies of a group follow the velocities of their model; called after `initialise`.
+
+        Raises:
+            WorldError: They do so in a way that this world cannot state; `path` is what prevents it.
+        """
+        raise WorldError("this world does not state how bodies follow their models", "environment", "use")
 
     def overlaps(self, id: str) -> Sequence[str]:
         """The names of the agents and obstacles that the body of an agent overlaps now, as seen from above."""

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from symaware_cli.core import (
     Contact,
+    Drive,
     EntityGroup,
     EnvironmentParameters,
     ErrorCollector,
@@ -97,6 +98,10 @@ class KinematicEnvironment(ColumnEnvironment):
         state.flags.writeable = False
         self._states[number] = state
         self._snapshot = None
+
+    def drive(self, group: EntityGroup) -> Drive:
+        """Return that bodies have their velocities at once, and for the whole time step."""
+        return Drive(self.parameters.time_step)
 
     def _advance(self, model: Model, state: Array, control_input: Array) -> Array:
         """Return the states after one time step, without noise; shape (n, nx)."""

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from symaware_cli.core import (
     Contact,
+    Drive,
     EntityGroup,
     EnvironmentParameters,
     ErrorCollector,
@@ -155,6 +156,8 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._velocity = np.zeros((count, width))
         #: Whether `_push` must be called in each physics step, even without forces.
         self._pushes = False
+        #: How much later than velocities the engine changes poses [s], and the greatest turn rate [rad/s].
+        self._lag, self._greatest_turn_rate = 0.0, float("inf")
         #: The part of a velocity that the engine's damping leaves after a physics step.
         self._retained = 1.0
         #: The planned velocities, for each physics step or once for all.
@@ -180,6 +183,31 @@ class PhysicsEnvironment(ColumnEnvironment):
         for row in rows:
             self._vanish(self._part_of(group).start + row)
         self._read_between_steps()
+
+    def drive(self, group: EntityGroup) -> Drive:
+        """Return within which limits forces give bodies the velocities of their model.
+
+        Raises:
+            WorldError: A vehicle, links, damping or a joint decide that as well.
+        """
+        entity, name = group.entity, group.name
+        if not any(actuator.group is group for actuator, _, _ in self._parts):
+            raise WorldError("its vehicle moves by wheels or rotors of its own", "agents", name, "model")
+        if entity.shape and entity.shape.urdf:
+            raise WorldError("the links of a URDF file move with the body", "agents", name, "entity", "shape")
+        if self._retained != 1.0 and not (entity.max_force is None and entity.max_torque is None):
+            said = f"`{'max_force' if entity.max_torque is None else 'max_torque'}` has to overcome the damping as well"
+            raise WorldError(said, "environment", "with", "damping")
+        part = self._part_of(group)
+        inertia = float(self._inertia[part.start, -1]) * self.step_time
+        return Drive(
+            self.step_time,
+            lag=self._lag,
+            acceleration=np.inf if entity.max_force is None else entity.max_force / entity.mass,
+            turn_acceleration=np.inf if entity.max_torque is None or not inertia else entity.max_torque / inertia,
+            turn_rate=self._greatest_turn_rate,
+            collides=entity.shape is not None,
+        )
 
     def _part_of(self, group: EntityGroup) -> slice:
         return next(part for actuator, _, part in self._parts if actuator.group is group)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from pymunk import batch
 
-from symaware_cli.core import Entity, Obstacle, Shape
+from symaware_cli.core import Drive, Entity, EntityGroup, Obstacle, Shape, WorldError
 from symaware_cli.environments.contact_tracker import Pair, pair
 from symaware_cli.environments.joint import Joint, make_joints
 from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
@@ -119,8 +119,17 @@ class PymunkEnvironment(PhysicsEnvironment):
         self._compensation = np.zeros((len(self._driven), 3))
         self._compensation[:, :2] = -np.array(parameters.gravity) * self._inertia[:, :2] * self.step_time
         self._retained = (1.0 - parameters.damping) ** self.step_time
+        # Chipmunk moves bodies by the velocities of the physics step before, and then applies forces.
+        self._lag = self.step_time
         self._pushes = bool(self._compensation.any())
         space.on_collision(begin=self._on_begin, separate=self._on_separate)
+
+    def drive(self, group: EntityGroup) -> Drive:
+        """Return the limits; a joint is one that cannot be stated."""
+        for name, joint in self.parameters.joints.items():
+            if not set(group.ids).isdisjoint(each for each in joint.between if each):
+                raise WorldError("a joint holds the body", "environment", "with", "joints", name)
+        return super().drive(group)
 
     def _initial_poses(self) -> tuple[Array, Array]:
         """Return initial positions and headings of the agents, and set their initial `_velocity`."""

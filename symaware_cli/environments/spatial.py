@@ -34,6 +34,9 @@ _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 #: [kg] and [kg m^2]: the mass and inertia of bodies that nothing moves or tilts; larger ones upset the engine.
 _IMMOVABLE = 1e9
 
+#: [rad] The greatest angle by which the engine turns a body in a physics step (`ANGULAR_MOTION_THRESHOLD`).
+_TURN = 0.25 * np.pi
+
 #: [m] How far below its pose the body of an absent agent is kept.
 _BURIED = 1e4
 
@@ -105,6 +108,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._client = Client(parameters.gui)
         client = self._id = self._client.id
         self._client.set(self.step_time, parameters.gravity, parameters.iterations, parameters.recovery)
+        self._greatest_turn_rate = _TURN / self.step_time
         self._gravity_step = np.array([*parameters.gravity, 0.0]) * self.step_time
         self._has_gravity = bool(self._gravity_step.any())
         self._pushes = self._has_gravity or any(actuator is None for actuator in self._actuators)

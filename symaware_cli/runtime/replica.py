@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Clock, Event, EventBus, GroupComponent, Roster, Surroundings
+from symaware_cli.core import AgentGroup, Clock, Drive, Event, EventBus, GroupComponent, Roster, Surroundings
 from symaware_cli.core.event import RECURRING
 from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.runtime.failure import describe
@@ -27,7 +27,7 @@ class EntryDescription:
     Attributes:
         kind: The class of the components.
         parameters: The parameters of each component.
-        attributes: Name, path and entry-point name of each component.
+        attributes: Name, path, entry-point name and period of each component.
         group: The name of the group.
         groups: The arguments of all groups, as they are at the start.
         time_step: The time step of the world, in nanoseconds.
@@ -35,11 +35,12 @@ class EntryDescription:
         seed: The seed of the run.
         packages: The packages whose classes the run uses.
         known: The regions of the scenario and its knowledge models, by name.
+        drive: How the world moves the bodies of the group; None where it does not state that.
     """
 
     kind: type[Any]
     parameters: list[Any]
-    attributes: list[dict[str, str]]
+    attributes: list[dict[str, Any]]
     group: str
     groups: list[tuple[Any, ...]]
     time_step: int
@@ -47,6 +48,7 @@ class EntryDescription:
     seed: int
     packages: frozenset[str]
     known: tuple[Mapping[str, Any], Mapping[str, Any]] = ({}, {})
+    drive: Drive | None = None
 
     def environment(self, groups: Sequence[AgentGroup]) -> Any:
         """Create a world that follows the one of the run, or a placeholder."""
@@ -244,6 +246,7 @@ class Replica:
         surroundings = Surroundings(description.seed, self._world, Unavailable("exchange"), self._clock, events)
         for each in groups:
             each.regions, each.knowledge_models = description.known
+            each.drive = description.drive
             each.awareness.roster = self._world.roster
             each.surroundings = surroundings
             each.awareness.clock = self._clock

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import NoReturn
 
 from symaware_cli.core import (
@@ -19,6 +20,7 @@ from symaware_cli.core import (
     Obstacle,
     SubscriberError,
     Surroundings,
+    WorldError,
 )
 from symaware_cli.core.event import RECURRING
 from symaware_cli.network.exchange import MessageExchange
@@ -42,12 +44,12 @@ class ComponentEntry:
         name: The entry's key in the scenario.
         use: The plugin's entry-point name.
         components: The instances, by row; one for a group component.
-        timing: When they take their turns.
+        timing: When they take their turns; components know their `period`.
         turns: Each instance with its compute and update methods, for the hot loop; empty if `compute_and_update` is
             overridden.
     """
 
-    __slots__ = ("components", "group", "name", "path", "timing", "turns", "use")
+    __slots__ = ("_timing", "components", "group", "name", "path", "turns", "use")
 
     def __init__(
         self,
@@ -60,8 +62,8 @@ class ComponentEntry:
         self.group = group
         self.name = name
         self.use = use
-        self.timing = timing
         self.components: tuple[Component | GroupComponent, ...] = tuple(components)
+        self.timing = timing
         plain = all(type(each).compute_and_update is Component.compute_and_update for each in self.components)
         self.turns = tuple((each, each._compute, each._update) for each in self.components) if plain else ()
         self.path = f"agents.{group.name}.{name}"
@@ -69,6 +71,17 @@ class ComponentEntry:
             component.name, component.use = name, use
             owner = group.name if isinstance(component, GroupComponent) else group.ids[row]
             component.path = f"agents.{owner}.{name}"
+
+    @property
+    def timing(self) -> Timing:
+        """When the components take their turns."""
+        return self._timing
+
+    @timing.setter
+    def timing(self, timing: Timing) -> None:
+        self._timing = timing
+        for component in self.components:
+            component.period = timing.period
 
     @property
     def listens(self) -> bool:
@@ -159,6 +172,9 @@ class Simulation:
             raise
         except BaseException as error:
             raise RunError("environment", environment_use, 0, describe(error), error) from error
+        for group in self.groups:
+            with suppress(WorldError):
+                group.drive = environment.drive(group)
         listening = {id for entry in self.entries if entry.listens and entry.kinds is None for id in entry.group.ids}
         self.exchange = MessageExchange(
             environment.roster.ids,

@@ -148,6 +148,7 @@ class _RemoteEntry:
             seed=simulation.seed,
             packages=known,
             known=(entry.group.regions, entry.group.knowledge_models),
+            drive=entry.group.drive,
         )
         self.description = pickle.dumps(description)
 
@@ -188,8 +189,8 @@ def _world(environment: Environment) -> tuple[Any, ...]:
     return type(environment), environment.parameters, environment.folder, dict(environment.obstacles)
 
 
-def _attributes(component: Component | GroupComponent) -> dict[str, str]:
-    return {"name": component.name, "path": component.path, "use": component.use}
+def _attributes(component: Component | GroupComponent) -> dict[str, Any]:
+    return {"name": component.name, "path": component.path, "use": component.use, "period": component.period}
 
 
 class _Worker:

@@ -30,6 +30,7 @@ from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Trigger
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.cell_certificate import check_cells
 from symaware_cli.scenario.circular_assumptions import check_circular_assumptions
 from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
@@ -224,6 +225,8 @@ class _SimulationBuilder:
             raise ScenarioError([*self._found, *filter(self._is_independent, self._problems)])
         simulation = self._simulation(document, environment, groups, component_entries)
         check_values(options.specifications, self._report)
+        if self._world is None:
+            check_cells(document, environment, component_entries, self._report)
         if self._problems:
             raise ScenarioError(self._problems)
         if network is not None:

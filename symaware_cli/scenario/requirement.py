@@ -39,6 +39,7 @@ def check_requirements(
         "agents": [*(group.name for group in groups if group.name not in agents), *agents],
         "agent or entity": [*agents, *document.environment.entities],
     }
+    names["agents or entities"] = [*names["agents"], *document.environment.entities]
     complete = len(groups) == len(document.agents)
     for group in groups:
         _check_model(document, environment, group, report)
@@ -60,10 +61,11 @@ def check_requirements(
                 )
                 continue
             named, known = getattr(component.parameters, parameter), names[kind]
-            if kind == "agents":
+            if kind.startswith("agents"):
                 for number, pattern in enumerate(named):
                     if not any(fnmatch.fnmatchcase(name, pattern) for name in known):
-                        _report_unknown("agent or group", pattern, known, (*path, "with", parameter, number), report)
+                        what = "agent or group" if kind == "agents" else "agent, group or entity"
+                        _report_unknown(what, pattern, known, (*path, "with", parameter, number), report)
             elif isinstance(named, str) and named not in known:
                 _report_unknown(kind, named, known, (*path, "with", parameter), report)
 

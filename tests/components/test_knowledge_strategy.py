@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from symaware_cli import load, open_log
+from symaware_cli import ScenarioError, load, open_log
 from symaware_cli.synthesis.game import Game
 from symaware_cli.synthesis.strategy import synthesise
 
@@ -39,17 +39,18 @@ def test_a_robot_passes_a_door_only_while_it_is_open_and_from_cell_to_cell(tmp_p
     assert all(abs(a - c) + abs(b - d) == 1 for (a, b), (c, d) in itertools.pairwise(path))
     assert path.count((3, 2)) >= 3  # through the passage
     assert len(events(log, "goal-met")) >= 4
-    assert not events(log, "assumption-broken", "cells-left")
+    assert not events(log, "assumption-broken", "cells-left", "cell-skipped", "touched")
 
 
 @pytest.mark.parametrize("world", ["pymunk", "pybullet"])
 def test_a_body_that_forces_move_skips_no_cell_of_the_strategy(world: str, tmp_path: Path) -> None:
-    log = run("door.yaml", tmp_path / "a.mcap", {"environment.use": world})
+    changes = {"environment.use": world, "agents.robot.components.steer.with.apart_from": ["door"]}
+    log = run("door.yaml", tmp_path / "a.mcap", changes)
     path = cells(open_log(log).series("robot", "state").values[:, :2])
     assert all(abs(a - c) + abs(b - d) == 1 for (a, b), (c, d) in itertools.pairwise(path))
     assert path.count((3, 2)) >= 1  # through the passage
     assert len(events(log, "goal-met")) >= 2
-    assert not events(log, "assumption-broken", "cells-left")
+    assert not events(log, "assumption-broken", "cells-left", "cell-skipped", "touched")
 
 
 def test_a_door_that_never_opens_is_reported_as_overdue_and_keeps_the_robot_out(tmp_path: Path) -> None:
@@ -60,7 +61,7 @@ def test_a_door_that_never_opens_is_reported_as_overdue_and_keeps_the_robot_out(
 
 def test_two_robots_share_a_crossing_and_neither_breaks_what_the_other_assumes(tmp_path: Path) -> None:
     log = run("corridor.yaml", tmp_path / "a.mcap")
-    assert not events(log, "assumption-broken", "cells-left")
+    assert not events(log, "assumption-broken", "cells-left", "cell-skipped", "touched")
     by_both = [each.source for each in open_log(log).events() if each.name == "goal-met"]
     assert min(by_both.count(f"agents.{each}.decide") for each in ("courier", "loader")) >= 4
 
@@ -228,3 +229,44 @@ def test_random_legal_environments_never_lead_to_a_violation() -> None:
         state, goal = int(legal[draw.integers(len(legal))]), after
     assert min(met) > 100
     assert fair[0].any()
+
+
+LOADED = {
+    "agents.robot.knowledge": {"loaded": 0},
+    "agents.robot.components.decide.with.knowledge": {"loaded": "loaded"},
+}
+
+
+def test_an_agent_knows_the_state_of_what_has_no_place_and_components_and_messages_read_it(tmp_path: Path) -> None:
+    changes = {
+        **LOADED,
+        "topology": {"use": "complete"},
+        "agents.robot.components.tell": {"use": "communication.flooding", "with": {"names": ["loaded"]}},
+        "agents.customer.components.hear": {"use": "communication.flooding"},
+        "agents.robot.components.steer.with.certified": False,
+        "agents.robot.components.steer.condition": "knowledge.loaded > 0",
+    }
+    log = open_log(run("fetch.yaml", tmp_path / "a.mcap", {**changes, "agents.robot.components.steer.condition": None}))
+    states = load(SCENARIOS / "fetch.yaml").knowledge_models()["carrier"].system.states
+    plan = log.series("robot", "decide.plan")
+    loaded = [int(states[int(cell)].endswith(",loaded")) for cell in plan.values[:, 0]]
+    known = [(each.time, each.values["loaded"]) for each in log.knowledge("robot")]
+    changed = [place for place in range(1, len(loaded)) if loaded[place] != loaded[place - 1]]
+    assert known[0] == (0, 0)
+    assert known[1:] == [(int(plan.times[place]), loaded[place]) for place in changed]
+    assert len(known) >= 3
+    # A condition that reads it: the robot stands from where it would have to pick something up.
+    still = open_log(run("fetch.yaml", tmp_path / "b.mcap", changes)).series("robot", "state").values
+    assert (still == still[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"agents.robot.components.decide.with.knowledge": {"loaded": "loaded"}}, "robot does not know `loaded`"),
+        ({**LOADED, "agents.robot.components.decide.with.knowledge": {"loaded": "lodaed"}}, "no cell has the label"),
+    ],
+)
+def test_what_an_agent_is_to_know_of_its_state_must_exist(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        load(SCENARIOS / "fetch.yaml", changes)

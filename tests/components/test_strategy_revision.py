@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 from symaware_cli import RunFailedError, ScenarioError, SimulationState, load, open_log
+from symaware_cli.components import strategy_revision
+from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.recording.digest import digest
+from symaware_cli.synthesis.game import Game
+from symaware_cli.synthesis.strategy import Strategy
 from symaware_cli.synthesis.strategy_cache import VARIABLE
+from symaware_cli.synthesis.strategy_process import StrategyProcess
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 REVISION = "agents.{}.components.decide.with.revision"
@@ -247,3 +252,112 @@ def test_after_a_broken_assumption_an_agent_does_what_is_declared(
 def test_parameters_that_make_no_sense_are_refused(changes: Mapping[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         load(SCENARIOS / "blocked.yaml", changes)
+
+
+DECIDE = "agents.robot.components.decide.with"
+OVERDUE = ("assumption-overdue", "assumption-dropped", "assumption-kept", "strategy-resumed", "strategy-revised")
+
+
+def test_what_is_overdue_is_assumed_no_more_and_the_other_door_taken(tmp_path: Path) -> None:
+    log = run(tmp_path / "a.mcap", name="two-doors.yaml")
+    assert events(log, "robot.decide", *OVERDUE) == [
+        (14.5, "assumption-overdue"),
+        (14.5, "assumption-dropped"),
+        (15.0, "strategy-revised"),
+    ]
+    path = cells(log, "robot")
+    assert (3, 0) in path
+    assert (3, 4) not in path
+    assert len(events(log, "robot.decide", "goal-met")) >= 4
+
+
+def test_what_is_overdue_is_only_reported_unless_a_fallback_is_declared(tmp_path: Path) -> None:
+    changes = {f"{DECIDE}.on_overdue": "report", f"{DECIDE}.revision": None}
+    log = run(tmp_path / "a.mcap", changes, "two-doors.yaml")
+    assert events(log, "robot.decide", *OVERDUE) == [(14.5, "assumption-overdue")]
+    assert not cells(log, "robot") & {(3, 0), (3, 4)}
+
+
+def test_without_what_is_overdue_there_may_be_no_strategy(tmp_path: Path) -> None:
+    log = run(tmp_path / "a.mcap", {f"{DECIDE}.on_overdue": "weaken"}, "locked.yaml")
+    found = [name for _, name in events(log, "robot.decide", *OVERDUE, "strategy-unrealisable")]
+    assert found == ["assumption-overdue", "assumption-dropped", "strategy-revised", "strategy-unrealisable"]
+
+
+#: The door opens after 20 s, long after it is overdue.
+LATE = {
+    "agents.door.knowledge.waypoints": {"all": [[3.5, 2.5], [3.5, 1.0], [3.5, 4.0]]},
+    "agents.door.components.slide.with": {"speed": 0.2, "loop": False},
+    f"{DECIDE}.patience": 5.0,
+    "run.duration": 45.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("fallback", "passes"), [("report", True), ("stop", False), ("resume", True), ("last-safe-cell", False)]
+)
+def test_a_robot_stays_while_something_is_overdue_or_for_good(tmp_path: Path, fallback: str, passes: bool) -> None:
+    log = run(tmp_path / "a.mcap", {**LATE, f"{DECIDE}.on_overdue": fallback}, "locked.yaml")
+    found = [name for _, name in events(log, "robot.decide", *OVERDUE)]
+    assert found[:2] == ["assumption-overdue", "assumption-kept"]
+    assert ("strategy-resumed" in found) == (fallback == "resume")
+    assert ((3, 2) in cells(log, "robot")) == passes
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({f"{DECIDE}.patience": None, f"{DECIDE}.on_overdue": "stop"}, "nothing is ever overdue without a `patience`"),
+        (
+            {f"{DECIDE}.on_overdue": "weaken", f"{DECIDE}.on_unrealisable": "counterstrategy"},
+            "leave `on_overdue: weaken` out",
+        ),
+    ],
+)
+def test_a_fallback_without_effect_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said):
+        load(SCENARIOS / "locked.yaml", changes)
+
+
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_a_process_makes_the_same_strategy_while_the_run_goes_on(
+    tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "")
+    noted: list[tuple[str, int]] = []
+    steps = [0]
+
+    class Noting(StrategyProcess):
+        def __init__(self, game: Game, budget: int | None) -> None:
+            noted.append(("begun", steps[0]))
+            super().__init__(game, budget)
+
+        def result(self) -> Strategy:
+            noted.append(("due", steps[0]))
+            return super().result()
+
+    def counted(self: KinematicEnvironment) -> None:
+        steps[0] += 1
+        step(self)
+
+    step = KinematicEnvironment.step
+    monkeypatch.setattr(strategy_revision, "StrategyProcess", Noting)
+    monkeypatch.setattr(KinematicEnvironment, "step", counted)
+    here = run(tmp_path / "here.mcap", {"run.mode": mode}, "two-doors.yaml")
+    assert not noted
+    steps[0] = 0
+    there = run(tmp_path / "there.mcap", {"run.mode": mode, f"{DECIDE}.revision.run_in": "process"}, "two-doors.yaml")
+    assert noted == [("begun", 145), ("due", 150)]  # 0.5 s, the latency, apart
+    one, two = digest(open_log(here)), digest(open_log(there))
+    assert one.channels == two.channels
+
+
+def test_a_process_that_would_take_more_than_the_budget_is_one_that_does_so_here(tmp_path: Path) -> None:
+    changes = {f"{DECIDE}.revision.run_in": "process", f"{DECIDE}.revision.budget": 10, "run.duration": 20.0}
+    log = run(tmp_path / "a.mcap", changes, "two-doors.yaml")
+    assert [name for _, name in events(log, "robot.decide", "budget-exceeded")] == ["budget-exceeded"]
+
+
+def test_a_process_without_a_latency_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="a process of its own needs a `latency`"):
+        load(SCENARIOS / "two-doors.yaml", {f"{DECIDE}.revision": {"run_in": "process"}})

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Collection
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.abstraction.knowledge_model import model_named
+from symaware_cli.components.control.braking import Braking
 from symaware_cli.components.control.steering import Steering, lengths
-from symaware_cli.core import AgentGroup, Level
+from symaware_cli.core import AgentGroup, Contact, Drive, Event, Level
 from symaware_cli.world.plugin import ParameterError
 from symaware_cli.world.time import seconds
 
@@ -18,32 +20,66 @@ Array = NDArray[np.float64]
 
 #: The greatest angle between the heading and the way ahead at which a vehicle drives [rad].
 _ALIGNED = 1e-3
-#: The distance from the middle of a side at which an agent goes on into the next cell, and that from both cells from
-#: which on it has left them [m].
+#: How far from the middle of a side an agent goes on into the next cell, and how far beside its way it drives [m].
 _AT_GATE = 1e-6
+#: Speeds that are less count as rest [m/s], [rad/s].
+_AT_REST = 1e-9
+
+
+class Courses(NamedTuple):
+    """Where agents will be when the input that is chosen now takes effect, and where they are to go.
+
+    Attributes:
+        position: Where they will be then [m]; shape (n, d).
+        way: The way from there to the end of the present straight line [m]; shape (n, d).
+        distance: Its length [m]; shape (n,).
+    """
+
+    position: Array
+    way: Array
+    distance: Array
+
+    @property
+    def direction(self) -> Array:
+        """Unit vectors along the way; zero without one; shape (n, d)."""
+        return self.way / np.maximum(self.distance, 1e-12)[:, None]
 
 
 class CellSteering(Steering):
     """Drives to the cell that a strategy chose, without leaving that cell and the present one.
 
     An agent goes straight to the middle of the side that the two cells share, then straight to the centre of the next
-    one. Cells are convex, so both ways lie within them; the speed is such that no step goes beyond the end of either. A
-    vehicle with a heading first turns on the spot. This holds for single integrators and unicycles without noise that
-    take a turn at each step of a kinematic world; models with noise and all others are refused. Wherever it does not
-    hold, as in worlds in which forces move bodies, each turn at which an agent has left both cells is an event.
+    one. Cells are convex, so both ways lie within them; the speed is such that no turn goes beyond the end of either,
+    and that a body whose force is limited can stop there. A vehicle with a heading first stops, and turns on the spot.
+
+    Before the run it is checked that this is certain: for a single integrator or a unicycle without noise that
+    perceives its own state exactly, takes a turn at each step of the world or at each of a number of steps, and that
+    nothing touches. Whatever is not so is refused, unless `certified` is false. docs/decisions/0056 has the proof.
     """
 
+    bodies: ClassVar = {"apart_from": "agents or entities"}
     events: ClassVar = {
-        "both-cells-left": "An agent is neither in its cell nor in the next; `distance` is how far outside [m].",
-        "cells-entered": "An agent that had left both cells is in one of them again.",
+        "touched": "Another body, `by`, touched the agent, which was certified for the time before.",
     }
 
     class Parameters(Steering.Parameters):
-        """Whose decisions to follow, and how fast."""
+        """Whose decisions to follow, how fast, and what has to be certain."""
 
         strategy: str = Field("decide", description="The name of the component that decides.")
         model: str = Field(description="Its knowledge model, by its name under `knowledge_models`.")
         speed: float = Field(1.0, gt=0, description="Greatest speed [m/s].")
+        certified: bool = Field(
+            True,
+            description="Whether to refuse a scenario in which it is not certain that the agent keeps to its two cells"
+            " and comes to the next one. If not, the strategy only reports when it has left them.",
+        )
+        apart_from: tuple[str, ...] = Field(
+            (),
+            description="Agents, groups and entities that are known never to touch the agent, for example because its"
+            " guarantees keep it away, though nothing else excludes that.",
+        )
+
+    uncaptured: ClassVar[Collection[str]] = ("_cells", "_drive", "_braking", "_turning")
 
     def check(self, group: AgentGroup) -> None:
         """Check that the model can go straight, and that there is a strategy."""
@@ -53,8 +89,11 @@ class CellSteering(Steering):
             said = f"there is no component `{given.strategy}` that decides where to go: {{use: knowledge.strategy}}"
             raise ParameterError(said, ("strategy",))
         names, model = [each.name for each in group.model.control_input], group.model
-        if model.noise_deviation(1.0) is not None:
-            raise ValueError("an agent whose model has noise does not surely keep to its cells: leave the noise out")
+        if given.certified and model.noise_deviation(1.0) is not None:
+            raise ValueError(
+                "an agent whose model has noise does not surely keep to its cells: leave the noise out, or set"
+                " `certified: false`"
+            )
         if model.heading is None and all(name.startswith("velocity_") for name in names):
             return
         if model.heading is not None and names == ["speed", "turn_rate"] and model.input_bounds()[0][0] <= 0.0:
@@ -62,62 +101,116 @@ class CellSteering(Steering):
         raise ValueError("only a single integrator or a unicycle that can stand surely keeps to its cells")
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Look up the cells."""
+        """Look up the cells, and how the world moves bodies."""
         super().initialise_component(group)
         self._cells = model_named(self.parameters.model, group.knowledge_models)
-        self._step = seconds(self.environment.time_step)
-        self._is_outside = np.zeros(len(group), bool)
+        step = self.environment.time_step
+        self._period = seconds(self.period or step)
+        self._drive = group.drive or Drive(seconds(step))
+        self._braking = Braking(self._drive.acceleration, self._drive.step, self._period)
+        self._turning = Braking(self._drive.turn_acceleration, self._drive.step, self._period)
+        if self._drive.collides:
+            self._surroundings.events.subscribe("contact", self._on_contact, "environment")
 
-    uncaptured = ("_cells",)
+    # In each turn
 
-    def _compute(self) -> tuple[Array, Array, Array]:
+    def _compute(self) -> tuple[Array, Array]:
         model, state = self._group.model, self._group.awareness.state
-        position = model.positions(state)
-        plan = self._group.awareness[f"{self.parameters.strategy}.plan"]
+        present = model.limit(self._group.control_input)
+        courses = self._courses(state, present)
+        speed = np.minimum(self.parameters.speed, courses.distance / self._period)
+        reach = np.minimum(speed[:, None] * self._ahead, courses.distance[:, None])
+        ahead = courses.position[:, None] + courses.direction[:, None] * reach[:, :, None]
+        if model.heading is None:
+            return self._velocities(courses, present), ahead
+        return self._turns(courses, state[:, model.heading], present), ahead
+
+    def _update(self, value: tuple[Array, Array]) -> None:
+        self._steer(*value)
+
+    def _courses(self, state: Array, present: Array) -> Courses:
+        """Return where agents are to go, from their states (n, nx) and present control inputs (n, nu)."""
+        position = self._group.model.positions(state)
+        if self._drive.lag:
+            position = position + self._drive.lag * self._group.model.velocity(state, present)
         target = position.copy()
-        outside = np.zeros(len(position))
-        for row, (cell, following, _) in enumerate(plan):
+        for row, (cell, following, _) in enumerate(self._group.awareness[f"{self.parameters.strategy}.plan"]):
             if np.isfinite(cell):
                 target[row, :2] = self._target(int(cell), int(following), position[row])
-                outside[row] = min(self._cells.distance(int(each), position[row]) for each in (cell, following))
         way = target - position
-        distance = lengths(way)
-        speed = np.minimum(self.parameters.speed, distance / self._step)
-        velocity = way * (speed / np.maximum(distance, 1e-12))[:, None]
-        reach = np.minimum(speed[:, None] * self._ahead, distance[:, None])
-        ahead = position[:, None] + (way / np.maximum(distance, 1e-12)[:, None])[:, None] * reach[:, :, None]
-        return self._followed(state, velocity, speed), ahead, outside
-
-    def _update(self, value: tuple[Array, Array, Array]) -> None:
-        control_input, ahead, outside = value
-        self._steer(control_input, ahead)
-        is_outside = outside > _AT_GATE
-        for row in np.flatnonzero(is_outside != self._is_outside).tolist():
-            if is_outside[row]:
-                said = f"is {outside[row]:.2g} m outside its cell and the next one"
-                self.emit_for(row, "both-cells-left", said, level=Level.WARNING, distance=float(outside[row]))
-            else:
-                self.emit_for(row, "cells-entered", "is in its cell or the next one again")
-        self._is_outside = is_outside
+        return Courses(position, way, lengths(way))
 
     def _target(self, cell: int, following: int, position: Array) -> Array:
-        """Return the point to head for; shape (2,)."""
+        """Return the end of the straight line to go along; shape (2,)."""
+        centre = self._cells.centre(following)
         if cell == following or self._cells.contains(following, position):
-            return self._cells.centre(following)
+            return centre
         gate = self._cells.gate(cell, following)
-        apart = gate - position[:2]
-        return self._cells.centre(following) if apart @ apart < _AT_GATE**2 else gate
+        apart, beyond = gate - position[:2], centre - position[:2]
+        if apart @ apart < _AT_GATE**2:
+            return centre
+        # A body that cannot stop at once passes the gate without braking for it, if its way goes straight on there.
+        aside = abs(apart[0] * beyond[1] - apart[1] * beyond[0])
+        goes_on = self._braking.is_limited and apart @ beyond > 0 and aside < _AT_GATE * float(np.sqrt(beyond @ beyond))
+        return centre if goes_on else gate
 
-    def _followed(self, state: Array, velocity: Array, speed: Array) -> Array:
-        """Return control inputs: velocities, or turns on the spot until the way is straight ahead; shape (n, nu)."""
-        model = self._group.model
-        if model.heading is None:
+    def _velocities(self, courses: Courses, present: Array) -> Array:
+        """Return the velocities of single integrators; shape (n, d)."""
+        now = lengths(present)
+        speed = self._braking.approach(now, courses.distance, self.parameters.speed)
+        velocity: Array = courses.way * (speed / np.maximum(courses.distance, 1e-12))[:, None]
+        if not self._braking.is_limited:
             return velocity
+        # What moves along another line comes to rest on that first.
+        along = present / np.maximum(now, 1e-300)[:, None]
+        ahead = (along * courses.way).sum(axis=1)
+        aside = lengths(courses.way - ahead[:, None] * along)
+        goes_on = (now <= _AT_REST) | ((ahead >= 0.0) & (aside < _AT_GATE))
+        return np.where(goes_on[:, None], velocity, along * self._braking.slowed(now)[:, None])
+
+    def _turns(self, courses: Courses, heading: Array, present: Array) -> Array:
+        """Return speeds and turn rates of unicycles, which drive or turn on the spot; shape (n, 2)."""
+        drive, (speed, turn_rate) = self._drive, present.T
+        desired = np.minimum(self.parameters.speed, courses.distance / self._period)
+        velocity = courses.way * (desired / np.maximum(courses.distance, 1e-12))[:, None]
         wanted = np.arctan2(velocity[:, 1], velocity[:, 0])
-        error = np.remainder(wanted - state[:, model.heading] + np.pi, 2 * np.pi) - np.pi
-        moving = speed > 1e-9
-        control_input = np.empty((len(state), 2))
-        control_input[:, 0] = np.where(moving & (np.abs(error) < _ALIGNED), speed, 0.0)
+        if drive.lag:
+            heading = heading + drive.lag * turn_rate
+        error = np.remainder(wanted - heading + np.pi, 2 * np.pi) - np.pi
+        moving = desired > _AT_REST
+        off = np.abs(error)
+        is_straight = (off < _ALIGNED) & (off * courses.distance < _AT_GATE)
         # While it drives it does not turn, so that its path is straight.
-        control_input[:, 1] = np.where(moving & (np.abs(error) >= _ALIGNED), error / self._step, 0.0)
+        turns_on = np.abs(turn_rate) > _AT_REST if drive.lag or self._turning.is_limited else np.zeros(len(off), bool)
+        drives = moving & is_straight & ~turns_on
+        control_input = np.empty((len(off), 2))
+        control_input[:, 0] = np.where(
+            drives,
+            self._braking.approach(np.abs(speed), courses.distance, self.parameters.speed),
+            self._braking.slowed(np.abs(speed)),
+        )
+        rolls_on = (np.abs(speed) > _AT_REST) if self._braking.is_limited else np.zeros(len(off), bool)
+        control_input[:, 1] = np.where(
+            drives | rolls_on, 0.0, self._turn_rates(error, moving & ~is_straight, turn_rate)
+        )
         return control_input
+
+    def _turn_rates(self, error: Array, turning: NDArray[np.bool_], present: Array) -> Array:
+        """Return the turn rates of vehicles that stand; those that need not turn stop to do so; shape (n,)."""
+        if not self._turning.is_limited:
+            most = self._drive.turn_rate
+            return np.where(turning, np.clip(error / self._period, -most, most), 0.0)
+        now = np.abs(present)
+        side = np.where(now > _AT_REST, np.sign(present), np.sign(error))
+        rate = self._turning.approach(now, np.maximum(error * side, 0.0), self._drive.turn_rate)
+        return side * np.where(turning, rate, self._turning.slowed(now))
+
+    def _on_contact(self, event: Event) -> None:
+        contact = event.subject
+        assert isinstance(contact, Contact)
+        if not self.parameters.certified or not contact.begins:
+            return
+        for one, other in ((contact.first, contact.second), (contact.second, contact.first)):
+            if one in self._group.ids:
+                said = f"was touched by {other}, which diverts it"
+                self.emit_for(self._group.ids.index(one), "touched", said, level=Level.WARNING, by=other)
