@@ -23,8 +23,7 @@ from symaware_cli.distributed.frame import (
 )
 from symaware_cli.distributed.participant import Identity, Participant, listed, rows_of
 from symaware_cli.distributed.rejections import Rejections
-from symaware_cli.distributed.remote_inputs import RemoteInputs
-from symaware_cli.distributed.remote_member import RemoteMember
+from symaware_cli.distributed.remote_inputs import RemoteInputs, RemoteMember
 from symaware_cli.distributed.transport import Port, PortEvent
 from symaware_cli.network.value import FrameError
 from symaware_cli.runtime.failure import RunError
@@ -170,10 +169,7 @@ class Host(Participant):
     @property
     def _reports_missing(self) -> bool:
         done = self._run.kernel.done
-        for member in self._members.values():
-            if member.reported < done:
-                return True
-        return False
+        return any(member.reported < done for member in self._members.values())
 
     def _deliver_posts(self) -> None:
         """Send the messages of members on, in an order that does not depend on which report came first."""
