@@ -180,7 +180,7 @@ class PeerProtocol:
         if self.open and now - self._pinged >= self._timeout / 4:
             self._ping(now)
 
-    def hear(self, record: bytes, now: float) -> bytes | None:
+    def hear(self, record: bytes | memoryview, now: float) -> bytes | None:
         """Handle the preamble or a record of the other end.
 
         Returns:
@@ -194,8 +194,9 @@ class PeerProtocol:
         if len(record) > self.limit:
             raise ConnectionEnded(f"{self.other} sent {len(record)} bytes at once: more than {self.limit}", "oversized")
         if not self.introduced:
-            self._be_introduced(record)
-            self._answer_preamble(record, now)
+            preamble = bytes(record)
+            self._be_introduced(preamble)
+            self._answer_preamble(preamble, now)
             return None
         content = record if self._verifier is None else self._opened(self._verifier, record)
         kind, body = (content[0], content[1:]) if len(content) else (0, content)
@@ -247,7 +248,7 @@ class PeerProtocol:
         self._signer, self._verifier = Signer(own), Verifier(others)
         self.outgoing.append((PROOF, b""))
 
-    def _opened(self, verifier: Verifier, record: bytes) -> memoryview:
+    def _opened(self, verifier: Verifier, record: bytes | memoryview) -> memoryview:
         try:
             return verifier.open(record)
         except AuthenticationError as error:
@@ -343,7 +344,7 @@ class Connection(ABC):
 
     # Called by subclasses.
 
-    def hear(self, record: bytes, now: float) -> None:
+    def hear(self, record: bytes | memoryview, now: float) -> None:
         """Handle a complete record."""
         if self.gone or self.parting:
             return

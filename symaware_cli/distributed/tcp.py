@@ -194,12 +194,12 @@ class _TcpConnection(Connection):
         if self._arrived:
             self._arrived += data
             if len(self._arrived) >= self._length:
-                self._split(bytes(self._arrived), now)
+                self._split(memoryview(self._arrived), now)
         else:
-            self._split(data, now)
+            self._split(memoryview(data), now)
         return True
 
-    def _split(self, data: bytes, now: float) -> None:
+    def _split(self, data: memoryview, now: float) -> None:
         """Split what arrived into records, and keep the rest."""
         position, size = 0, len(data)
         protocol = self.protocol
@@ -216,7 +216,7 @@ class _TcpConnection(Connection):
             else:
                 start = position
                 # Other protocols are refused at once, not after as many bytes as a preamble has.
-                length = PREAMBLE if may_begin(data[:PREAMBLE]) else min(size, PREAMBLE)
+                length = PREAMBLE if may_begin(bytes(data[:PREAMBLE])) else min(size, PREAMBLE)
             if size < start + length:
                 self._length = start + length - position
                 break
@@ -247,7 +247,7 @@ class _TcpConnection(Connection):
             with suppress(OSError):
                 while data := self._socket.recv(_MOST):
                     self._arrived += data
-            self._split(bytes(self._arrived), time.monotonic())
+            self._split(memoryview(self._arrived), time.monotonic())
         silent = error is not None and error.errno in _SILENT
         self.lost(f"the machine of {self.protocol.other} does not answer" if silent else "")
         self.drop()
@@ -280,7 +280,7 @@ class _TcpConnection(Connection):
 
     def resume(self) -> None:
         if self._socket.fileno() >= 0:
-            self._split(bytes(self._arrived), time.monotonic())
+            self._split(memoryview(self._arrived), time.monotonic())
             self._select()
 
     def hang_up(self) -> None:
@@ -297,7 +297,7 @@ class _TcpConnection(Connection):
         if self._events:
             self.port.selector.unregister(self._socket)
         self._socket.close()
-        self._arrived.clear()
+        self._arrived = bytearray()
         self._left = memoryview(b"")
         self.port.closed(self)
 

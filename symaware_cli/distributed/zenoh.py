@@ -398,7 +398,7 @@ class _ZenohConnection(Connection):
         self.held = False
         self.pump()
 
-    def hear(self, record: bytes, now: float) -> None:
+    def hear(self, record: bytes | memoryview, now: float) -> None:
         """Handle a record, and acknowledge records now and then."""
         super().hear(record, now)
         self._untold += len(record)
