@@ -308,6 +308,8 @@ class Host(Participant):
     def _wait(self, deadline: float | None = None) -> PortEvent | None:
         """Wait for the next event as `Participant` does, and cut off silent connections meanwhile."""
         while True:
+            if not self._guests:
+                return super()._wait(deadline)
             self._send_off_silent()
             soonest = min([each for each in (deadline, *self._guests.values()) if each is not None], default=None)
             happening = super()._wait(soonest)
