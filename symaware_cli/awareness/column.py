@@ -82,12 +82,12 @@ class Column:
         self._changed.add(index)
         self.fresh = True
 
-    def restore(self, rows: Sequence[int], before: Array) -> None:
-        """Restore some rows from an earlier array of the column."""
-        writes, array = self.writes, self.values.copy()
+    def restore(self, rows: Sequence[int] | slice, before: Array) -> None:
+        """Restore some rows, which were written since, from an earlier array of the column."""
+        array = self.values.copy()
         array[rows] = before[rows]
-        self.values = array
-        self.writes = writes
+        array.flags.writeable = False
+        self._array = array
 
     def exchange(self, values: Array) -> Array:
         """Set an array that was read from this column, without counting a change; return the present one."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import enum
 import fnmatch
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, ClassVar
@@ -127,17 +126,12 @@ class EventBus:
         self.turns_wanted = not TURNS.isdisjoint(self.wanted)
         return subscription
 
-    @contextmanager
-    def muted(self, sources: Collection[str]) -> Iterator[None]:
-        """Suppress the events of some sources within a ``with`` block.
+    def mute(self, sources: Collection[str]) -> None:
+        """Suppress the events of these sources from now on, and of no others.
 
         A component of a whole group fires events for all its agents, including those that no longer take part.
         """
-        before, self._muted = self._muted, sources
-        try:
-            yield
-        finally:
-            self._muted = before
+        self._muted = sources
 
     def captured(self) -> list[list[str]]:
         """Return the subscriptions of components, which they make at their start."""

@@ -77,7 +77,7 @@ class Verifier:
         self._window = ReplayWindow()
         self._expected = 0
 
-    def open(self, record: bytes) -> memoryview:
+    def open(self, record: bytes | memoryview) -> memoryview:
         """Return the content of a signed record.
 
         Raises:

@@ -35,9 +35,12 @@ from symaware_cli.network.value import (
 )
 
 T = TypeVar("T", bound=Hashable)
+S = TypeVar("S")
+
+_REAL = np.dtype("<f8")
 
 
-class _Heads(Generic[T]):
+class _Heads(Generic[T, S]):
     """A cache of the first bytes of messages that end with an array, which are the same in each step.
 
     The same arrays are sent in each step, so only the bytes of their numbers change. The cache saves time; it does not
@@ -47,35 +50,37 @@ class _Heads(Generic[T]):
     #: The most heads that are stored, and the most bytes of each.
     MOST, LONGEST = 64, 2**18
 
-    def __init__(self, make: Callable[[T, NDArray[np.float64]], bytes]) -> None:
+    def __init__(self, make: Callable[[T, NDArray[np.float64]], bytes], read: Callable[[T], S]) -> None:
         """Initialise.
 
         Args:
             make: Encodes a message of a key and an array of numbers, whose bytes come last.
+            read: Returns the decoded form of a key.
         """
         self._make = make
+        self._read = read
         self._heads: dict[tuple[T, tuple[int, ...]], bytes] = {}
-        #: By the length of a message and its first field, which is a string.
-        self._known: dict[tuple[int, bytes], tuple[bytes, T, tuple[int, ...]]] = {}
+        #: By the length of a message.
+        self._known: dict[int, list[tuple[bytes, S, tuple[int, ...]]]] = {}
 
     def encode(self, what: T, values: ArrayLike) -> bytes:
         """Encode a message."""
-        array = np.asarray(values, "<f8")
+        array = np.asarray(values, _REAL)
         head = self._heads.get((what, array.shape))
         return self._learn(what, array) if head is None else head + array.tobytes()
 
-    def decode(self, data: bytes) -> tuple[T, NDArray[np.float64]] | None:
+    def decode(self, data: bytes) -> tuple[S, NDArray[np.float64]] | None:
         """Decode a message if its head is stored; None otherwise."""
-        known = self._known.get((len(data), data[: 2 + data[1]])) if len(data) > 1 else None
-        if known is None or not data.startswith(known[0]):
-            return None
-        head, what, shape = known
-        return what, np.ndarray(shape, "<f8", data, len(head))
+        for head, what, shape in self._known.get(len(data), ()):
+            if data.startswith(head):
+                return what, np.ndarray(shape, _REAL, data, len(head))
+        return None
 
-    def learn(self, data: bytes, what: T, array: NDArray[np.float64]) -> None:
-        """Store the head of a message, if `make` would encode the same message."""
+    def learn(self, data: bytes, what: T, array: NDArray[np.float64]) -> S:
+        """Store the head of a message, if `make` would encode the same message; returns the decoded form of its key."""
         if array.nbytes and len(data) - array.nbytes <= self.LONGEST and self._make(what, array) == data:
             self._learn(what, array)
+        return self._read(what)
 
     def _learn(self, what: T, array: NDArray[np.float64]) -> bytes:
         message = self._make(what, array)
@@ -84,8 +89,9 @@ class _Heads(Generic[T]):
             if len(self._heads) >= self.MOST:
                 self._heads.clear()
                 self._known.clear()
-            self._heads[what, array.shape] = head
-            self._known[len(message), message[: 2 + message[1]]] = head, what, array.shape
+            if (what, array.shape) not in self._heads:
+                self._heads[what, array.shape] = head
+                self._known.setdefault(len(message), []).append((head, self._read(what), array.shape))
         return message
 
 
@@ -95,9 +101,13 @@ def encode(frame: Frame) -> bytes:
     Raises:
         TypeError: It holds a value that cannot be sent; states its type.
     """
-    name, encoder = _ENCODERS[type(frame)]
+    message = wire.Frame()
+    name, fill = _ENCODERS[type(frame)]
+    part = getattr(message, name)
+    part.SetInParent()
     try:
-        return wire.Frame(**{name: encoder(frame)}).SerializeToString()
+        fill(part, frame)
+        return message.SerializeToString()
     except (ValueError, EncodeError) as error:
         # Numbers out of the range of their fields, strings that are not Unicode, more than 2 GiB.
         raise TypeError(f"a {type(frame).__name__} cannot be sent: {error}") from error
@@ -117,73 +127,69 @@ def decode(data: bytes) -> Frame:
     return frame
 
 
-def _hello(frame: Hello) -> wire.Hello:
-    return wire.Hello(name=frame.name, scenario=frame.scenario, version=frame.version, agents=frame.agents)
+def _hello(part: wire.Hello, frame: Hello) -> None:
+    part.name, part.scenario, part.version = frame.name, frame.scenario, frame.version
+    part.agents.extend(frame.agents)
 
 
 def _read_hello(message: wire.Hello) -> Hello:
     return Hello(message.name, message.scenario, message.version, tuple(message.agents))
 
 
-def _welcome(frame: Welcome) -> wire.Welcome:
-    return wire.Welcome(step=frame.step, time=frame.time, pace=frame.pace, started=frame.started)
+def _welcome(part: wire.Welcome, frame: Welcome) -> None:
+    part.step, part.time, part.pace, part.started = frame
 
 
 def _read_welcome(message: wire.Welcome) -> Welcome:
     return Welcome(message.step, message.time, message.pace, message.started)
 
 
-def _refusal(frame: Refusal) -> wire.Refusal:
-    return wire.Refusal(reason=frame.reason, final=frame.final)
+def _refusal(part: wire.Refusal, frame: Refusal) -> None:
+    part.reason, part.final = frame
 
 
 def _read_refusal(message: wire.Refusal) -> Refusal:
     return Refusal(message.reason, message.final)
 
 
-def _notice(frame: Notice) -> wire.Notice:
-    return wire.Notice(
-        name=frame.name, source=frame.source, level=frame.level, text=frame.text, data=entries_to_wire(frame.data)
-    )
+def _notice(part: wire.Notice, frame: Notice) -> None:
+    part.name, part.source, part.level, part.text, data = frame
+    part.data.extend(entries_to_wire(data))
 
 
 def _read_notice(message: wire.Notice) -> Notice:
     return Notice(message.name, message.source, message.level, message.text, entries_from_wire(message.data))
 
 
-def _end(frame: End) -> wire.End:
-    return wire.End(status=frame.status, reason=frame.reason, source=frame.source)
+def _end(part: wire.End, frame: End) -> None:
+    part.status, part.reason, part.source = frame
 
 
 def _read_end(message: wire.End) -> End:
     return End(message.status, message.reason, message.source)
 
 
-def _step(frame: Step) -> wire.Step:
-    # A member often gets parts of the same batch, one for each time of arrival.
-    batches = {id(each.batch): each.batch for each in frame.arrived}
-    numbers = {identity: number for number, identity in enumerate(batches)}
-    return wire.Step(
-        step=frame.step,
-        time=frame.time,
-        world=[_WORLD.encode(name, array) for name, array in frame.world.items()],
-        contacts=_serialised(_contact, frame.contacts),
-        batches=_serialised(_batch, batches.values()),
-        deliveries=_serialised(lambda each: _delivery(each, numbers[id(each.batch)]), frame.arrived),
-        started=frame.started,
-    )
+def _step(part: wire.Step, frame: Step) -> None:
+    part.step, part.time, part.started = frame.step, frame.time, frame.started
+    part.world.extend([_WORLD.encode(name, array) for name, array in frame.world.items()])
+    part.contacts.extend(_serialised(_contact, frame.contacts))
+    if frame.arrived:
+        # A member often gets parts of the same batch, one for each time of arrival.
+        batches = {id(each.batch): each.batch for each in frame.arrived}
+        numbers = {identity: number for number, identity in enumerate(batches)}
+        part.batches.extend(_serialised(_batch, batches.values()))
+        part.deliveries.extend(_serialised(lambda each: _delivery(each, numbers[id(each.batch)]), frame.arrived))
 
 
 def _read_step(message: wire.Step) -> Step:
-    batches = [_read_batch(parsed(wire.MessageBatch, data)) for data in message.batches]
-    return Step(
-        message.step,
-        message.time,
-        _read_world(message.world),
-        tuple(_read_contact(parsed(wire.Contact, data)) for data in message.contacts),
-        tuple(_read_delivery(parsed(wire.Delivery, data), batches) for data in message.deliveries),
-        message.started,
-    )
+    contacts: tuple[Contact, ...] = ()
+    arrived: tuple[Delivery, ...] = ()
+    if message.contacts:
+        contacts = tuple(_read_contact(parsed(wire.Contact, data)) for data in message.contacts)
+    if message.batches or message.deliveries:
+        batches = [_read_batch(parsed(wire.MessageBatch, data)) for data in message.batches]
+        arrived = tuple(_read_delivery(parsed(wire.Delivery, data), batches) for data in message.deliveries)
+    return Step(message.step, message.time, _read_world(message.world), contacts, arrived, message.started)
 
 
 def _real_array(name: str, array: NDArray[np.float64]) -> bytes:
@@ -196,25 +202,24 @@ def _read_world(entries: Iterable[bytes]) -> dict[str, NDArray[np.float64]]:
     for data in entries:
         found = _WORLD.decode(data)
         if found is None:
-            ((name, value),) = entries_from_wire([data]).items()
-            found = name, _of_type(name, value, np.float64)
+            ((key, value),) = entries_from_wire([data]).items()
+            found = key, _of_type(key, value, np.float64)
             _WORLD.learn(data, *found)
-        if found[0] in world:
-            raise FrameError(f"the name {found[0]!r} comes twice")
-        world[found[0]] = found[1]
+        name, array = found
+        if name in world:
+            raise FrameError(f"the name {name!r} comes twice")
+        world[name] = array
     return world
 
 
-def _report(frame: Report) -> wire.Report:
-    return wire.Report(
-        step=frame.step,
-        inputs=[
-            _INPUTS.encode((group, np.asarray(rows, np.int64).tobytes()), values)
-            for group, (rows, values) in frame.inputs.items()
-        ],
-        posts=_serialised(_post, frame.posts),
-        peak=None if frame.peak is None else wire.Peak(risk=frame.peak[0], agent=frame.peak[1]),
-    )
+def _report(part: wire.Report, frame: Report) -> None:
+    part.step = frame.step
+    for group, (rows, values) in frame.inputs.items():
+        part.inputs.append(_INPUTS.encode((group, np.asarray(rows, np.int64).tobytes()), values))
+    part.posts.extend(_serialised(_post, frame.posts))
+    if frame.peak is not None:
+        part.peak.SetInParent()
+        part.peak.risk, part.peak.agent = frame.peak
 
 
 def _read_report(message: wire.Report) -> Report:
@@ -222,13 +227,13 @@ def _read_report(message: wire.Report) -> Report:
     for data in message.inputs:
         found = _INPUTS.decode(data)
         if found is None:
-            found = _read_input(data)
-            _INPUTS.learn(data, *found)
+            what, values = _read_input(data)
+            found = _INPUTS.learn(data, what, values), values
         (group, rows), values = found
         if group in inputs:
             raise FrameError(f"the group {group!r} comes twice")
-        inputs[group] = np.frombuffer(rows, np.int64), values
-    posts = tuple(_read_post(parsed(wire.Post, data)) for data in message.posts)
+        inputs[group] = rows, values
+    posts = tuple(_read_post(parsed(wire.Post, data)) for data in message.posts) if message.posts else ()
     peak = (message.peak.risk, message.peak.agent) if message.HasField("peak") else None
     return Report(message.step, inputs, posts, peak)
 
@@ -238,6 +243,11 @@ def _input(rows: tuple[str, bytes], values: NDArray[np.float64]) -> bytes:
     group, numbers = rows
     indices = _indices(np.frombuffer(numbers, np.int64))
     return wire.Input(group=text_to_wire(group), rows=indices, inputs=array_to_wire(values)).SerializeToString()
+
+
+def _rows(what: tuple[str, bytes]) -> tuple[str, Indices]:
+    """Decode the key of control inputs: the name of a group, and the bytes of its rows."""
+    return what[0], np.frombuffer(what[1], np.int64)
 
 
 def _read_input(data: bytes) -> tuple[tuple[str, bytes], NDArray[np.float64]]:
@@ -363,10 +373,14 @@ def _serialised(encoder: Callable[[Any], Any], values: Iterable[Any]) -> list[by
     return [encoder(value).SerializeToString() for value in values]
 
 
-_WORLD = _Heads(_real_array)
-_INPUTS = _Heads(_input)
+def _same(name: str) -> str:
+    return name
 
-_ENCODERS: dict[type, tuple[str, Callable[[Any], Any]]] = {
+
+_WORLD = _Heads(_real_array, _same)
+_INPUTS = _Heads(_input, _rows)
+
+_ENCODERS: dict[type, tuple[str, Callable[[Any, Any], None]]] = {
     Hello: ("hello", _hello),
     Welcome: ("welcome", _welcome),
     Refusal: ("refusal", _refusal),

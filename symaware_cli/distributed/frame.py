@@ -1,10 +1,10 @@
-"""The frames that host and members exchange, as data classes."""
+"""The frames that host and members exchange, as named tuples."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 CROWDED = "the host takes no more than"
 
 
-@dataclass(frozen=True, slots=True)
-class Hello:
+class Hello(NamedTuple):
     """A member asks to take part.
 
     Attributes:
@@ -35,8 +34,7 @@ class Hello:
     agents: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Welcome:
+class Welcome(NamedTuple):
     """The host admits a member. The `Step` of this instant follows.
 
     Attributes:
@@ -52,8 +50,7 @@ class Welcome:
     started: float
 
 
-@dataclass(frozen=True, slots=True)
-class Refusal:
+class Refusal(NamedTuple):
     """The host refuses a member.
 
     Attributes:
@@ -65,8 +62,7 @@ class Refusal:
     final: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
     """The host sends the state of the world at an instant, and the messages that arrived for the agents of a member.
 
     Attributes:
@@ -86,8 +82,7 @@ class Step:
     started: float = float("nan")
 
 
-@dataclass(frozen=True, slots=True)
-class Post:
+class Post(NamedTuple):
     """Messages that agents sent at one instant.
 
     Attributes:
@@ -99,8 +94,7 @@ class Post:
     time: int
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(NamedTuple):
     """A member reports what its agents did at an instant.
 
     Attributes:
@@ -116,8 +110,7 @@ class Report:
     peak: tuple[float, str] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Notice:
+class Notice(NamedTuple):
     """An event that other processes fire as well; see `symaware_cli.core.Event`.
 
     Attributes:
@@ -132,11 +125,10 @@ class Notice:
     source: str
     level: str
     text: str
-    data: Mapping[str, Any] = field(default_factory=dict)
+    data: Mapping[str, Any] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True)
-class End:
+class End(NamedTuple):
     """The run has ended for the sender.
 
     Attributes:

@@ -23,8 +23,7 @@ from symaware_cli.distributed.frame import (
 )
 from symaware_cli.distributed.participant import Identity, Participant, listed, rows_of
 from symaware_cli.distributed.rejections import Rejections
-from symaware_cli.distributed.remote_inputs import RemoteInputs
-from symaware_cli.distributed.remote_member import RemoteMember
+from symaware_cli.distributed.remote_inputs import RemoteInputs, RemoteMember
 from symaware_cli.distributed.transport import Port, PortEvent
 from symaware_cli.network.value import FrameError
 from symaware_cli.runtime.failure import RunError
@@ -159,7 +158,7 @@ class Host(Participant):
         self._send_off_silent()
 
     def _wait_for_reports(self) -> None:
-        while self._awaited or any(member.reported < self._run.kernel.done for member in self._members.values()):
+        while self._awaited or self._reports_missing:
             happening = self._wait(self._return_due if self._awaited else None)
             if happening is not None:
                 self._take(happening)
@@ -167,8 +166,15 @@ class Host(Participant):
                 ids = listed(id for id in self._simulation.environment.roster.ids if id in self._awaited)
                 self._fail("run", f"no process rejoined within {self._patience:g} s for {ids}")
 
+    @property
+    def _reports_missing(self) -> bool:
+        done = self._run.kernel.done
+        return any(member.reported < done for member in self._members.values())
+
     def _deliver_posts(self) -> None:
         """Send the messages of members on, in an order that does not depend on which report came first."""
+        if not self._posts:
+            return
         exchange = self._simulation.exchange
         posts, self._posts = sorted(self._posts, key=lambda each: (each[1].time, each[0])), []
         for _, post in posts:
@@ -176,10 +182,12 @@ class Host(Participant):
 
     def _deliver_notices(self) -> None:
         """Fire the events of members here and pass them on; the logs of the members record them."""
-        notices, self._notices = sorted(self._notices, key=lambda each: each[0]), []
         if self._keeps_step:
             # All turns of this instant are over: triggered turns follow with the next step, as in other processes.
             self._run.kernel.queue.place = len(self._run.schedulers)
+        if not self._notices:
+            return
+        notices, self._notices = sorted(self._notices, key=lambda each: each[0]), []
         for _, peer, notice in notices:
             if self._keeps_step:
                 self._fire(notice, recorded=False)
@@ -300,6 +308,8 @@ class Host(Participant):
     def _wait(self, deadline: float | None = None) -> PortEvent | None:
         """Wait for the next event as `Participant` does, and cut off silent connections meanwhile."""
         while True:
+            if not self._guests:
+                return super()._wait(deadline)
             self._send_off_silent()
             soonest = min([each for each in (deadline, *self._guests.values()) if each is not None], default=None)
             happening = super()._wait(soonest)

@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any, NoReturn
 
 from symaware_cli.core import Contact, Delivery, Event, Level, MessageBatch
@@ -88,7 +87,7 @@ class Member(Participant):
                 encode(notice)
             except TypeError:
                 # Then it is sent as it is recorded.
-                notice = replace(notice, data=plain(event.data))
+                notice = notice._replace(data=plain(event.data))
             self._send(self._peer, notice)
 
     def _post(self, batch: MessageBatch) -> None:

@@ -1,20 +1,54 @@
-"""The control inputs of agents that run in other processes."""
+"""What the host stores of its members, and the control inputs of the agents that they run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Array, Column
-from symaware_cli.core import AgentGroup
+from symaware_cli.core import AgentGroup, Delivery
 from symaware_cli.core.message import Indices
 from symaware_cli.distributed.participant import rows_of
-from symaware_cli.distributed.remote_member import RemoteMember
 from symaware_cli.network.value import FrameError
 from symaware_cli.runtime.membership import safe_input
 from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.world.arrays import is_finite
+
+
+@dataclass(slots=True)
+class RemoteMember:
+    """A member that takes part in the run.
+
+    Attributes:
+        peer: Its number at the port.
+        name: Its name.
+        agents: The ids of its agents, in the order of the roster.
+        is_here: For each agent of the roster, whether this member runs it.
+        rank: The roster index of its first agent; members are served in this order.
+        reported: The last step for which it sent a report.
+        arrived: Messages for its agents that have not been sent to it yet.
+    """
+
+    peer: int
+    name: str
+    agents: tuple[str, ...]
+    is_here: NDArray[np.bool_]
+    rank: int
+    reported: int
+    arrived: list[Delivery] = field(default_factory=list)
+
+    def owns(self, indices: Indices, numbers: Indices, count: int) -> bool:
+        """Whether received numbers are in range, and this member runs all agents that they denote.
+
+        Args:
+            indices: The roster indices of these agents.
+            numbers: The received numbers.
+            count: The number of valid values.
+        """
+        return bool(((numbers >= 0) & (numbers < count)).all() and self.is_here[indices].all())
 
 
 @dataclass(slots=True)
@@ -25,20 +59,26 @@ class _Latest:
         group: The group.
         rows: Their rows, ascending; shape (m,).
         values: Their control inputs; shape (m, nu).
-        checked: The member and the rows of the last report that passed the check of ownership.
+        member: The member whose last report passed the check of ownership.
+        told: The rows of that report.
+        places: Where these are among `rows`.
     """
 
     group: AgentGroup
     rows: Indices
     values: Array
-    checked: tuple[RemoteMember | None, bytes] = None, b""
+    member: RemoteMember | None = None
+    told: Indices | None = None
+    places: slice | Indices = field(default_factory=lambda: slice(None))
 
-    def replace(self, rows: Indices, values: Array) -> None:
-        if rows.tobytes() == self.rows.tobytes():
-            latest = values.copy()
-        else:
-            latest = self.values.copy()
-            latest[np.searchsorted(self.rows, rows)] = values
+    def place(self, rows: Indices) -> slice | Indices:
+        """Where some of the rows are."""
+        return slice(None) if np.array_equal(rows, self.rows) else np.searchsorted(self.rows, rows)
+
+    def replace(self, places: slice | Indices, values: Array) -> None:
+        """Replace the control inputs of some rows."""
+        latest = self.values.copy()
+        latest[places] = values
         latest.flags.writeable = False
         self.values = latest
 
@@ -74,16 +114,15 @@ class RemoteInputs:
             FrameError: There is no such group, or rows or values are invalid.
         """
         latest = self._latest.get(name)
-        if latest is None or values.shape != (len(rows), latest.values.shape[1]) or not np.isfinite(values).all():
+        if latest is None or values.shape != (len(rows), latest.values.shape[1]) or not is_finite(values):
             raise FrameError(f"control inputs of `{name}` that cannot be")
-        # Usually the same in each step.
-        known, told = latest.checked, rows.tobytes()
-        if known[0] is not member or known[1] != told:
+        # Usually the same array in each step.
+        if latest.member is not member or latest.told is not rows:
             first = self._simulation.environment.roster.start(name)
             if not member.owns(first + rows, rows, len(latest.group)):
                 raise FrameError(f"control inputs of agents of `{name}` that are not its own")
-            latest.checked = member, told
-        latest.replace(rows, values)
+            latest.member, latest.told, latest.places = member, rows, latest.place(rows)
+        latest.replace(latest.places, values)
 
     def slow_down(self, group: AgentGroup, rows: Indices) -> None:
         """Replace the control inputs of agents by those with which they stop as far as they can."""
@@ -92,7 +131,7 @@ class RemoteInputs:
             place = int(np.searchsorted(latest.rows, row))
             own = latest.values[place : place + 1]
             slowest = safe_input(group.model, own, state[row : row + 1])
-            latest.replace(np.array([row]), slowest.reshape(own.shape))
+            latest.replace(slice(place, place + 1), slowest.reshape(own.shape))
 
     def exchange(self) -> list[tuple[Column, Array]]:
         """Put the control inputs in force; returns what `restore` takes."""

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
+import os
+import selectors
 import socket
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import cast
 
 from symaware_cli.distributed.address import address_of, numeric
-from symaware_cli.distributed.connection import PARTING, Connection
-from symaware_cli.distributed.port import LoopPort
-from symaware_cli.distributed.protocol import PREAMBLE, ConnectionEnded, may_begin
-from symaware_cli.distributed.transport import Port, Transport, TransportError
+from symaware_cli.distributed.port import PeerPort
+from symaware_cli.distributed.protocol import PREAMBLE, Connection, ConnectionEnded, may_begin
+from symaware_cli.distributed.transport import Port, Transport, TransportError, TransportParameters
 
 #: The size of the length before each record [bytes].
 _LENGTH = 4
 
-#: Most bytes that may wait in asyncio's write buffer.
-_AHEAD = 2**20
-
-#: Most bytes that are read at once outside asyncio.
-_READ = 2**16
+#: How many bytes are read at once, at first and at most.
+_READ, _MOST = 2**16, 2**20
 
 #: The errors that mean that the other machine does not respond.
 _SILENT = (errno.ETIMEDOUT, errno.EHOSTUNREACH, errno.ENETUNREACH)
@@ -31,232 +27,279 @@ _SILENT = (errno.ETIMEDOUT, errno.EHOSTUNREACH, errno.ENETUNREACH)
 #: The most open sockets, as a multiple of the most members: including those in the handshake and those closing.
 _OPEN = 4
 
+#: The pause before more connections are accepted, when the process may not open more files [s].
+_FULL = 1.0
+
+_READS, _WRITES = selectors.EVENT_READ, selectors.EVENT_WRITE
+
 
 class Tcp(Transport):
     """TCP: the processes of a run on one machine, or on several in one network. Frames are signed, but not secret."""
 
     def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
         """Open a listening socket."""
-        return _opened(_HostPort(numeric(host), port, key, self))
+        return _HostPort(numeric(host), port, key, self.parameters).start()
 
     def join(self, host: str, port: int, key: bytes | None = None) -> Port:
         """Connect a socket, and reconnect after each loss."""
         if not 0 < port < 2**16:
             raise TransportError(f"nobody can listen at port {port}")
-        return _opened(_MemberPort(numeric(host), port, key, self))
+        return _MemberPort(numeric(host), port, key, self.parameters).start()
 
 
-def _opened(port: LoopPort) -> Port:
-    port.start()
-    return port
-
-
-class _TcpPort(LoopPort):
-    """A port whose connections are sockets."""
-
-    def __init__(self, host: str, port: int, key: bytes | None, transport: Tcp, *, listens: bool) -> None:
-        super().__init__(listens, key, transport.parameters)
+class _TcpPort(PeerPort):
+    def __init__(
+        self, host: str, port: int, key: bytes | None, parameters: TransportParameters, *, listens: bool
+    ) -> None:
+        super().__init__(listens, key, parameters)
         self._place = host, port
+        self._family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self.address = address_of(host, port)
-        #: Every connection whose socket is open.
-        self.sockets: set[_TcpConnection] = set()
+        #: The socket that listens or connects.
+        self._socket: socket.socket | None = None
 
-    async def shut(self) -> None:
-        if self.sockets:
-            await asyncio.wait([each.closed for each in self.sockets], timeout=PARTING)
-        while left := list(self.sockets):
-            for connection in left:
-                connection.drop()
-            await asyncio.wait([each.closed for each in left])
+    def stop(self) -> None:
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            with suppress(KeyError):  # it is not registered at present
+                self.selector.unregister(opened)
+            opened.close()
 
 
 class _HostPort(_TcpPort):
-    def __init__(self, host: str, port: int, key: bytes | None, transport: Tcp) -> None:
-        super().__init__(host, port, key, transport, listens=True)
-        self._server: asyncio.Server | None = None
+    def __init__(self, host: str, port: int, key: bytes | None, parameters: TransportParameters) -> None:
+        super().__init__(host, port, key, parameters, listens=True)
 
-    async def open(self) -> None:
+    def open(self) -> None:
         try:
-            self._server = await asyncio.get_running_loop().create_server(lambda: _TcpConnection(self), *self._place)
+            self._socket = socket.create_server(self._place, family=self._family, backlog=128)
         except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
+            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
             raise TransportError(f"cannot listen at {self.address}: {reason}") from error
-        self.address = address_of(*self._server.sockets[0].getsockname()[:2])
+        self._socket.setblocking(False)
+        self.address = address_of(*self._socket.getsockname()[:2])
+        self._listen()
 
-    async def shut(self) -> None:
-        # A socket that was just accepted is not a connection yet but a task of asyncio, the only other one left. If the
-        # task ran after the server was closed, its socket would stay open.
-        end = time.monotonic() + PARTING
-        while (others := asyncio.all_tasks() - {asyncio.current_task()}) and (left := end - time.monotonic()) > 0.0:
-            await asyncio.wait(others, timeout=left)
-        if self._server is not None:
-            self._server.close()
-        await super().shut()
+    def _listen(self) -> None:
+        if self._socket is not None:
+            self.selector.register(self._socket, _READS, self._accept)
+
+    def _accept(self, events: int) -> None:
+        assert self._socket is not None
+        try:
+            accepted, address = self._socket.accept()
+        except OSError as error:
+            # Otherwise who connected is gone again.
+            if error.errno in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
+                self.selector.unregister(self._socket)
+                self.call_later(_FULL, self._listen)
+            return
+        connection = _TcpConnection(self, accepted, str(address[0]))
+        if len(self.links) > _OPEN * self.parameters.members:
+            connection.refuse(ConnectionEnded("too many connections are open", "crowded"))
 
 
 class _MemberPort(_TcpPort):
-    def __init__(self, host: str, port: int, key: bytes | None, transport: Tcp) -> None:
-        super().__init__(host, port, key, transport, listens=False)
+    def __init__(self, host: str, port: int, key: bytes | None, parameters: TransportParameters) -> None:
+        super().__init__(host, port, key, parameters, listens=False)
 
-    async def open(self) -> None:
-        self.keep(self.keep_connected(self._connect))
+    def open(self) -> None:
+        self.connect()
 
-    async def _connect(self) -> Connection | None:
+    def connect(self) -> None:
+        self._socket = opened = socket.socket(self._family)
+        opened.setblocking(False)
+        if opened.connect_ex(self._place) not in (0, errno.EINPROGRESS):
+            self._fail(opened)
+            return
+        # When the connection is made or refused, the socket can be written to.
+        self.selector.register(opened, _WRITES, self._on_connected)
+        self.call_later(self.parameters.timeout, lambda: self._fail(opened))
+
+    def _fail(self, opened: socket.socket) -> None:
+        """End an attempt that failed or takes too long: no host listens there yet."""
+        if self._socket is opened:
+            self.stop()
+            self.retry()
+
+    def _on_connected(self, events: int) -> None:
+        opened = self._socket
+        assert opened is not None
         try:
-            async with asyncio.timeout(self.parameters.timeout):
-                _, connection = await asyncio.get_running_loop().create_connection(
-                    lambda: _TcpConnection(self), *self._place
-                )
-        except OSError:  # no host listens there yet
-            return None
-        await asyncio.shield(connection.closed)
-        return connection
+            # If no process listens, a socket may be assigned the port to which it connects.
+            is_made = opened.getpeername() != opened.getsockname()
+        except OSError:
+            is_made = False
+        if not is_made:
+            self._fail(opened)
+            return
+        self._socket = None
+        self.selector.unregister(opened)
+        _TcpConnection(self, opened, self._place[0])
 
 
-class _TcpConnection(asyncio.Protocol, Connection):
+class _TcpConnection(Connection):
     """A connection over a socket. Each record is preceded by its length, the preamble is not."""
 
-    def __init__(self, port: _TcpPort) -> None:
-        Connection.__init__(self, port)
-        self._sockets = port.sockets
-        self._transport = cast("asyncio.Transport", None)
-        self._buffer = bytearray()
-        # A duplicate of the socket, to read outside asyncio.
-        self._socket: socket.socket | None = None
-        self._descriptor: int | None = None
-        self._error: OSError | None = None
-        self.closed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+    def __init__(self, port: _TcpPort, opened: socket.socket, origin: str) -> None:
+        super().__init__(port, origin)
+        self._socket = opened
+        #: The beginning of a record, and the end of what was to be sent.
+        self._arrived, self._left = bytearray(), memoryview(b"")
+        self._length = 0
+        self._events = 0
+        opened.setblocking(False)
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        _watch(opened, port.parameters.timeout)
+        self._select()
+        port.enter(self)
 
-    # Called by asyncio.
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast("asyncio.Transport", transport)
-        self._transport.set_write_buffer_limits(_AHEAD)
-        self._descriptor = transport.get_extra_info("socket").fileno()
-        self._socket = transport.get_extra_info("socket").dup()
-        self._transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        _watch(self._transport.get_extra_info("socket"), self._port.parameters.timeout)
-        self.origin = str((transport.get_extra_info("peername") or ("",))[0])
-        self._sockets.add(self)
-        if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
-            # If no process listens, a socket may be assigned the port to which it connects.
-            self.drop()
+    def _select(self) -> None:
+        """Wait for the events that matter now."""
+        if self._socket.fileno() < 0:
             return
-        self._port.enter(self)
-        if len(self._sockets) > _OPEN * self._port.parameters.members:
-            self.refuse(ConnectionEnded("too many connections are open", "crowded"))
-
-    def data_received(self, data: bytes) -> None:
-        self.protocol.notice(time.monotonic())
-        if self.gone or self.parting:
-            return
-        self._buffer += data
-        self._split()
-
-    def eof_received(self) -> bool:
-        self.lost()
-        return False
-
-    def connection_lost(self, error: Exception | None) -> None:
-        error = error or self._error
-        if error is not None:
-            self._read_rest()
-        if self._socket is not None:
-            self._socket.close()
-        self._sockets.discard(self)
-        self._buffer.clear()
-        silent = isinstance(error, OSError) and error.errno in _SILENT
-        self.lost(f"the machine of {self.protocol.other} does not answer" if silent else "")
-        if not self.closed.done():
-            self.closed.set_result(None)
-
-    def _read_rest(self) -> None:
-        """Read what arrived before the other end closed; asyncio stops reading when it cannot write."""
-        with suppress(OSError):
-            while self._socket is not None and (data := self._socket.recv(_AHEAD)):
-                self.data_received(data)
-
-    def pause_writing(self) -> None:
-        self.held = True
-
-    def resume_writing(self) -> None:
-        self.held = False
-        self.pump()
-
-    def _split(self) -> None:
-        """Split what arrived into records."""
-        buffer, position = self._buffer, 0
-        while not (self.gone or self.full or self.parting):
-            if not self.protocol.introduced:
-                start, length = position, PREAMBLE
-                # Other protocols are refused at once, not after as many bytes as a preamble has.
-                if not may_begin(bytes(buffer[:PREAMBLE])):
-                    length = min(len(buffer), PREAMBLE)
-            elif len(buffer) - position < _LENGTH:
-                break
+        events = (0 if self.full else _READS) | (_WRITES if self._left else 0)
+        if events != self._events:
+            selector = self.port.selector
+            if not self._events:
+                selector.register(self._socket, events, self._on_ready)
+            elif not events:
+                selector.unregister(self._socket)
             else:
-                start = position + _LENGTH
-                length = int.from_bytes(buffer[position:start])
-                if length > self.protocol.limit:
-                    self.refuse(ConnectionEnded(f"{self.protocol.other} announced {length} bytes", "oversized"))
-                    break
-            if len(buffer) - start < length:
-                break
-            position = start + length
-            self.hear(bytes(memoryview(buffer)[start:position]))
-        del buffer[:position]
+                selector.modify(self._socket, events, self._on_ready)
+            self._events = events
 
-    # Called by the port and by the base class.
+    def _on_ready(self, events: int) -> None:
+        if events & _READS and not self._read():
+            return
+        if events & _WRITES and self._left:
+            self._write()
 
-    @property
-    def descriptor(self) -> int | None:
-        return self._descriptor
-
-    def read(self) -> bool:
-        assert self._socket is not None
+    def _read(self) -> bool:
+        """Read once; returns whether there may be more at some time."""
         try:
-            data = self._socket.recv(_READ)
+            data = self._socket.recv(min(max(_READ, self._length - len(self._arrived)), _MOST))
         except BlockingIOError:
             return True
         except OSError as error:
-            self._error = error
-            self._transport.abort()
+            self._break(error)
             return False
         if not data:
-            return False  # asyncio reads the same
-        given = self.given
-        self.data_received(data)
-        return self.given > given and not (self.gone or self.parting or self.full)
+            self._break(None)
+            return False
+        if self.gone or self.parting:
+            return True
+        now = time.monotonic()
+        self.protocol.notice(now)
+        if self._arrived:
+            self._arrived += data
+            if len(self._arrived) >= self._length:
+                self._split(memoryview(self._arrived), now)
+        else:
+            self._split(memoryview(data), now)
+        return True
+
+    def _split(self, data: memoryview, now: float) -> None:
+        """Split what arrived into records, and keep the rest."""
+        position, size = 0, len(data)
+        protocol = self.protocol
+        self._length = 0
+        while not (self.gone or self.full or self.parting):
+            if protocol.introduced:
+                start = position + _LENGTH
+                if size < start:
+                    break
+                length = int.from_bytes(data[position:start])
+                if length > protocol.limit:
+                    self.refuse(ConnectionEnded(f"{protocol.other} announced {length} bytes", "oversized"))
+                    break
+            else:
+                start = position
+                # Other protocols are refused at once, not after as many bytes as a preamble has.
+                length = PREAMBLE if may_begin(bytes(data[:PREAMBLE])) else min(size, PREAMBLE)
+            if size < start + length:
+                self._length = start + length - position
+                break
+            position = start + length
+            self.hear(data[start:position], now)
+        self._arrived = bytearray(data[position:]) if position < size else bytearray()
+
+    def _write(self) -> None:
+        """Send more of what was to be sent."""
+        try:
+            self._left = self._left[self._socket.send(self._left) :]
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._break(error)
+            return
+        if not self._left:
+            self.held = False
+            self._select()
+            self.pump()
+
+    def _break(self, error: OSError | None) -> None:
+        """Close the connection because the other end closed it, or because of an error."""
+        if self._socket.fileno() < 0:
+            return
+        if error is not None and not self.gone:
+            # What arrived before the other end closed: an error on writing may come first.
+            with suppress(OSError):
+                while data := self._socket.recv(_MOST):
+                    self._arrived += data
+            self._split(memoryview(self._arrived), time.monotonic())
+        silent = error is not None and error.errno in _SILENT
+        self.lost(f"the machine of {self.protocol.other} does not answer" if silent else "")
+        self.drop()
+
+    # Called by the base class and the port.
 
     def transmit(self, records: Sequence[bytes]) -> None:
-        if self._transport.is_closing():
-            return
+        protocol = self.protocol
         parts: list[bytes] = []
         for record in records:
-            if record is not self.protocol.preamble:
+            if record is not protocol.preamble:
                 parts.append(len(record).to_bytes(_LENGTH))
             parts.append(record)
-        self._transport.write(b"".join(parts))
+        data = b"".join(parts)
+        try:
+            sent = self._socket.send(data)
+        except BlockingIOError:
+            sent = 0
+        except OSError as error:
+            # Not at once: this may be called while something is read.
+            self.held, broken = True, error
+            self.port.call_later(0.0, lambda: self._break(broken))
+            return
+        if sent < len(data):
+            self._left, self.held = memoryview(data)[sent:], True
+            self._select()
 
     def rest(self) -> None:
-        self._transport.pause_reading()
+        self._select()
 
     def resume(self) -> None:
-        self._split()
-        if not self.full and not self._transport.is_closing():
-            self._transport.resume_reading()
+        if self._socket.fileno() >= 0:
+            self._split(memoryview(self._arrived), time.monotonic())
+            self._select()
 
     def hang_up(self) -> None:
         """Close this direction; the other end closes the connection then."""
         # If this end closed with unread data, the other would get an error before it had read everything.
         try:
-            if not self._transport.is_closing():
-                self._transport.write_eof()
+            self._socket.shutdown(socket.SHUT_WR)
         except OSError:  # it is closed already
             self.drop()
 
     def drop(self) -> None:
-        self._transport.abort()
+        if self._socket.fileno() < 0:
+            return
+        if self._events:
+            self.port.selector.unregister(self._socket)
+        self._socket.close()
+        self._arrived = bytearray()
+        self._left = memoryview(b"")
+        self.port.closed(self)
 
 
 def _watch(connected: socket.socket, timeout: float) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -182,20 +181,15 @@ class MessageExchange:
         due, copies_due = (np.where(each <= self.now, soon, each) for each in (fates.due, fates.copies_due))
         return fates._replace(due=due, copies_due=copies_due)
 
-    @contextmanager
-    def muted(self, senders: NDArray[np.bool_]) -> Iterator[None]:
-        """Suppress messages of some agents in batches of their groups, within the context.
+    def mute(self, senders: NDArray[np.bool_] | None) -> None:
+        """Suppress messages of some agents in batches of their groups from now on, and of no others.
 
         A component of a whole group sends for all its agents, including those that do not take part any more.
 
         Args:
-            senders: Which agents, by index; shape (n,).
+            senders: Which agents, by index; shape (n,). None for none.
         """
-        before, self._muted = self._muted, senders
-        try:
-            yield
-        finally:
-            self._muted = before
+        self._muted = senders
 
     def divert(self, outlet: Callable[[MessageBatch], Any], check: Callable[[Mapping[str, Any]], Any]) -> None:
         """Pass on all messages sent from now on instead of carrying them, as another process does; see `arrive`.

@@ -31,6 +31,10 @@ class ProtectedRows:
             rows: The rows to restore, ascending.
         """
         self._awareness, self._chosen = group.awareness, list(rows)
+        first, count = self._chosen[0], len(self._chosen)
+        is_run = self._chosen[-1] - first + 1 == count
+        # NumPy copies a slice in a fraction of the time that a list of indices takes.
+        self._index = slice(first, first + count) if is_run else self._chosen
         self._held = np.zeros(len(group), bool)
         self._held[self._chosen] = True
         written = [group.control_column, *group.awareness.columns.values()]
@@ -55,9 +59,8 @@ class ProtectedRows:
             return
         chosen, awareness = self._chosen, self._awareness
         for column, values in zip(self._columns, columns, strict=True):
-            after = column.values
-            if after is not values and after[self._held].tobytes() != values[self._held].tobytes():
-                column.restore(chosen, values)
+            if column.values is not values:
+                column.restore(self._index, values)
         for series_column, own in zip(self._series, series, strict=True):
             if not series_column.is_unwritten:
                 series_column.put_back(dict.fromkeys(chosen, TimeSeries()) if own is None else own)

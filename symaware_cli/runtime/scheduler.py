@@ -104,11 +104,12 @@ class TurnScheduler:
         self._update_flags()
 
     def _update_flags(self) -> None:
-        """Determine whether turns are plain, that is, nothing but computing and updating."""
+        """Determine whether turns are plain, that is, nothing but computing and updating, for agents not suspended."""
         timing, supervision = self._timing, self.supervision
         self._takes_time = supervision.slows_down or not timing.latency.is_zero or timing.in_process
         self._plain = (
-            not supervision.interferes
+            not supervision.disturbances
+            and not (self._is_group and supervision.suspends(0))
             and timing.on_failure == "stop"
             and self._coroutines is None
             and timing.condition is None
@@ -206,7 +207,21 @@ class TurnScheduler:
         if not self._plain:
             self._take_each(range(len(self.entry.components)) if rows is None else rows)
             return
-        # The hot loop: plain turns, one after the other.
+        suspended = self.supervision.suspended
+        if not suspended:
+            self._take_plain(rows)
+        elif (held := self.supervision.held()) is not None:
+            with held:
+                self._take_plain(rows)
+        else:
+            rows = range(len(self.entry.components)) if rows is None else rows
+            self._take_plain([row for row in rows if row not in suspended])
+        control, state = self._columns
+        if control.fresh or state.fresh:
+            self._guard.check(None)
+
+    def _take_plain(self, rows: Sequence[int] | None) -> None:
+        """Take plain turns, one after the other: the hot loop."""
         entry, interruption = self.entry, self._interruption
         component = entry.components[0]
         update, value = None, None
@@ -232,9 +247,6 @@ class TurnScheduler:
             raise self._guard.failure(component, describe(error), error) from error
         finally:
             interruption.shield()
-        control, state = self._columns
-        if control.fresh or state.fresh:
-            self._guard.check(None)
 
     def _take_each(self, rows: Iterable[int]) -> None:
         """Take a turn with some components, each treated separately."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.runtime.protected_rows import ProtectedRows
@@ -22,20 +21,42 @@ _NONE = nullcontext()
 Disturb = Callable[[AgentGroup, Sequence[int]], None]
 
 
-class _HeldRows(NamedTuple):
-    """Suspended agents of a group component, which sends messages and writes values for all its agents.
+class HeldRows:
+    """A context for the turns of a group component some of whose agents are suspended.
+
+    The component works on arrays with a row for each agent, so it sends messages, fires events and writes values for
+    these agents, too: within the context, the former are suppressed; at its end, the latter are restored.
 
     Attributes:
-        rows: Their rows, ascending.
-        senders: The same, by index in the roster; shape (agents of all groups,).
-        sources: The sources of the component's events for them.
-        protection: Restores what the component writes for them.
+        rows: The rows of the suspended agents, ascending.
     """
 
-    rows: tuple[int, ...]
-    senders: NDArray[np.bool_]
-    sources: frozenset[str]
-    protection: ProtectedRows
+    def __init__(self, simulation: Simulation, entry: ComponentEntry, rows: tuple[int, ...]) -> None:
+        """Prepare.
+
+        Args:
+            simulation: The simulation.
+            entry: The entry of the component.
+            rows: See `HeldRows`.
+        """
+        group, roster = entry.group, simulation.environment.roster
+        ids = [group.ids[row] for row in rows]
+        self.rows = rows
+        self._exchange, self._events = simulation.exchange, simulation.events
+        self._senders = np.zeros(len(roster), bool)
+        self._senders[[roster.index(id) for id in ids]] = True
+        self._sources = frozenset(f"agents.{id}.{entry.name}" for id in ids)
+        self._protected = ProtectedRows(group, rows)
+
+    def __enter__(self) -> None:
+        self._protected.__enter__()
+        self._exchange.mute(self._senders)
+        self._events.mute(self._sources)
+
+    def __exit__(self, kind: object, *error: object) -> None:
+        self._events.mute(())
+        self._exchange.mute(None)
+        self._protected.__exit__(kind, *error)
 
 
 class Supervision:
@@ -66,8 +87,8 @@ class Supervision:
         #: The latencies that faults impose on each row, with their counts.
         self._slowness: dict[int, Counter[Duration]] = {}
         self._changed = changed
-        #: What `_held` returned last.
-        self._muted: _HeldRows | None = None
+        #: What `held` returned last.
+        self._muted: HeldRows | None = None
 
     @property
     def interferes(self) -> bool:
@@ -88,19 +109,12 @@ class Supervision:
         # Other agents of the group run in another process; the component must keep the same state and draws here.
         return all(reasons > (agent in self.remote) for agent, reasons in self.suspended.items())
 
-    def _held(self) -> _HeldRows | None:
-        """The rows of a group component that must not change, as their agents are suspended; None if there are none."""
+    def held(self) -> HeldRows | None:
+        """The context for turns of a group component, some of whose agents are suspended; None if there are none."""
         rows = tuple(sorted(self.suspended)) if self._is_group else ()
-        if not rows:
-            return None
-        if self._muted is None or self._muted.rows != rows:
-            group, roster = self._entry.group, self._simulation.environment.roster
-            ids = [group.ids[row] for row in rows]
-            senders = np.zeros(len(roster), bool)
-            senders[[roster.index(id) for id in ids]] = True
-            sources = frozenset(f"agents.{id}.{self._entry.name}" for id in ids)
-            self._muted = _HeldRows(rows, senders, sources, ProtectedRows(group, rows))
-        return self._muted
+        if rows and (self._muted is None or self._muted.rows != rows):
+            self._muted = HeldRows(self._simulation, self._entry, rows)
+        return self._muted if rows else None
 
     def hold(self, agent: int) -> None:
         """Add a reason to suspend an agent."""
@@ -156,14 +170,11 @@ class Supervision:
 
     @contextmanager
     def _supervise(self) -> Iterator[None]:
-        group, simulation, held = self._entry.group, self._simulation, self._held()
+        group, held = self._entry.group, self.held()
         column = group.awareness.state_column
         earlier = column.take_changes() if self.disturbances else ()
-        if held is None:
+        with held or _NONE:
             yield
-        else:
-            with held.protection, simulation.exchange.muted(held.senders), simulation.events.muted(held.sources):
-                yield
         if not self.disturbances:
             return
         written = column.take_changes()

@@ -511,7 +511,7 @@ def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
 
 
 def test_who_comes_as_the_port_closes_does_not_hold_it_up(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
-    for limit in ("tcp.PARTING", "port._CLOSING"):
+    for limit in ("port.PARTING", "port._CLOSING"):
         monkeypatch.setattr(f"symaware_cli.distributed.{limit}", 60.0)
     host = Tcp(Tcp.Parameters()).listen("127.0.0.1", 0)
     untyped(host).later(time.sleep, 0.5)  # so that it is closing when it hears of who came
@@ -528,7 +528,7 @@ def test_a_stranger_who_comes_over_zenoh_as_the_host_closes_leaves_no_thread() -
     member = PeerProtocol(False, None, 2**20, 2.0, 60.0, time.monotonic())
 
     def come() -> None:
-        host._end.set()
+        host.ending = True
         for record in (member.preamble, member.record(PING, bytes(8)), member.record(PONG, bytes(24))):
             host._put_in("0123456789abcdef", record)
         host.drain()
