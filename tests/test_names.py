@@ -19,7 +19,6 @@ VERB = "a command of the terminal, and the module that implements it"
 BACKEND = "the display of one kind of marks, in each backend"
 
 MODULES = {
-    "awareness": "the awareness of agents, and its encoding in the log",
     "bodies": BACKEND,
     "columns": BACKEND,
     "curves": BACKEND,

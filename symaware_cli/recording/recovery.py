@@ -20,10 +20,10 @@ from symaware_cli.recording.index import (
     parse,
     read_at,
     read_header,
-    read_messages,
     read_record,
     unpack,
 )
+from symaware_cli.recording.log_message import read_messages
 from symaware_cli.recording.log_schema import MAGIC, OUTCOME
 
 FOREVER = 1 << 64
