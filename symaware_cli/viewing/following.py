@@ -16,7 +16,7 @@ from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.viewing.chunk import ChunkReader
-from symaware_cli.viewing.replay import Replay
+from symaware_cli.viewing.replay_session import Replay
 
 #: Interval between two checks for new data [s]; logs are flushed twice a second.
 _INTERVAL = 0.1

@@ -13,9 +13,9 @@ from symaware_cli.recording.series import row_position
 from symaware_cli.viewing.beliefs import Beliefs, read_beliefs
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.intents import path_columns, ways
 from symaware_cli.viewing.scene.marks import Ellipsoids, FocusPoint, Lines, Mark, Rings
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.scene.uncertainties import ellipsoids
 from symaware_cli.viewing.views import RunView, in_space
 
