@@ -240,7 +240,7 @@ def _has_risk(content: ReplayContent) -> bool:
     return any(topic.startswith("/agents/") and topic.endswith("/risk") for topic in content.topics)
 
 
-def _curves(name: str, contents: list[str], legend: bool = True) -> rrb.TimeSeriesView:
+def _curves(name: str, contents: list[str], *, legend: bool = True) -> rrb.TimeSeriesView:
     import rerun.blueprint as rrb
 
     shown = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
