@@ -13,13 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import (
-    AgentGroup,
-    Environment,
-    Links,
-    WorldError,
-    nanoseconds,
-)
+from symaware_cli.core import AgentGroup, Environment, Links, WorldError, nanoseconds
 from symaware_cli.distributed.transport import Transport
 from symaware_cli.network.network import Network
 from symaware_cli.network.topology.topology import Topology

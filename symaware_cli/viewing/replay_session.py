@@ -208,7 +208,8 @@ class ReplaySession:
         recording = self._recording()
         with suppress(FollowingAbandoned), _connection(url):
             recording.connect_grpc(url, default_blueprint=self._blueprint())
-            follow(self.log.path, self._replay(recording), wanted)
+            replay = self._replay(recording)
+            follow(self.log.path, replay.chunk_reader(), replay.draw_chunk, wanted)
         return recording
 
     def picture(self, path: Path, moment: int | None, size: str, on_progress: Progress = None) -> list[View]:

@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry.rotation import rotated
 from symaware_cli.viewing.outline import closed, dashes, mesh, outlines
-from symaware_cli.viewing.rerun.columns import each, flat, packed, shades, turns
+from symaware_cli.viewing.rerun.columns import ColumnReceiver, each, flat, packed, shades, turns
 from symaware_cli.viewing.rerun.lines import send_strips
 from symaware_cli.viewing.scene.marks import ACTIVE, PAST, TO_COME, Bodies, Solid
 
 if TYPE_CHECKING:
     import rerun as rr
-
-    from symaware_cli.viewing.rerun.output import RerunOutput
 
 Array = NDArray[np.float64]
 
@@ -29,7 +27,7 @@ _ABOVE = 0.005
 _NOSE = np.array((240, 240, 240), np.uint8)
 
 
-def show_bodies(output: RerunOutput, mark: Bodies) -> None:
+def show_bodies(output: ColumnReceiver, mark: Bodies) -> None:
     """Show bodies as their shapes, with labels and headings."""
     import rerun as rr
 
@@ -71,7 +69,7 @@ def show_bodies(output: RerunOutput, mark: Bodies) -> None:
         _show_noses(output, mark, shape.radius, new=new)
 
 
-def show_solid(output: RerunOutput, mark: Solid) -> None:
+def show_solid(output: ColumnReceiver, mark: Solid) -> None:
     """Show a body as prisms over its outline."""
     import rerun as rr
 
@@ -91,7 +89,7 @@ def show_solid(output: RerunOutput, mark: Solid) -> None:
     output.send(mark.path, mark.times, placed)
 
 
-def _show_phases(output: RerunOutput, mark: Solid) -> None:
+def _show_phases(output: ColumnReceiver, mark: Solid) -> None:
     """Show an area filled while it counts, else as an outline: interrupted while it is to come, faint afterwards."""
     import rerun as rr
 
@@ -129,7 +127,7 @@ def _label(mark: Solid) -> rr.Points3D:
     return rr.Points3D.from_fields(show_labels=True, colors=[mark.colour], radii=rr.Radius.ui_points([0.0]))
 
 
-def _discs(output: RerunOutput, path: str, mark: Bodies, centres: Array, radius: float) -> None:
+def _discs(output: ColumnReceiver, path: str, mark: Bodies, centres: Array, radius: float) -> None:
     import rerun as rr
 
     radii = np.full(centres.shape[0] * centres.shape[1], radius, np.float32)
@@ -137,7 +135,7 @@ def _discs(output: RerunOutput, path: str, mark: Bodies, centres: Array, radius:
     output.send(path, mark.times, discs, each(centres))
 
 
-def _show_labels(output: RerunOutput, mark: Bodies, positions: Array, *, new: bool) -> None:
+def _show_labels(output: ColumnReceiver, mark: Bodies, positions: Array, *, new: bool) -> None:
     import rerun as rr
 
     path, rows = f"{mark.path}/label", list(mark.labels)
@@ -153,7 +151,7 @@ def _show_labels(output: RerunOutput, mark: Bodies, positions: Array, *, new: bo
         output.send(path, mark.times, rr.Points3D.columns(positions=flat(places), colors=colours), each(places))
 
 
-def _show_noses(output: RerunOutput, mark: Bodies, radius: float, *, new: bool) -> None:
+def _show_noses(output: ColumnReceiver, mark: Bodies, radius: float, *, new: bool) -> None:
     """Show headings as lines outward from the centres."""
     import rerun as rr
 

@@ -1,17 +1,42 @@
-"""Arrays as the columns of Rerun's archetypes expect them."""
+"""Columns of values for Rerun: what takes them, and arrays as they expect them."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.scene.marks import Colours
+from symaware_cli.viewing.scene.marks import Colours, Times
+
+if TYPE_CHECKING:
+    import rerun as rr
 
 Array = NDArray[np.float64]
 
 TIMELINE = "time"
 """The name of the timeline of simulated time."""
+
+
+class ColumnReceiver(Protocol):
+    """Takes columns for a recording, as `RerunOutput` does; below, k is a number of instants."""
+
+    def static(self, path: str, *archetypes: rr.AsComponents) -> None:
+        """Log archetypes that are valid at all times."""
+
+    def is_new(self, path: str) -> bool:
+        """Whether this is the first call for a path, so that its static components must be logged."""
+
+    def send(self, path: str, times: Times, columns: Any, counts: ArrayLike | None = None) -> None:
+        """Send values at (k,) times [ns].
+
+        Args:
+            path: The Rerun entity.
+            times: (k,) [ns].
+            columns: The columns of a Rerun archetype.
+            counts: (k,) number of values of each instant; None for one each.
+        """
 
 
 def flat(points: Array) -> NDArray[np.float32]:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from symaware_cli.geometry.articulation import Visual
 from symaware_cli.viewing.figure import media_type
-from symaware_cli.viewing.rerun.columns import each, flat, turns
+from symaware_cli.viewing.rerun.columns import ColumnReceiver, each, flat, turns
 from symaware_cli.viewing.scene.marks import Figures, Ground
 from symaware_cli.viewing.tessellation import tessellated
-
-if TYPE_CHECKING:
-    from symaware_cli.viewing.rerun.output import RerunOutput
 
 #: Colour and half extent of the ground [m], and its offset below its height, so that lines on it are visible [m].
 _GROUND = (30, 33, 41)
@@ -22,7 +19,7 @@ _GROUND_REACH = 500.0
 _BELOW = 2e-3
 
 
-def show_figures(output: RerunOutput, mark: Figures) -> None:
+def show_figures(output: ColumnReceiver, mark: Figures) -> None:
     """Show bodies of links and joints."""
     import rerun as rr
 
@@ -45,7 +42,7 @@ def show_figures(output: RerunOutput, mark: Figures) -> None:
         output.send(path, mark.times, instances, each(positions))
 
 
-def show_ground(output: RerunOutput, mark: Ground) -> None:
+def show_ground(output: ColumnReceiver, mark: Ground) -> None:
     """Show a level plane."""
     import rerun as rr
 

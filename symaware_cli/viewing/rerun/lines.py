@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.rerun.columns import flat, packed, shades
+from symaware_cli.viewing.rerun.columns import ColumnReceiver, flat, packed, shades
 from symaware_cli.viewing.scene.marks import Colours, Crosses, Lines, Times
-
-if TYPE_CHECKING:
-    from symaware_cli.viewing.rerun.output import RerunOutput
 
 Array = NDArray[np.float64]
 
@@ -23,7 +18,7 @@ _FADED = (0.05, 0.8)
 _STROKES = np.array([[[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]], [[-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]])
 
 
-def show_lines(output: RerunOutput, mark: Lines) -> None:
+def show_lines(output: ColumnReceiver, mark: Lines) -> None:
     """Show lines."""
     import rerun as rr
 
@@ -41,7 +36,7 @@ def show_lines(output: RerunOutput, mark: Lines) -> None:
     send_strips(output, mark.path, mark.times, points, np.full(len(colours), 2), each, colours)
 
 
-def show_crosses(output: RerunOutput, mark: Crosses) -> None:
+def show_crosses(output: ColumnReceiver, mark: Crosses) -> None:
     """Show crosses as two lines each."""
     import rerun as rr
 
@@ -55,7 +50,13 @@ def show_crosses(output: RerunOutput, mark: Crosses) -> None:
 
 
 def send_strips(
-    output: RerunOutput, path: str, times: Times, points: Array, lengths: ArrayLike, counts: ArrayLike, colours: Colours
+    output: ColumnReceiver,
+    path: str,
+    times: Times,
+    points: Array,
+    lengths: ArrayLike,
+    counts: ArrayLike,
+    colours: Colours,
 ) -> None:
     """Send lines through points.
 

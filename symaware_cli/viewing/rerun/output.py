@@ -72,14 +72,7 @@ class RerunOutput:
         return new
 
     def send(self, path: str, times: marks.Times, columns: Any, counts: ArrayLike | None = None) -> None:
-        """Send values at (k,) times [ns].
-
-        Args:
-            path: The Rerun entity.
-            times: (k,) [ns].
-            columns: The columns of a Rerun archetype.
-            counts: (k,) number of values of each instant; None for one each.
-        """
+        """Send values at (k,) times [ns]; see `ColumnReceiver`."""
         import rerun as rr
 
         if not len(times):
