@@ -19,7 +19,6 @@ VERB = "a command of the terminal, and the module that implements it"
 BACKEND = "the display of one kind of marks, in each backend"
 
 MODULES = {
-    "awareness": "the awareness of agents, and its encoding in the log",
     "bodies": BACKEND,
     "columns": BACKEND,
     "curves": BACKEND,
@@ -28,7 +27,6 @@ MODULES = {
     "output": "a file that is written completely or not at all; the output of each backend",
     "plot": VERB,
     "region": "a region of the plane; its use in specifications",
-    "replay": VERB,
     "request": "the component that requests knowledge from other agents; the options of a plot; those of a sweep",
     "run": VERB,
     "scenery": "the obstacles of a world, and their display",

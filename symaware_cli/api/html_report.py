@@ -76,7 +76,7 @@ def write_report(path: FilePath, output: FilePath, viewer: bool = False, pdf: Fi
     path, output = Path(path), Path(output)
     if pdf is not None:
         require_printing(Path(pdf))
-    title, parts = _of_sweep(path, viewer) if path.is_dir() else _of_log(path, viewer)
+    title, parts = _of_sweep(path, viewer=viewer) if path.is_dir() else _of_log(path, viewer=viewer)
     policy = _POLICY.replace("script-src", f"script-src {POLICY}") if viewer else _POLICY
     page = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
@@ -91,7 +91,7 @@ def write_report(path: FilePath, output: FilePath, viewer: bool = False, pdf: Fi
     return output
 
 
-def _of_log(path: Path, viewer: bool) -> tuple[str, list[str]]:
+def _of_log(path: Path, *, viewer: bool) -> tuple[str, list[str]]:
     log = open_log(path)
     found = overview(log)
     agents = ", ".join(f"{count} {name}" for name, count in found.agents.items())
@@ -103,7 +103,7 @@ def _of_log(path: Path, viewer: bool) -> tuple[str, list[str]]:
         "simulated time": f"{found.simulated_time or 0:g} s, {found.steps} steps of {found.time_step} s",
         "digest": digest(log).combined,
     }
-    parts = [_table(facts), *_of_specifications(log), *_of_motion(log, viewer)]
+    parts = [_table(facts), *_of_specifications(log), *_of_motion(log, viewer=viewer)]
     if found.events:
         parts += [_heading("Events"), _table({name: f"{count:,}" for name, count in found.events.items()})]
     texts = {name: data for name, data in log.attachments.items() if name in found.scenario}
@@ -112,7 +112,7 @@ def _of_log(path: Path, viewer: bool) -> tuple[str, list[str]]:
     return f"{found.name or path.name}: {found.status}", parts
 
 
-def _of_sweep(path: Path, viewer: bool) -> tuple[str, list[str]]:
+def _of_sweep(path: Path, *, viewer: bool) -> tuple[str, list[str]]:
     folder = SweepFolder.opened(path)
     document = folder.plan.document
     with SweepJournal(folder.path / JOURNAL) as journal:
@@ -132,7 +132,7 @@ def _of_sweep(path: Path, viewer: bool) -> tuple[str, list[str]]:
         parts.append(f"<p>{escape(said)}. <code>symaware run {escape(path.name)} --index {worst.index}</code></p>")
         with tempfile.TemporaryDirectory() as temporary:
             log = open_log(_repeated(path, worst.index, Path(temporary)))
-            parts += [*_of_specifications(log), *_of_motion(log, viewer)]
+            parts += [*_of_specifications(log), *_of_motion(log, viewer=viewer)]
     files = {each.name: each.read_bytes() for each in (folder.path / WRITTEN, folder.path / SWEEP) if each.exists()}
     files[folder.source.scenario.name] = folder.source.scenario.read_bytes()
     parts += _of_scenario(files, "")
@@ -171,7 +171,7 @@ def _of_specifications(log: Log) -> Iterator[str]:
     yield "</table>"
 
 
-def _of_motion(log: Log, viewer: bool) -> Iterator[str]:
+def _of_motion(log: Log, *, viewer: bool) -> Iterator[str]:
     if viewer:
         yield from _on_screen("Replay", *_of_replay(log))
     try:

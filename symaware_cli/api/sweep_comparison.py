@@ -130,11 +130,11 @@ def compare_sweeps(
         if name != "seed":
             differ |= unequal
         if unequal.any() and name not in ("seed", "digest"):
-            for column, values in _compared(tables, name, pairs, unequal, is_paired):
+            for column, values in _compared(tables, name, pairs, unequal, is_paired=is_paired):
                 columns.append(column)
                 drawn.append((column, *values))
     if plot is not None:
-        _draw(drawn, (folders[0].path, folders[1].path), plot, is_paired)
+        _draw(drawn, (folders[0].path, folders[1].path), plot, is_paired=is_paired)
     index = tables[0]["index"].to_numpy()[pairs[0]]
     return SweepComparison(
         (folders[0].path, folders[1].path),
@@ -182,6 +182,7 @@ def _compared(
     name: str,
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
     unequal: NDArray[np.bool_],
+    *,
     is_paired: bool,
 ) -> Iterator[tuple[ColumnComparison, tuple[Array, Array]]]:
     """Compare a column of numbers or verdicts, with the values of the runs that have both; nothing for others."""
@@ -208,7 +209,7 @@ def _compared(
 
 
 def _draw(
-    columns: Sequence[PairedColumn], paths: tuple[Path, Path], plot: str | os.PathLike[str], is_paired: bool
+    columns: Sequence[PairedColumn], paths: tuple[Path, Path], plot: str | os.PathLike[str], *, is_paired: bool
 ) -> None:
     """Draw the columns in which runs differ.
 

@@ -222,16 +222,16 @@ def _in_specifications(log: Path, row: Row, catalogue: Catalogue, not_evaluated:
     """What the specifications of a log, evaluated, say otherwise than its row."""
     evaluation = evaluate_log(log, catalogue)
     for each in evaluation.specifications:
-        yield from _verdict(row, each.name, each.verdict, each.robustness, each.is_exact)
+        yield from _verdict(row, each.name, each.verdict, each.robustness, is_exact=each.is_exact)
         yield from _by_agent(row, each)
     not_evaluated.update(f"{name}: {reason}" for name, reason in evaluation.left_out.items())
     if evaluation.left_out and evaluation.is_complete:
         for outcome in check_log(log).specifications:
             if outcome.name in evaluation.left_out:
-                yield from _verdict(row, outcome.name, outcome.verdict, outcome.robustness, True)
+                yield from _verdict(row, outcome.name, outcome.verdict, outcome.robustness, is_exact=True)
 
 
-def _verdict(row: Row, name: str, verdict: str, robustness: float | None, is_exact: bool) -> Iterator[Finding]:
+def _verdict(row: Row, name: str, verdict: str, robustness: float | None, *, is_exact: bool) -> Iterator[Finding]:
     """What a row says otherwise of a specification than its log."""
     said, known = row.verdicts.get(name), row.robustness.get(name)
     if said != verdict:

@@ -83,6 +83,10 @@ class Signal:
         if len({column.name for column in columns}) < len(columns):
             raise ValueError(f"two columns of {what} have the same name")
         object.__setattr__(self, "columns", columns)
+        self._require_drawable(what)
+
+    def _require_drawable(self, what: str) -> None:
+        """Raise an error if the columns are not those that are drawn in this way."""
         if self.drawn == "points" and not any({*pair} <= {*self.column_names} for pair in _PLACES):
             pairs = ", or ".join(f"`{one}` and `{other}`" for one, other in _PLACES)
             raise ValueError(f"{what} is drawn as points, which takes columns {pairs}")

@@ -56,7 +56,7 @@ def branch(
         from symaware_cli.api.branching import branch as branched
         from symaware_cli.scenario.files import unused_path
 
-        points = _points(over or (), as_json)
+        points = _points(over or (), as_json=as_json)
         results = []
         for number, point in enumerate(points):
             path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
@@ -78,7 +78,7 @@ def branch(
     raise typer.Exit(FAILED if failed else VIOLATED if any(each.summary.violated for each in results) else 0)
 
 
-def _points(over: Sequence[str], as_json: bool) -> Sequence[Sequence[str]]:
+def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
     """All combinations of the values of some parameters, as changes; one without changes if there are none."""
     from symaware_cli.api.changes import texts
     from symaware_cli.study.values import expanded, is_range

@@ -55,7 +55,7 @@ def check(
         fail(f"--logic takes stl or ltl, not {logic}", WRONG_INPUT, as_json)
     if of not in ("truth", "belief"):
         fail(f"--of takes truth or belief, not {of}", WRONG_INPUT, as_json)
-    logs = _logs(paths, as_json)
+    logs = _logs(paths, as_json=as_json)
     results = []
     with trouble_shown(as_json):
         from symaware_cli.api.checking import check_log
@@ -79,7 +79,7 @@ def check(
     raise typer.Exit(VIOLATED if any(result.violated for result in results) else 0)
 
 
-def _logs(paths: Sequence[Path], as_json: bool) -> list[Path]:
+def _logs(paths: Sequence[Path], *, as_json: bool) -> list[Path]:
     """The logs that are named, and those in folders; sorted within each."""
     logs: list[Path] = []
     for path in paths:

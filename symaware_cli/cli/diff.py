@@ -39,7 +39,7 @@ def diff(
         fail("--plot goes with two logs, or with two sweeps", WRONG_INPUT, as_json)
     with trouble_shown(as_json):
         if one.is_dir() and other.is_dir():
-            result = _compared_sweeps(one, other, plot, as_json)
+            result = _compared_sweeps(one, other, plot, as_json=as_json)
             lines = _sweep_lines(result)
         else:
             for path in (one, other):
@@ -56,7 +56,7 @@ def diff(
     raise typer.Exit(0 if result.is_equal else FAILED)
 
 
-def _compared_sweeps(one: Path, other: Path, plot: Path | None, as_json: bool) -> SweepComparison:
+def _compared_sweeps(one: Path, other: Path, plot: Path | None, *, as_json: bool) -> SweepComparison:
     from symaware_cli.api.sweep_comparison import compare_sweeps
     from symaware_cli.study.sweep_error import SweepError
 

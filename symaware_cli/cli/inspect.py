@@ -187,21 +187,21 @@ def inspect(
         for option, value in {**{view: wanted or None for view, wanted in views.items()}, **given}.items():
             if value is not None and option != "--limit":
                 fail(f"{option} goes with a log, not with the folder of a sweep", WRONG_INPUT, as_json)
+        is_selected = any(each is not None for each in (where, sort, columns, limit)) or as_csv
+        if (shares or compare is not None) and (is_selected or (shares and compare)):
+            fail("--shares and --compare are about all rows, each by itself", WRONG_INPUT, as_json)
         with trouble_shown(as_json):
             from symaware_cli.cli.sweep_rows import show_differences, show_rows, show_shares
 
-            if shares or compare is not None:
-                if any(each is not None for each in (where, sort, columns, limit)) or as_csv or (shares and compare):
-                    fail("--shares and --compare are about all rows, each by itself", WRONG_INPUT, as_json)
-                if compare is None:
-                    show_shares(path, as_json)
-                else:
-                    show_differences(path, compare, as_json)
-                return
-            show_rows(path, where, sort, limit, names(columns), as_json=as_json, as_csv=as_csv)
+            if compare is not None:
+                show_differences(path, compare, as_json)
+            elif shares:
+                show_shares(path, as_json)
+            else:
+                show_rows(path, where, sort, limit, names(columns), as_json=as_json, as_csv=as_csv)
         return
     given |= of_rows
-    view = _view([view for view, wanted in views.items() if wanted], given, as_json)
+    view = _view([view for view, wanted in views.items() if wanted], given, as_json=as_json)
     with trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
 
@@ -218,7 +218,7 @@ def inspect(
             from symaware_cli.recording.entry_filter import EntryFilter
 
             wanted = EntryFilter(
-                agents=tuple(each.strip() for each in agents.split(",") if each.strip()) if agents else (),
+                agents=tuple(names(agents)),
                 name=name,
                 source=source,
                 level=level.upper() if level else None,
@@ -229,16 +229,16 @@ def inspect(
             )
             show_entries(log, view, wanted, limit, as_json)
         elif digest:
-            _show_digest(log, as_json)
+            _show_digest(log, as_json=as_json)
         else:
-            _show_overview(log, as_json)
+            _show_overview(log, as_json=as_json)
         lost = bool(log.damage and log.damage.lost)
     if lost and view:
         typer.echo(f"symaware: {log.damage}", err=True)
     raise typer.Exit(DATA_LOST if lost else 0)
 
 
-def _view(chosen: list[str], filters: dict[str, Any], as_json: bool) -> str:
+def _view(chosen: list[str], filters: dict[str, Any], *, as_json: bool) -> str:
     """Return the requested view, after a check that the filters apply to it; None for the overview."""
     if len(chosen) > 1:
         fail(f"choose one of {' and '.join(chosen)}", WRONG_INPUT, as_json)
@@ -253,7 +253,7 @@ def _view(chosen: list[str], filters: dict[str, Any], as_json: bool) -> str:
     return view
 
 
-def _show_digest(log: Log, as_json: bool) -> None:
+def _show_digest(log: Log, *, as_json: bool) -> None:
     from dataclasses import asdict
 
     from symaware_cli.recording.digest import digest
@@ -266,7 +266,7 @@ def _show_digest(log: Log, as_json: bool) -> None:
         typer.echo(f"{value}  {printable(name)}")
 
 
-def _show_overview(log: Log, as_json: bool) -> None:
+def _show_overview(log: Log, *, as_json: bool) -> None:
     from symaware_cli.recording.overview import overview
 
     summary = overview(log)

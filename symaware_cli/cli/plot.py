@@ -91,21 +91,21 @@ def plot(
         for option, value in {**others, "--to": end, "--at": at}.items():
             if value not in (None, False, []):
                 fail(f"{option} goes with a log, and {path} is a folder", WRONG_INPUT, as_json)
-        measures = _measures(size, as_json)
+        measures = _measures(size, as_json=as_json)
         if trajectories:
             if show is not None:
                 fail("--show names metrics, and --trajectories is another picture", WRONG_INPUT, as_json)
-            _plot_paths(path, output, runs, title, measures, dpi, as_json)
+            _plot_paths(path, output, runs, title, measures, dpi, as_json=as_json)
             return
         if runs is not None:
             fail("--runs goes with --trajectories", WRONG_INPUT, as_json)
-        _plot_sweep(path, output, names(show), title, measures, dpi, as_json)
+        _plot_sweep(path, output, names(show), title, measures, dpi, as_json=as_json)
         return
     if trajectories or runs is not None:
         fail("--trajectories and --runs go with the folder of a sweep; see --show", WRONG_INPUT, as_json)
     span(start, end, as_json)
     instant("--at", at, as_json)
-    measures = _measures(size, as_json)
+    measures = _measures(size, as_json=as_json)
     with trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
         from symaware_cli.scenario.files import unused_path
@@ -147,6 +147,7 @@ def _plot_sweep(
     title: str | None,
     size: tuple[float, float] | None,
     dpi: int,
+    *,
     as_json: bool,
 ) -> None:
     with trouble_shown(as_json):
@@ -188,6 +189,7 @@ def _plot_paths(
     title: str | None,
     size: tuple[float, float] | None,
     dpi: int,
+    *,
     as_json: bool,
 ) -> None:
     with trouble_shown(as_json):
@@ -222,7 +224,7 @@ def _plot_paths(
         typer.echo(_line("note", note))
 
 
-def _measures(size: str | None, as_json: bool) -> tuple[float, float] | None:
+def _measures(size: str | None, *, as_json: bool) -> tuple[float, float] | None:
     if size is None:
         return None
     found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*[x×]\s*(\d+(?:\.\d*)?)", size.strip())

@@ -25,6 +25,7 @@ from symaware_cli.cli.terminal import (
     is_lively,
     names,
     print_json,
+    refuse,
     span,
     trouble_shown,
 )
@@ -75,45 +76,42 @@ def replay(
     as_json: Json = False,
 ) -> None:
     """Show a log in the Rerun viewer: motion, beliefs, intents, risks and messages of all agents."""
-    if sum(bool(way) for way in (save, screenshot, web, connect)) > 1:
-        fail("choose one of --save, --screenshot, --web and --connect", WRONG_INPUT, as_json)
-    if follow and (save or screenshot or against or start is not None or end is not None):
-        fail(
-            "--follow shows a whole log in a viewer; leave out --save, --screenshot, --against, --from and --to",
-            WRONG_INPUT,
-            as_json,
-        )
-    if save and save.suffix.lower() != ".rrd":
-        fail(f"--save writes a recording of Rerun; end the name of the file in .rrd, not {save}", WRONG_INPUT, as_json)
-    if screenshot and screenshot.suffix.lower() != ".png":
-        fail(f"--screenshot writes a PNG; end the name of the file in .png, not {screenshot}", WRONG_INPUT, as_json)
-    if at is not None and not screenshot:
-        fail("--at goes with --screenshot", WRONG_INPUT, as_json)
+    ways, is_part = (save, screenshot, web, connect), against is not None or start is not None or end is not None
+    whole = "leave out --save, --screenshot, --against, --from and --to"
+    named = "end the name of the file in"
+    reasons = (
+        (sum(map(bool, ways)) > 1, "choose one of --save, --screenshot, --web and --connect"),
+        (follow and bool(save or screenshot or is_part), f"--follow shows a whole log in a viewer; {whole}"),
+        (_ends_otherwise(save, ".rrd"), f"--save writes a recording of Rerun; {named} .rrd, not {save}"),
+        (_ends_otherwise(screenshot, ".png"), f"--screenshot writes a PNG; {named} .png, not {screenshot}"),
+        (at is not None and not screenshot, "--at goes with --screenshot"),
+    )
+    refuse(reasons, as_json)
     first, last = span(start, end, as_json)
     moment = instant("--at", at, as_json)
-    _require_sound(size, bind, as_json)
+    _require_sound(size, bind, as_json=as_json)
     bar = is_lively(sys.stderr) and not as_json
     facts: dict[str, object] = {"log": str(path)}
     with trouble_shown(as_json):
         from symaware_cli.viewing.viewer import ViewerError, require
 
         require()
-        log = _opened(path, follow)
-        if log.foreign and (agents or against or start is not None or end is not None):
+        log = _opened(path, follow=follow)
+        if log.foreign and (agents or is_part):
             options = "--agents, --against, --from and --to"
             fail(f"{path} was not written by SymAware; leave out {options}", WRONG_INPUT, as_json)
-        _require_shown(moment, log, first, last, as_json)
+        _require_shown(moment, log, first, last, as_json=as_json)
         shown = _replay_session(log, names(agents), first, last, against)
         facts["shown"] = shown.words
         try:
-            with progress(path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
-                if save:
-                    shown.save(save, on_progress)
-                elif screenshot:
-                    views = shown.picture(screenshot, moment, size, on_progress)
-                    facts["reports"] = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
             if file := save or screenshot:
-                _tell({**facts, "file": str(file), "size": file.stat().st_size}, as_json)
+                with progress(path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
+                    if save:
+                        shown.save(file, on_progress)
+                    else:
+                        views = shown.picture(file, moment, size, on_progress)
+                        facts["reports"] = [f"{view.name}: {each.summary}" for view in views for each in view.reports]
+                _tell({**facts, "file": str(file), "size": file.stat().st_size}, as_json=as_json)
             else:
                 _present(
                     shown,
@@ -173,7 +171,7 @@ def _present(
         if started and started.link:
             facts["link"] = started.link
         if follow:
-            _tell(facts, as_json)
+            _tell(facts, as_json=as_json)
         try:
             if follow:
                 recording = shown.follow(url, lambda: started is None or not started.closed)
@@ -181,7 +179,7 @@ def _present(
                 log = shown.log
                 with progress(log.path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
                     recording = shown.send(url, on_progress)
-                _tell(facts, as_json)
+                _tell(facts, as_json=as_json)
         except viewer.ViewerError:
             if started and started.closed:
                 # The viewer was closed.
@@ -194,7 +192,11 @@ def _present(
         del recording
 
 
-def _require_sound(size: str, bind: str, as_json: bool) -> None:
+def _ends_otherwise(file: Path | None, suffix: str) -> bool:
+    return file is not None and file.suffix.lower() != suffix
+
+
+def _require_sound(size: str, bind: str, *, as_json: bool) -> None:
     """Exit if the options are invalid."""
     width, _, height = size.partition("x")
     if not all(side.isdecimal() and len(side) < 6 and _SMALLEST <= int(side) <= _LARGEST for side in (width, height)):
@@ -206,7 +208,7 @@ def _require_sound(size: str, bind: str, as_json: bool) -> None:
         fail(f"--bind is an IP address, such as 127.0.0.1 or 0.0.0.0, not {bind!r}", WRONG_INPUT, as_json)
 
 
-def _require_shown(moment: int | None, log: Log, first: int | None, last: int | None, as_json: bool) -> None:
+def _require_shown(moment: int | None, log: Log, first: int | None, last: int | None, *, as_json: bool) -> None:
     """Exit if the time of the picture [ns] is not within the times that are shown."""
     begin = max(time for time in (log.start_time, first, 0) if time is not None)
     end = min((time for time in (log.end_time, last) if time is not None), default=None)
@@ -215,7 +217,7 @@ def _require_shown(moment: int | None, log: Log, first: int | None, last: int | 
         fail(f"--at {moment / 1e9:g} is not in {what}", WRONG_INPUT, as_json)
 
 
-def _opened(path: Path, follow: bool) -> Log:
+def _opened(path: Path, *, follow: bool) -> Log:
     if follow:
         from symaware_cli.viewing.following import await_beginning
 
@@ -225,7 +227,7 @@ def _opened(path: Path, follow: bool) -> Log:
     return open_log(path)
 
 
-def _tell(facts: dict[str, object], as_json: bool) -> None:
+def _tell(facts: dict[str, object], *, as_json: bool) -> None:
     if as_json:
         print_json(facts)
         return

@@ -114,14 +114,14 @@ def run(
     ] = 60.0,
 ) -> None:
     """Run a scenario and record it in a log."""
-    place = _place(listen, bind, join, names(",".join(only or ())), key_file, name, wait, as_json)
+    place = _place(listen, bind, join, names(",".join(only or ())), key_file, name, wait, as_json=as_json)
     warnings.filterwarnings("ignore", category=processor.ProcessorWarning)
     shows = not quiet and not as_json
     with trouble_shown(as_json), _refusals_shown(as_json), output_kept(as_json):
         from symaware_cli.api.scenario import Scenario
 
         if index is not None or os.path.isdir(scenario):
-            source = _of_sweep(scenario, index, [seed is not None, overrides], as_json)
+            source = _of_sweep(scenario, index, [seed is not None, overrides], as_json=as_json)
         else:
             source = Scenario(scenario, overrides, seed=seed)
         try:
@@ -160,7 +160,7 @@ def run(
     raise typer.Exit({"finished": finished, "failed": FAILED, "interrupted": INTERRUPTED}[result.status])
 
 
-def _of_sweep(folder: Path, index: int | None, others: Sequence[object], as_json: bool) -> Scenario:
+def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_json: bool) -> Scenario:
     """Return the scenario of a run of a sweep; exit if the options are inconsistent."""
     from symaware_cli.api.sweeps import scenario_of
 
@@ -199,6 +199,7 @@ def _place(
     key: Path | None,
     name: str | None,
     wait: float,
+    *,
     as_json: bool,
 ) -> Place | None:
     """Return the role of this process in a run of several; exit if the options are inconsistent."""

@@ -39,7 +39,7 @@ def show(
 ) -> None:
     """Show a plugin: what it does, its parameters with units and defaults. Of a scenario: draw the knowledge models."""
     if Path(name).suffix in (".yaml", ".yml", ".toml"):
-        _draw(Path(name), output, as_json)
+        _draw(Path(name), output, as_json=as_json)
         return
     if output is not None:
         fail("--output goes with a scenario", WRONG_INPUT, as_json)
@@ -57,7 +57,7 @@ def show(
     typer.echo("\n\n".join(_text(description) for description in descriptions))
 
 
-def _draw(scenario: Path, output: Path | None, as_json: bool) -> None:
+def _draw(scenario: Path, output: Path | None, *, as_json: bool) -> None:
     """Draw the knowledge models of a scenario."""
     with trouble_shown(as_json):
         from symaware_cli.api.scenario import load

@@ -17,15 +17,14 @@ from typer.core import TyperCommand
 from symaware_cli.cli.terminal import (
     FAILED,
     INTERRUPTED,
-    WRONG_INPUT,
     Jobs,
     Json,
     Overrides,
-    fail,
     is_lively,
     job_count,
     output_kept,
     print_json,
+    refuse,
     trouble_shown,
 )
 
@@ -38,6 +37,10 @@ if TYPE_CHECKING:
 _WIDE, _NARROW_NAME = 110, 16
 
 _PLAN, _MEANS = "What to run", "How to run it"
+
+
+#: How many runs are made together, for the words that `--batch` takes; None for as many as suit.
+_BATCHES = {"auto": None, "off": 1}
 
 
 class SweepCommand(TyperCommand):
@@ -182,22 +185,20 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """Run a scenario many times, over parameters, variants and seeds; resumable, with one table at the end."""
-    if retry not in (None, "lost"):
-        fail(f"--retry takes `lost`, not `{retry}`", WRONG_INPUT, as_json)
-    if batch not in ("auto", "off") and not (batch.isdecimal() and int(batch) > 0):
-        fail(f"--batch takes auto, off or a number, not `{batch}`", WRONG_INPUT, as_json)
-    if ray is not None and jobs == 0:
-        fail("--jobs 0 makes all runs in this process, --ray on a cluster: leave one out", WRONG_INPUT, as_json)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
-    options["design"] = None if design is None else json.dumps(design, ensure_ascii=False)
-    options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
-    options["claim"] = None if claim is None else json.dumps(claim, ensure_ascii=False)
+    texts = {"design": design, "until": until, "claim": claim}
+    options |= {key: json.dumps(text, ensure_ascii=False) for key, text in texts.items() if text is not None}
     options["paired"] = "true" if paired else None
     given = {key: str(value) for key, value in options.items() if value is not None}
-    if target.is_dir() and (over or overrides or variants or given or output):
-        fail(f"{target} says what to run: only --add-runs adds to it", WRONG_INPUT, as_json)
-    if add_runs is not None and not target.is_dir():
-        fail("--add-runs goes with the folder of a sweep", WRONG_INPUT, as_json)
+    is_given = any((over, overrides, variants, given, output))
+    reasons = (
+        (retry not in (None, "lost"), f"--retry takes `lost`, not `{retry}`"),
+        (batch not in _BATCHES and not _is_count(batch), f"--batch takes auto, off or a number, not `{batch}`"),
+        (ray is not None and jobs == 0, "--jobs 0 makes all runs in this process, --ray on a cluster: leave one out"),
+        (target.is_dir() and is_given, f"{target} says what to run: only --add-runs adds to it"),
+        (add_runs is not None and not target.is_dir(), "--add-runs goes with the folder of a sweep"),
+    )
+    refuse(reasons, as_json)
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api.sweeps import opened
         from symaware_cli.study.request import SweepRequest
@@ -216,7 +217,7 @@ def sweep(
                     folder,
                     0 if ray and jobs is None else job_count(jobs),
                     ray=ray,
-                    batch={"auto": None, "off": 1}.get(batch) if batch in ("auto", "off") else int(batch),
+                    batch=_BATCHES[batch] if batch in _BATCHES else int(batch),
                     retry_lost=retry is not None,
                     fail_fast=fail_fast,
                     on_progress=tell,
@@ -233,6 +234,10 @@ def sweep(
     if outcome.is_interrupted:
         raise typer.Exit(INTERRUPTED)
     raise typer.Exit(FAILED if outcome.counts.done < outcome.planned else 0)
+
+
+def _is_count(text: str) -> bool:
+    return text.isdecimal() and int(text) > 0
 
 
 def _dry(target: Path, request: SweepRequest, add_runs: int | None) -> dict[str, Any]:

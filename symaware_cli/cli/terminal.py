@@ -140,6 +140,13 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
     raise typer.Exit(status)
 
 
+def refuse(reasons: Iterable[tuple[bool, str]], as_json: bool) -> None:
+    """Exit with the first of some sentences that is true of the options."""
+    for is_true, reason in reasons:
+        if is_true:
+            fail(reason, WRONG_INPUT, as_json)
+
+
 def names(listed: str | None) -> list[str]:
     """Split a list of names at commas."""
     return [name.strip() for name in (listed or "").split(",") if name.strip()]

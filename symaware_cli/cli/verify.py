@@ -53,9 +53,9 @@ def verify(
 ) -> None:
     """Repeat runs and compare: equal, or what differs and where. Exit status 1 if something does."""
     if path.suffix == ".json":
-        raise typer.Exit(_verify_certificate(path, level, rows, seed, key, quiet, as_json))
+        raise typer.Exit(_verify_certificate(path, level, rows, seed, key, quiet=quiet, as_json=as_json))
     if path.is_dir():
-        raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet, as_json))
+        raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet=quiet, as_json=as_json))
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api.verification import verify_log
 
@@ -72,14 +72,14 @@ def verify(
     raise typer.Exit(0 if result.is_equal else FAILED)
 
 
-def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, quiet: bool, as_json: bool) -> int:
+def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, *, quiet: bool, as_json: bool) -> int:
     """Verify the folder of a sweep, and return the exit status."""
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api.sweeps import verify_sweep
 
         try:
             with progress_shown("repeats", not (quiet or as_json)) as shown:
-                result = verify_sweep(folder, _level(level, as_json), rows=rows, seed=seed, on_progress=shown)
+                result = verify_sweep(folder, _level(level, as_json=as_json), rows=rows, seed=seed, on_progress=shown)
         except KeyboardInterrupt:
             fail(f"{folder}: interrupted", INTERRUPTED, as_json)
     if as_json:
@@ -90,7 +90,7 @@ def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, quiet: 
 
 
 def _verify_certificate(
-    path: Path, level: str, rows: int, seed: int | None, key: Path | None, quiet: bool, as_json: bool
+    path: Path, level: str, rows: int, seed: int | None, key: Path | None, *, quiet: bool, as_json: bool
 ) -> int:
     """Verify a certificate and the folder of its sweep, and return the exit status."""
     with trouble_shown(as_json), output_kept(as_json):
@@ -99,7 +99,7 @@ def _verify_certificate(
         try:
             with progress_shown("repeats", not (quiet or as_json)) as shown:
                 result = verify_certificate(
-                    path, _level(level, as_json), key=key, rows=rows, seed=seed, on_progress=shown
+                    path, _level(level, as_json=as_json), key=key, rows=rows, seed=seed, on_progress=shown
                 )
         except KeyboardInterrupt:
             fail(f"{path}: interrupted", INTERRUPTED, as_json)
@@ -117,7 +117,7 @@ def _verify_certificate(
     return 0 if result.is_sound else FAILED
 
 
-def _level(level: str, as_json: bool) -> Level:
+def _level(level: str, *, as_json: bool) -> Level:
     from symaware_cli.api.sweep_verification import LEVELS
 
     chosen = next((each for each in LEVELS if each == level), None)

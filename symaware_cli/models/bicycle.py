@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters, Quantity
-from symaware_cli.models.heading import HeadingModel
+from symaware_cli.models.heading import speeds_in_order
 from symaware_cli.models.noise import Deviation
+from symaware_cli.models.steered import SteeredModel
 
-Array = NDArray[np.float64]
 
-
-class Bicycle(HeadingModel):
+class Bicycle(SteeredModel):
     """A car with a speed v and a steering angle s: x' = v cos(heading), y' = v sin(heading), heading' = v tan(s) / L.
 
     L is the wheelbase, and the position is that of the rear axle, which does not slip (S. M. LaValle, Planning
@@ -27,8 +21,6 @@ class Bicycle(HeadingModel):
     batchable = True
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
-    control_input = (Quantity("speed", "m/s"), Quantity("steering_angle", "rad"))
-    heading = 2
     angles = (2,)
 
     class Parameters(Parameters):
@@ -45,35 +37,9 @@ class Bicycle(HeadingModel):
         )
         process_noise: Deviation = None
 
-        @model_validator(mode="after")
-        def _speeds_in_order(self) -> Bicycle.Parameters:
-            if self.min_speed > self.max_speed:
-                raise ValueError(f"`min_speed` {self.min_speed:g} lies above `max_speed` {self.max_speed:g}")
-            return self
+        _speeds_in_order = model_validator(mode="after")(speeds_in_order)
 
     @property
     def wheelbase(self) -> float:
         """The distance between the axles [m]."""
         return float(self.parameters.wheelbase)
-
-    def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """Return v and v tan(s) / L."""
-        speed = control_input[0]
-        return speed, speed * math.tan(control_input[1]) / self.parameters.wheelbase
-
-    def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Return the limits of speed and steering angle."""
-        limits = self.parameters
-        return [limits.min_speed, -limits.max_steering_angle], [limits.max_speed, limits.max_steering_angle]
-
-    def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Drive forwards at the desired speed, as turning requires it, and steer to reduce the heading error."""
-        speed, error = self.aim(state, velocity)
-        followed = np.empty((len(state), 2))
-        followed[:, 0] = speed
-        followed[:, 1] = np.arctan2(self.parameters.wheelbase * self.parameters.steering_gain * error, speed)
-        return followed
-
-    def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Scale the speed; with the same steering angle the path stays the same."""
-        return super().slowed(state, control_input, factor)

@@ -84,7 +84,7 @@ def _result_of(call: Callable[[], Any]) -> Any:
 
 
 def _elements(
-    name: str, call: Callable[[], Sequence[Any] | None], nx: int, count: int, needed: bool = False
+    name: str, call: Callable[[], Sequence[Any] | None], nx: int, count: int, *, needed: bool = False
 ) -> Iterator[str]:
     """Check a method that returns an expression for each element of the state."""
     returned = _result_of(call)
@@ -109,7 +109,7 @@ def _elements(
             return
 
 
-def _array(name: str, call: Callable[[], Any], shape: tuple[int, ...], may_be_none: bool = False) -> Iterator[str]:
+def _array(name: str, call: Callable[[], Any], shape: tuple[int, ...], *, may_be_none: bool = False) -> Iterator[str]:
     """Check a method that returns an array."""
     returned = _result_of(call)
     if returned is _RAISED or (returned is None and may_be_none):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,16 @@ from symaware_cli.models.noise import NoisyModel
 from symaware_cli.world.model import columns
 
 Array = NDArray[np.float64]
+
+
+class SpeedLimits(Protocol):
+    """Parameters with a least and a greatest speed [m/s]."""
+
+    min_speed: float
+    max_speed: float
+
+
+Limits = TypeVar("Limits", bound=SpeedLimits)
 
 
 def sinc(angle: Any, math: Any) -> Any:
@@ -30,6 +40,13 @@ def sinc(angle: Any, math: Any) -> Any:
     series = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))
     elsewhere = math.if_else(small, 1.0, angle)
     return math.if_else(small, series, math.sin(elsewhere) / elsewhere)
+
+
+def speeds_in_order(limits: Limits) -> Limits:
+    """Check that the least speed in parameters does not lie above the greatest; for pydantic's `model_validator`."""
+    if limits.min_speed > limits.max_speed:
+        raise ValueError(f"`min_speed` {limits.min_speed:g} lies above `max_speed` {limits.max_speed:g}")
+    return limits
 
 
 class HeadingModel(NoisyModel):

@@ -14,8 +14,9 @@ from pydantic import Field, model_validator
 from symaware_cli.core import Entity, Model, Parameters, Polygon, Quantity, Shape
 from symaware_cli.environments.vehicle import Vehicle, place_body, read_bodies
 from symaware_cli.geometry.rotation import about, composed, continued, yaws
-from symaware_cli.models.heading import HeadingModel
+from symaware_cli.models.heading import speeds_in_order
 from symaware_cli.models.noise import Deviation
+from symaware_cli.models.steered import SteeredModel
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ _MOST_STEERED = 1.0
 _TYRE = (0.1, 0.1, 0.1, 1.0)
 
 
-class Racecar(HeadingModel):
+class Racecar(SteeredModel):
     """A model car of the scale 1:10 (MIT Racecar), with speed and steering angle as control input.
 
     In the world `pybullet` it is the car of racecar/racecar.urdf in pybullet_data. Motors turn the rear wheels and the
@@ -51,8 +52,6 @@ class Racecar(HeadingModel):
         Quantity("speed", "m/s"),
         Quantity("steering_angle", "rad"),
     )
-    control_input = (Quantity("speed", "m/s"), Quantity("steering_angle", "rad"))
-    heading = 2
     angles = (2, 4)
     wheelbase = WHEELBASE
     # The outline of the file's collision shapes, around the middle of the rear axle, and its total mass.
@@ -81,15 +80,7 @@ class Racecar(HeadingModel):
         )
         process_noise: Deviation = None
 
-        @model_validator(mode="after")
-        def _speeds_in_order(self) -> Racecar.Parameters:
-            if self.min_speed > self.max_speed:
-                raise ValueError(f"`min_speed` {self.min_speed:g} lies above `max_speed` {self.max_speed:g}")
-            return self
-
-    def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """Return speed and turn rate in the steady state."""
-        return control_input[0], control_input[0] * math.tan(control_input[1]) / WHEELBASE
+        _speeds_in_order = model_validator(mode="after")(speeds_in_order)
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
         """Return the rates of a bicycle with first-order lags of speed and steering angle."""
@@ -116,19 +107,6 @@ class Racecar(HeadingModel):
         """Return the velocity along the heading, with the speed in the state."""
         heading, speed = state[:, 2].copy(), state[:, 3].copy()
         return np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1)
-
-    def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Return the limits of speed and steering angle."""
-        limits = self.parameters
-        return [limits.min_speed, -limits.max_steering_angle], [limits.max_speed, limits.max_steering_angle]
-
-    def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Drive forwards at the desired speed, as turning requires it, and steer to reduce the heading error."""
-        speed, error = self.aim(state, velocity)
-        followed = np.empty((len(state), 2))
-        followed[:, 0] = speed
-        followed[:, 1] = np.arctan2(WHEELBASE * self.parameters.steering_gain * error, speed)
-        return followed
 
     def vehicle(self) -> Vehicle:
         """Return its wheels and hinges in the world `pybullet`."""

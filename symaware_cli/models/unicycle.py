@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters, Quantity
-from symaware_cli.models.heading import HeadingModel
+from symaware_cli.models.heading import HeadingModel, speeds_in_order
 from symaware_cli.models.noise import Deviation
 
 Array = NDArray[np.float64]
@@ -40,11 +40,7 @@ class Unicycle(HeadingModel):
         )
         process_noise: Deviation = None
 
-        @model_validator(mode="after")
-        def _speeds_in_order(self) -> Unicycle.Parameters:
-            if self.min_speed > self.max_speed:
-                raise ValueError(f"`min_speed` {self.min_speed:g} lies above `max_speed` {self.max_speed:g}")
-            return self
+        _speeds_in_order = model_validator(mode="after")(speeds_in_order)
 
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
         """Return the control input itself."""

@@ -177,10 +177,12 @@ class _Compiler:
                 return joined(parts, every=positive)
             case Call(function="all" | "any", arguments=(Comparison(operators=(sign,), operands=operands),)):
                 difference = self._difference(node, sign, *operands)
-                rows = [self._half_space(difference.element(k), positive) for k in range(len(difference.matrix))]
+                rows = [
+                    self._half_space(difference.element(k), positive=positive) for k in range(len(difference.matrix))
+                ]
                 return joined(rows, every=(node.function == "all") == positive)
             case Call(function="inside", arguments=(point, Name(name=name))) if name in self._regions:
-                return self._inside(self._regions[name], self._affine(point), point, positive)
+                return self._inside(self._regions[name], self._affine(point), point, positive=positive)
         raise ExpressionError(f"`{printed(node)}` is neither a linear comparison nor `inside`", node.span)
 
     # Comparisons
@@ -196,12 +198,12 @@ class _Compiler:
                 radius = self._affine(short)
                 if not radius.is_constant or radius.is_vector or len(vector.matrix) > 3:
                     raise ExpressionError("a distance can be compared with a number only", node.span)
-                return _ball(vector, float(radius.offset[0]), less == positive)
+                return _ball(vector, float(radius.offset[0]), positive=less == positive)
         difference = self._difference(node, sign, left, right)
         if difference.is_vector:
             said = f"this compares {len(difference.matrix)} values; say all(...) or any(...)"
             raise ExpressionError(said, node.span)
-        return self._half_space(difference, positive)
+        return self._half_space(difference, positive=positive)
 
     def _difference(self, node: Node, sign: str, left: Node, right: Node) -> Affine:
         """Return what is positive where a comparison holds."""
@@ -211,28 +213,30 @@ class _Compiler:
         return self._sum(node, self._affine(greater), self._affine(less).scaled(-1.0))
 
     @staticmethod
-    def _half_space(value: Affine, positive: bool) -> StateSet:
+    def _half_space(value: Affine, *, positive: bool) -> StateSet:
         side = 1.0 if positive else -1.0
         return Face(tuple((side * value.matrix[0]).tolist()), side * float(value.offset[0]))
 
     # Regions
 
-    def _inside(self, shape: RegionShape, point: Affine, node: Node, positive: bool) -> StateSet:
+    def _inside(self, shape: RegionShape, point: Affine, node: Node, *, positive: bool) -> StateSet:
         if isinstance(shape, Region) and shape.around is not None:
             raise ExpressionError(f"the region moves with `{shape.around}`, which is not planned for", node.span)
         if shape.complement is not None:
-            return self._inside(self._named(shape.complement), point, node, not positive)
+            return self._inside(self._named(shape.complement), point, node, positive=not positive)
         if shape.members:
-            parts = [self._inside(self._named(each), point, node, positive) for each in shape.members]
+            parts = [self._inside(self._named(each), point, node, positive=positive) for each in shape.members]
             return joined(parts, every=(shape.intersection is not None) == positive)
         if not point.is_vector or len(point.matrix) < shape.dimensions:
             raise ExpressionError(f"the region has {shape.dimensions} coordinates", node.span)
         place = Affine(point.matrix[: shape.dimensions], point.offset[: shape.dimensions])
         if shape.circle is not None:
             return _ball(
-                place.plus(Affine.constant(-np.array(shape.circle.centre), self._size)), shape.circle.radius, positive
+                place.plus(Affine.constant(-np.array(shape.circle.centre), self._size)),
+                shape.circle.radius,
+                positive=positive,
             )
-        return _convex(place, region_faces(shape), _deepest(shape), positive)
+        return _convex(place, region_faces(shape), _deepest(shape), positive=positive)
 
     def _named(self, member: str | RegionShape) -> RegionShape:
         return self._regions[member] if isinstance(member, str) else member
@@ -284,7 +288,7 @@ def joined(parts: Sequence[StateSet], every: bool) -> StateSet:
     return parts[0] if len(parts) == 1 else Intersection(tuple(parts)) if every else Union(tuple(parts))
 
 
-def _convex(place: Affine, faces: Faces, deepest: float, positive: bool) -> StateSet:
+def _convex(place: Affine, faces: Faces, deepest: float, *, positive: bool) -> StateSet:
     """Return the set of states whose place lies within all half spaces, or outside one of them."""
     side = 1.0 if positive else -1.0
     matrix, moved = side * faces.normals @ place.matrix, side * (faces.normals @ place.offset + faces.offsets)
@@ -292,10 +296,10 @@ def _convex(place: Affine, faces: Faces, deepest: float, positive: bool) -> Stat
     return Intersection(parts, deepest) if positive else Union(parts)
 
 
-def _ball(place: Affine, radius: float, positive: bool) -> StateSet:
+def _ball(place: Affine, radius: float, *, positive: bool) -> StateSet:
     """Return the set of states whose place has at most a distance from the origin, or at least."""
     faces = ball_faces(len(place.matrix), radius, around=not positive)
-    return _convex(place, faces, float(faces.offsets[0]), positive)
+    return _convex(place, faces, float(faces.offsets[0]), positive=positive)
 
 
 def _deepest(shape: RegionShape) -> float:

@@ -86,7 +86,7 @@ class FormulaTree:
         self._nodes: list[TreeNode | bool] = [True, False]
         self._numbers: dict[TreeNode, int] = {}
         self._made: dict[tuple[int, int, bool], int] = {}
-        self.root = self._formula(formula, first, True)
+        self.root = self._formula(formula, first, positive=True)
 
     def __getitem__(self, number: int) -> TreeNode | bool:
         """Return a node; `TRUE` and `FALSE` are Boolean values."""
@@ -137,15 +137,15 @@ class FormulaTree:
 
     # Construction
 
-    def _formula(self, formula: stl.Formula, at: int, positive: bool) -> int:
+    def _formula(self, formula: stl.Formula, at: int, *, positive: bool) -> int:
         if at > self._last:
             return TRUE
         key = (id(formula), at, positive)
         if key not in self._made:
-            self._made[key] = self._unrolled(formula, at, positive)
+            self._made[key] = self._unrolled(formula, at, positive=positive)
         return self._made[key]
 
-    def _unrolled(self, formula: stl.Formula, at: int, positive: bool) -> int:
+    def _unrolled(self, formula: stl.Formula, at: int, *, positive: bool) -> int:
         match formula:
             case stl.Constant(value=value):
                 return TRUE if value == positive else FALSE
@@ -155,10 +155,10 @@ class FormulaTree:
                     return self._set(self._sets[index][0 if positive else 1], at)
                 return self._of_margin(known if positive else -known)
             case stl.Not(operand=operand):
-                return self._formula(operand, at, not positive)
+                return self._formula(operand, at, positive=not positive)
             case stl.And(operands=operands) | stl.Or(operands=operands):
                 every = isinstance(formula, stl.And) == positive
-                return self._junction(every, [self._formula(each, at, positive) for each in operands])
+                return self._junction(every, [self._formula(each, at, positive=positive) for each in operands])
             case stl.Until(first=first, last=last, left=left, right=right):
                 window = self._ahead(at, first, last)
                 return self._of_window(
@@ -166,7 +166,10 @@ class FormulaTree:
                     window,
                     lambda u: self._junction(
                         positive,
-                        [self._formula(right, u, positive), *(self._formula(left, v, positive) for v in range(at, u))],
+                        [
+                            self._formula(right, u, positive=positive),
+                            *(self._formula(left, v, positive=positive) for v in range(at, u)),
+                        ],
                     ),
                 )
             case stl.Since(first=first, last=last, left=left, right=right):
@@ -176,8 +179,8 @@ class FormulaTree:
                     lambda u: self._junction(
                         positive,
                         [
-                            self._formula(right, u, positive),
-                            *(self._formula(left, v, positive) for v in range(u + 1, at + 1)),
+                            self._formula(right, u, positive=positive),
+                            *(self._formula(left, v, positive=positive) for v in range(u + 1, at + 1)),
                         ],
                     ),
                     beyond=False,
@@ -188,14 +191,14 @@ class FormulaTree:
             ):
                 every = isinstance(formula, stl.Always) == positive
                 window = self._ahead(at, first, last)
-                return self._of_window(every, window, lambda u: self._formula(operand, u, positive))
+                return self._of_window(every, window, lambda u: self._formula(operand, u, positive=positive))
             case (
                 stl.Historically(first=first, last=last, operand=operand)
                 | stl.Once(first=first, last=last, operand=operand)
             ):
                 every = isinstance(formula, stl.Historically) == positive
                 ago = self._ago(at, first, last)
-                return self._of_window(every, ago, lambda u: self._formula(operand, u, positive), beyond=False)
+                return self._of_window(every, ago, lambda u: self._formula(operand, u, positive=positive), beyond=False)
 
     def _ahead(self, at: int, first: int, last: int | None) -> range:
         beyond = self._last + self._open

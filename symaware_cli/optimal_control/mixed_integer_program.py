@@ -211,13 +211,13 @@ class MixedIntegerProgram:
         if is_mixed and start is not None:
             solver.setSolution(len(integers), integers.astype(np.int32), np.round(start))
         solver.run()
-        solution = self._solution(solver, is_mixed)
+        solution = self._solution(solver, is_mixed=is_mixed)
         if fixed is not None and self._squares:
             for _ in range(_CUTS):
                 if solution.values is None or not self._cut(solver, solution.values, tolerance):
                     break
                 solver.run()
-                solution = self._solution(solver, is_mixed)
+                solution = self._solution(solver, is_mixed=is_mixed)
         return solution
 
     def _cut(self, solver: Any, values: Array, tolerance: float) -> bool:
@@ -241,7 +241,7 @@ class MixedIntegerProgram:
         )
         return True
 
-    def _solution(self, solver: Any, is_mixed: bool) -> MixedIntegerSolution:
+    def _solution(self, solver: Any, *, is_mixed: bool) -> MixedIntegerSolution:
         import highspy
 
         ended, info = solver.getModelStatus(), solver.getInfo()

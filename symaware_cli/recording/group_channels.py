@@ -17,7 +17,6 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.fields import SIGNAL_MESSAGES, columns_metadata, signal_metadata, signal_topic
 from symaware_cli.recording.json_text import as_json
 from symaware_cli.recording.others_channel import OthersChannel
-from symaware_cli.recording.recorded_rows import RecordedRows
 from symaware_cli.recording.sensor_channels import SensorChannels
 from symaware_cli.recording.shared_channel import POSE, SHARED, shared_metadata
 from symaware_cli.recording.writer import LogWriter
@@ -57,20 +56,16 @@ class EntityChannels:
 class PostureChannels:
     """The channels of the orientation and joint positions of bodies in a spatial world."""
 
-    def __init__(
-        self, writer: LogWriter, environment: Environment, name: str, rows: RecordedRows | None = None
-    ) -> None:
+    def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
         """Open the channels for what `EntityChannels` does not record.
 
         Args:
             writer: The log.
             environment: The initialised world.
             name: The group or the obstacle.
-            rows: The recorded rows of a group; None for an obstacle.
         """
         self._writer = writer
         self._name = name
-        self._rows = rows
         self._sources: list[tuple[int, Callable[[str], NDArray[np.float64] | None]]] = []
         self._last: dict[int, NDArray[np.float64]] = {}
         if name not in environment.obstacles and environment.body_poses(name) is not None:
@@ -86,13 +81,42 @@ class PostureChannels:
         """Whether any channel was opened."""
         return bool(self._sources)
 
-    def record(self, now: int) -> None:
-        """Record the rows that changed."""
+    def record(self, now: int, own: Sequence[int] | None = None) -> None:
+        """Record the rows that changed; if some rows are given, all of these and no others."""
         for channel, read in self._sources:
             values, last = read(self._name), self._last.get(channel)
             if values is not None:
                 self._last[channel] = values
-                _record_changes(self._writer, channel, now, values, last, self._rows.now if self._rows else None)
+                _record_changes(self._writer, channel, now, values, last, own)
+
+
+class _PresentRows:
+    """The rows of a group that are recorded at present: of the agents that run in this process and are present."""
+
+    __slots__ = ("_group", "_now", "_own", "_present")
+
+    def __init__(self, group: AgentGroup, own: Sequence[int] | None = None) -> None:
+        """Initialise the selection.
+
+        Args:
+            group: The group.
+            own: The rows of agents that run in this process, ascending; None for all.
+        """
+        self._group = group
+        self._own = None if own is None or len(own) == len(group) else list(own)
+        self._now = self._own
+        self._present: Any = None
+
+    @property
+    def now(self) -> list[int] | None:
+        """The rows recorded now, ascending; None for all."""
+        present = self._group.present
+        if present is not self._present:
+            self._present = present
+            rows = range(len(self._group)) if self._own is None else self._own
+            chosen = [row for row in rows if present is None or present[row]]
+            self._now = None if len(chosen) == len(self._group) else chosen
+        return self._now
 
 
 class GroupChannels:
@@ -115,8 +139,8 @@ class GroupChannels:
             omit: Kinds to omit.
             own: The rows to record, ascending; None for all. The other rows run in another process.
         """
-        self._rows = RecordedRows(group, own)
-        self._there = RecordedRows(group)
+        self._rows = _PresentRows(group, own)
+        self._there = _PresentRows(group)
         self._writer = writer
         self._environment = environment
         self._group = group
@@ -139,15 +163,13 @@ class GroupChannels:
             "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
         }
         self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
-        self._postures = (
-            PostureChannels(writer, environment, group.name, self._there) if "world" in self._channels else None
-        )
+        self._postures = PostureChannels(writer, environment, group.name) if "world" in self._channels else None
         self._others = (
-            OthersChannel(writer, self._channels["awareness"], group, environment.roster, self._rows)
+            OthersChannel(writer, self._channels["awareness"], group, environment.roster)
             if "awareness" in self._channels
             else None
         )
-        self._sensors = SensorChannels(writer, group, self._rows) if "sensors" not in self._omit else None
+        self._sensors = SensorChannels(writer, group) if "sensors" not in self._omit else None
         #: The columns of the parts of awareness whose channel is open.
         self._parts = [
             (self._channels[name], awareness.columns[name]) for name in awareness.parts if name in self._channels
@@ -178,7 +200,7 @@ class GroupChannels:
                 self._last_truth = truth
                 self._record_all(now, channels["world"], truth)
                 if self._postures:
-                    self._postures.record(now)
+                    self._postures.record(now, self._there.now)
         if "applied_control" in channels and steps > self._told_steps:
             # The inputs that were applied in the last step; only the world knows them.
             self._told_steps = steps
@@ -186,7 +208,7 @@ class GroupChannels:
         for channel, column in self._parts:
             updates += self._record_any(now, channel, column)
         if self._others:
-            updates += self._others.record(now)
+            updates += self._others.record(now, self._rows.now)
         if "requested_control" in channels:
             updates += self._record_column(now, channels["requested_control"], self._group.control_column)
         if "knowledge" in channels:
@@ -194,7 +216,7 @@ class GroupChannels:
         for channel, column in self._signals:
             updates += self._record_any(now, channel, column)
         if self._sensors and awareness.readings:
-            updates += self._sensors.record(now)
+            updates += self._sensors.record(now, self._rows.now)
         return updates
 
     def _record_all(self, now: int, channel: int, values: NDArray[np.float64]) -> None:

@@ -1,4 +1,4 @@
-"""Index of an MCAP file: the positions of its records, and functions to read them.
+"""Index of an MCAP file: the positions of its records, and functions to read records.
 
 An `Index` is read from the summary at the end of a sound file, or built by `recovery.scan` if there is none.
 """
@@ -6,7 +6,7 @@ An `Index` is read from the summary at the end of a sound file, or built by `rec
 import io
 import struct
 import zlib
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO, NamedTuple, TypeVar
 
@@ -137,16 +137,6 @@ class Index:
     spans: list[MessageRange] = field(default_factory=list)
     attachments: list[RecordLocation] = field(default_factory=list)
     metadata: list[RecordLocation] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class RawMessage:
-    """A message as stored in the file."""
-
-    channel_id: int
-    sequence: int
-    time: int
-    data: bytes
 
 
 def from_summary(file: BinaryIO, size: int) -> Index | None:
@@ -392,51 +382,3 @@ def unpack(content: bytes, header: Header) -> bytes:
     if size > (CHUNK_SIZE if ours else MANY) and FRAME.unpack_from(data) != (Opcode.MESSAGE, size - FRAME.size):
         raise Unsound("a chunk has an impossible size")
     return data
-
-
-def read_messages(data: bytes, wanted: Collection[int], start: int, end: int) -> list[RawMessage]:
-    """Collect messages from consecutive records.
-
-    Args:
-        data: The records.
-        wanted: The ids of the channels to read.
-        start: The first log time to read, ns.
-        end: The log time at which to stop, exclusive, ns.
-
-    Raises:
-        Unsound: The records are damaged.
-    """
-    messages = []
-    for opcode, position, stop in frames(data):
-        if opcode == Opcode.MESSAGE:
-            if stop - position < MESSAGE.size - FRAME.size:
-                raise Unsound("a message is cut off")
-            _, _, channel_id, sequence, time, _ = MESSAGE.unpack_from(data, position - FRAME.size)
-            if time > LAST_TIME:
-                raise Unsound("a message has an impossible time")
-            if start <= time < end and channel_id in wanted:
-                content = data[position + MESSAGE.size - FRAME.size : stop]
-                messages.append(RawMessage(channel_id, sequence, time, content))
-    return messages
-
-
-def message_positions(data: bytes) -> dict[int, list[int]]:
-    """Locate the messages in consecutive records.
-
-    Returns:
-        For each channel id a flat list with log time [ns] and offset of each message.
-
-    Raises:
-        Unsound: The records are damaged.
-    """
-    positions: dict[int, list[int]] = {}
-    for opcode, position, stop in frames(data):
-        if opcode == Opcode.MESSAGE:
-            start = position - FRAME.size
-            if stop - start < MESSAGE.size:
-                raise Unsound("a message is cut off")
-            _, _, channel_id, _, time, _ = MESSAGE.unpack_from(data, start)
-            if time > LAST_TIME:
-                raise Unsound("a message has an impossible time")
-            positions.setdefault(channel_id, []).extend((time, start))
-    return positions

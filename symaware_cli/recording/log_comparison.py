@@ -83,7 +83,7 @@ def first_difference(one: Log, other: Log) -> LogDifference | None:
     for mine, theirs in zip_longest(_instants(one), _instants(other)):
         if mine is None or theirs is None or mine[0] != theirs[0]:
             earlier = min((each for each in (mine, theirs) if each is not None), key=lambda each: each[0])
-            return _only_in(earlier[1][0], one if earlier is mine else other, earlier is mine)
+            return _only_in(earlier[1][0], one if earlier is mine else other, is_first=earlier is mine)
         found = _in_instant(mine[1], theirs[1], one, other)
         if found is not None:
             return found
@@ -148,9 +148,9 @@ def _in_instant(mine: list[LogMessage], theirs: list[LogMessage], one: Log, othe
             continue
         topics = [Counter(message.channel.topic for message in each) for each in (mine, theirs)]
         if first is not None and topics[0][first.channel.topic] > topics[1][first.channel.topic]:
-            return _only_in(first, one, True)
+            return _only_in(first, one, is_first=True)
         if second is not None and topics[1][second.channel.topic] > topics[0][second.channel.topic]:
-            return _only_in(second, other, False)
+            return _only_in(second, other, is_first=False)
         if first is None or second is None or first.channel.topic != second.channel.topic:
             present = first or second
             assert present is not None
@@ -160,7 +160,7 @@ def _in_instant(mine: list[LogMessage], theirs: list[LogMessage], one: Log, othe
     return None
 
 
-def _only_in(message: LogMessage, log: Log, is_first: bool) -> LogDifference:
+def _only_in(message: LogMessage, log: Log, *, is_first: bool) -> LogDifference:
     found = {name: value for _, name, value in elements(message, log)}
     said = found.get("text") or found.get("name") or f"a message with {len(found)} values"
     return LogDifference(message.time, message.channel.topic, "", "", (said, None) if is_first else (None, said))
@@ -206,7 +206,9 @@ def _in_channel(topic: str, one: Log, other: Log) -> ChannelDifference | None:
                 continue
             count += 1
             if mine is None or theirs is None:
-                found = [_only_in(mine, one, True) if theirs is None else _only_in(theirs, other, False)]
+                found = [
+                    _only_in(mine, one, is_first=True) if theirs is None else _only_in(theirs, other, is_first=False)
+                ]
             else:
                 found = list(_of_messages(mine, theirs, one, other))
             first = first or found[0]

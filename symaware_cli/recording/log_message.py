@@ -1,16 +1,17 @@
-"""Messages of a log, and their decoding."""
+"""Messages of a log: reading them from records, and decoding them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from google.protobuf.message import DecodeError
+from mcap.opcode import Opcode
 
-from symaware_cli.recording import wire
+from symaware_cli.recording import awareness_message, wire
 from symaware_cli.recording.consistency import require_consistent
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.index import FRAME, LAST_TIME, MESSAGE, ChannelInfo, Unsound, frames
 from symaware_cli.recording.log_schema import MESSAGES
 
 _DECODERS: dict[str, Callable[[bytes], Any]] = {
@@ -19,8 +20,65 @@ _DECODERS: dict[str, Callable[[bytes], Any]] = {
     "symaware.v1.Rows": wire.decode_rows,
     "symaware.v1.SeriesRows": wire.decode_series,
     "symaware.v1.TableRows": wire.decode_tables,
-    "symaware.v1.Awareness": wire.decode_awareness,
+    "symaware.v1.Awareness": awareness_message.decode_awareness,
 }
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A message as stored in the file."""
+
+    channel_id: int
+    sequence: int
+    time: int
+    data: bytes
+
+
+def _stored(data: bytes) -> Iterator[tuple[int, int, int, int, int]]:
+    """Yield channel, sequence, time, start and end of each message in consecutive records."""
+    for opcode, position, stop in frames(data):
+        if opcode == Opcode.MESSAGE:
+            start = position - FRAME.size
+            if stop - start < MESSAGE.size:
+                raise Unsound("a message is cut off")
+            _, _, channel_id, sequence, time, _ = MESSAGE.unpack_from(data, start)
+            if time > LAST_TIME:
+                raise Unsound("a message has an impossible time")
+            yield channel_id, sequence, time, start, stop
+
+
+def read_messages(data: bytes, wanted: Collection[int], start: int, end: int) -> list[RawMessage]:
+    """Collect messages from consecutive records.
+
+    Args:
+        data: The records.
+        wanted: The ids of the channels to read.
+        start: The first log time to read, ns.
+        end: The log time at which to stop, exclusive, ns.
+
+    Raises:
+        Unsound: The records are damaged.
+    """
+    return [
+        RawMessage(channel_id, sequence, time, data[position + MESSAGE.size : stop])
+        for channel_id, sequence, time, position, stop in _stored(data)
+        if start <= time < end and channel_id in wanted
+    ]
+
+
+def message_positions(data: bytes) -> dict[int, list[int]]:
+    """Locate the messages in consecutive records.
+
+    Returns:
+        For each channel id a flat list with log time [ns] and offset of each message.
+
+    Raises:
+        Unsound: The records are damaged.
+    """
+    positions: dict[int, list[int]] = {}
+    for channel_id, _, time, position, _ in _stored(data):
+        positions.setdefault(channel_id, []).extend((time, position))
+    return positions
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +105,7 @@ class LogMessage:
         """Decode the message.
 
         Returns:
-            A `wire.Rows`, `wire.SeriesRows`, `wire.TableRows` or `wire.Awareness`; for other SymAware messages an
+            A `wire.Rows`, `wire.SeriesRows` or `wire.TableRows`, or an `Awareness`; for other SymAware messages an
             instance of the generated class.
 
         Raises:

@@ -16,16 +16,14 @@ from symaware_cli.recording.error import LogError, reason
 from symaware_cli.recording.index import (
     ChannelInfo,
     MessageRange,
-    RawMessage,
     RecordLocation,
     Unsound,
     from_summary,
-    read_messages,
     read_record,
     read_span,
 )
 from symaware_cli.recording.json_text import read_json
-from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.recording.log_message import LogMessage, RawMessage, read_messages
 from symaware_cli.recording.log_schema import FORMER, LIBRARY, PROFILE
 from symaware_cli.recording.recovery import FOREVER, Damage, scan
 

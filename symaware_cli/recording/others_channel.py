@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
-from symaware_cli.recording import wire
-from symaware_cli.recording.recorded_rows import RecordedRows
+from symaware_cli.recording import awareness_message
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.world.time import SECOND
 
@@ -21,7 +20,7 @@ _NOTHING = (0, b"")
 class OthersChannel:
     """The channel `/agents/<group>/awareness`: for each row that changed, all its beliefs of a part."""
 
-    def __init__(self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster, rows: RecordedRows) -> None:
+    def __init__(self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster) -> None:
         """Initialise the channel; nothing has been recorded yet.
 
         Args:
@@ -29,20 +28,17 @@ class OthersChannel:
             channel: The number of the open channel.
             group: The group whose beliefs are recorded.
             roster: The roster of all agents.
-            rows: The recorded rows.
         """
         self._writer = writer
         self._channel = channel
         self._group = group
         self._roster = roster
-        self._rows = rows
         self._last: Tracks | Snapshot | None = None
         #: For each part: the rows whose last record holds a series.
         self._said: defaultdict[str, set[int]] = defaultdict(set)
 
-    def record(self, now: int) -> int:
-        """Record the changes and return the number of rows of the group that changed."""
-        own = self._rows.now
+    def record(self, now: int, own: list[int] | None) -> int:
+        """Record the changes of the given rows, None for all, and return the number of rows that changed."""
         if own is not None and not own:
             return 0
         rows, content = self._changed_states(now, own)
@@ -65,7 +61,7 @@ class OthersChannel:
             if tracks is not None:
                 return self._encode_tracks(now, tracks, own) if fresh else _NOTHING
             if world is not None and world.time == now:
-                return count, wire.WHOLE_WORLD
+                return count, awareness_message.WHOLE_WORLD
         rows = _recorded(range(count), own) if fresh else changed
         if not rows:
             return _NOTHING
@@ -73,7 +69,7 @@ class OthersChannel:
         if tracks is None and all(
             each.world is not None and each.world.time == now and not each.others.places for each in databases
         ):
-            return count, wire.WHOLE_WORLD
+            return count, awareness_message.WHOLE_WORLD
         return self._encode_rows(now, rows, databases)
 
     def _take_changes(self, part: str, own: list[int] | None) -> list[int]:
@@ -106,7 +102,7 @@ class OthersChannel:
         said.difference_update(rows)
         said.update(row for row in rows if known[row])
         ids, series = [id for row in rows for id in known[row]], [each for row in rows for each in known[row].values()]
-        return len(rows), wire.encode_others_series(
+        return len(rows), awareness_message.encode_others_series(
             part,
             [len(known[row]) for row in rows],
             [self._roster.index(id) for id in ids],
@@ -123,7 +119,7 @@ def _recorded(rows: Sequence[int], own: list[int] | None) -> list[int]:
 
 
 def _encoded(lengths: NDArray[np.intp], tracks: Tracks, ages: NDArray[np.float64], rows: Sequence[int] | None) -> bytes:
-    return wire.encode_awareness(
+    return awareness_message.encode_awareness(
         lengths,
         tracks.others,
         [tracks.motions.shape[1]],

@@ -20,10 +20,10 @@ from symaware_cli.recording.index import (
     parse,
     read_at,
     read_header,
-    read_messages,
     read_record,
     unpack,
 )
+from symaware_cli.recording.log_message import read_messages
 from symaware_cli.recording.log_schema import MAGIC, OUTCOME
 
 FOREVER = 1 << 64
@@ -109,16 +109,6 @@ def _count(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
-@dataclass(slots=True)
-class _Run:
-    """Consecutive records outside chunks, as other writers may leave them."""
-
-    offset: int = 0
-    length: int = 0
-    times: list[int] = field(default_factory=list)
-    channels: set[int] = field(default_factory=set)
-
-
 def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
     """Scan a log file from its beginning.
 
@@ -135,60 +125,31 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
     Raises:
         Unsound: The file does not begin like an MCAP file.
     """
-    index, damage, run = Index(read_header(file)), Damage(), _Run()
+    scanned = _Scan(file)
     _, length = FRAME.unpack(read_at(file, len(MAGIC), FRAME.size))
     position = len(MAGIC) + FRAME.size + length
     last = None
-    # For each damaged chunk, the number of intact ranges before it.
-    broken: set[int] = set()
-    while size - position >= FRAME.size:
+    while size - position >= FRAME.size and last != Opcode.FOOTER:
         opcode, length = FRAME.unpack(read_at(file, position, FRAME.size))
         if opcode == 0 or length > size - position - FRAME.size:
             break
         end = position + FRAME.size + length
         if opcode == Opcode.CHUNK:
-            _close(run, index)
-            content = read_at(file, position + FRAME.size, length)
-            try:
-                times, channels = _index_records(unpack(content, index.header), index)
-            except Unsound:
-                damage.chunks_skipped += 1
-                damage.bytes_skipped += end - position
-                broken.add(len(index.spans))
-            else:
-                if times:
-                    index.spans.append(
-                        MessageRange(position, end - position, min(times), max(times), frozenset(channels))
-                    )
+            scanned.take_chunk(position, end)
         elif opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
             try:
-                times, channels = _index_records(read_at(file, position, end - position), index)
+                scanned.take_records(position, end)
             except Unsound:
                 break
-            if not times or run.length > _RUN:
-                _close(run, index)
-            if times:
-                run.offset = run.offset or position
-                run.length = end - run.offset
-                run.times += times
-                run.channels |= channels
-        elif opcode in (Opcode.ATTACHMENT, Opcode.METADATA):
-            _close(run, index)
-            kind: type[Attachment | Metadata] = Attachment if opcode == Opcode.ATTACHMENT else Metadata
-            places = index.attachments if kind is Attachment else index.metadata
-            try:
-                record = read_record(file, position, end - position, kind, Opcode(opcode))
-            except Unsound:
-                damage.attachments_skipped += 1
-                damage.bytes_skipped += end - position
-            else:
-                places.append(RecordLocation(record.name, position, end - position))
+        elif opcode == Opcode.ATTACHMENT:
+            scanned.take_place(scanned.index.attachments, Attachment, opcode, position, end)
+        elif opcode == Opcode.METADATA:
+            scanned.take_place(scanned.index.metadata, Metadata, opcode, position, end)
         elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
             last = opcode
         position = end
-        if last == Opcode.FOOTER:
-            break
-    _close(run, index)
+    scanned.end_run()
+    index, damage = scanned.index, scanned.damage
     tail = read_at(file, position, min(size - position, len(MAGIC)))
     ended = last == Opcode.FOOTER and tail == MAGIC
     damage.end_missing = last is None and all(place.name != OUTCOME for place in index.metadata)
@@ -198,9 +159,79 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
     damage.last_time = max((span.end for span in spans), default=None)
     damage.gaps = [
         (spans[count - 1].end if count else None, spans[count].start if count < len(spans) else None)
-        for count in sorted(broken)
+        for count in sorted(scanned.broken)
     ]
     return index, damage
+
+
+class _Scan:
+    """What was found so far.
+
+    Attributes:
+        index: The intact records.
+        damage: The damaged ones.
+        broken: For each damaged chunk, the number of intact ranges before it.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.index = Index(read_header(file))
+        self.damage = Damage()
+        self.broken: set[int] = set()
+        self._file = file
+        # Consecutive records outside chunks, as other writers may leave them.
+        self._offset = self._length = 0
+        self._times: list[int] = []
+        self._channels: set[int] = set()
+
+    def take_chunk(self, position: int, end: int) -> None:
+        """Add a chunk, or count it as damaged."""
+        self.end_run()
+        content = read_at(self._file, position + FRAME.size, end - position - FRAME.size)
+        try:
+            times, channels = _index_records(unpack(content, self.index.header), self.index)
+        except Unsound:
+            self.damage.chunks_skipped += 1
+            self.damage.bytes_skipped += end - position
+            self.broken.add(len(self.index.spans))
+            return
+        if times:
+            span = MessageRange(position, end - position, min(times), max(times), frozenset(channels))
+            self.index.spans.append(span)
+
+    def take_records(self, position: int, end: int) -> None:
+        """Add a record outside chunks.
+
+        Raises:
+            Unsound: It is damaged.
+        """
+        times, channels = _index_records(read_at(self._file, position, end - position), self.index)
+        if not times or self._length > _RUN:
+            self.end_run()
+        if times:
+            self._offset = self._offset or position
+            self._length = end - self._offset
+            self._times += times
+            self._channels |= channels
+
+    def take_place(
+        self, places: list[RecordLocation], kind: type[Attachment | Metadata], opcode: int, position: int, end: int
+    ) -> None:
+        """Add an attachment or a metadata record to its places, or count it as damaged."""
+        self.end_run()
+        try:
+            record = read_record(self._file, position, end - position, kind, Opcode(opcode))
+        except Unsound:
+            self.damage.attachments_skipped += 1
+            self.damage.bytes_skipped += end - position
+        else:
+            places.append(RecordLocation(record.name, position, end - position))
+
+    def end_run(self) -> None:
+        """End a range of records outside chunks."""
+        if self._times:
+            first, last, channels = min(self._times), max(self._times), frozenset(self._channels)
+            self.index.spans.append(MessageRange(self._offset, self._length, first, last, channels, chunk=False))
+        self._offset, self._length, self._times, self._channels = 0, 0, [], set()
 
 
 def _index_records(records: bytes, index: Index) -> tuple[list[int], set[int]]:
@@ -232,11 +263,3 @@ def _index_records(records: bytes, index: Index) -> tuple[list[int], set[int]]:
     for message in messages:
         index.counts[message.channel_id] = index.counts.get(message.channel_id, 0) + 1
     return [message.time for message in messages], used
-
-
-def _close(run: _Run, index: Index) -> None:
-    """End a range of records outside chunks."""
-    if run.times:
-        channels = frozenset(run.channels)
-        index.spans.append(MessageRange(run.offset, run.length, min(run.times), max(run.times), channels, chunk=False))
-    run.offset, run.length, run.times, run.channels = 0, 0, [], set()

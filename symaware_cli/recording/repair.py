@@ -15,7 +15,8 @@ from typing import Any, BinaryIO
 import zstandard
 from mcap.records import Attachment, Chunk, DataEnd, Header, Metadata, MetadataIndex
 
-from symaware_cli.recording.index import FRAME, MessageRange, Unsound, message_positions, parse, read_at, read_span
+from symaware_cli.recording.index import FRAME, MessageRange, Unsound, parse, read_at, read_span
+from symaware_cli.recording.log_message import message_positions
 from symaware_cli.recording.log_schema import MAGIC, RECOVERY, json_values
 from symaware_cli.recording.log_summary import LogSummary, indexed, serialise
 from symaware_cli.recording.output import whole_file

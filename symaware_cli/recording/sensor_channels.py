@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Frame, Reading, Scan
 from symaware_cli.recording import png
 from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.recorded_rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
 
 Array = NDArray[np.float64]
@@ -39,23 +38,21 @@ def sensors(topics: Iterable[str], group: str, word: str) -> dict[str, str]:
 class SensorChannels:
     """The channels of the sensors of a group, opened with the first reading."""
 
-    def __init__(self, writer: LogWriter, group: AgentGroup, rows: RecordedRows) -> None:
+    def __init__(self, writer: LogWriter, group: AgentGroup) -> None:
         """Initialise it without channels.
 
         Args:
             writer: The log.
             group: The group.
-            rows: The recorded rows.
         """
         self._writer = writer
         self._group = group
-        self._rows = rows
         self._channels: dict[str, int] = {}
         self._last: dict[str, Reading] = {}
 
-    def record(self, now: int) -> int:
-        """Record the new readings and return their number of rows."""
-        updates, own = 0, self._rows.now
+    def record(self, now: int, own: Sequence[int] | None) -> int:
+        """Record the new readings of the given rows, None for all, and return their number of rows."""
+        updates = 0
         if own is not None and not own:
             return 0
         for name, reading in self._group.awareness.readings.items():

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.logged_events import LoggedEvent
-from symaware_cli.recording.wire.packing import FLOAT, INDEX, TIME, packed
+from symaware_cli.recording.wire import FLOAT, INDEX, TIME, packed
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.specification.outcome import REJECTED, Decision, Outcome, outcome_of
 from symaware_cli.specification.specification import SpecificationMonitor

@@ -310,7 +310,7 @@ class Awaiter:
             _discard(wait)
             raise
 
-    def _create(self, wait: Any, is_part: bool = True) -> Pending:
+    def _create(self, wait: Any, *, is_part: bool = True) -> Pending:
         match wait:
             case Sleep():
                 return _Timer(wait.duration)

@@ -1,19 +1,19 @@
-"""Guards calls into the components of one entry, and handles their failures as `on_failure` requires."""
+"""Guards calls into the components of one entry: checks what they write, and handles failures."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from symaware_cli.awareness.column import Array
 from symaware_cli.core import AgentGroup, Component, GroupComponent, Level, SubscriberError
 from symaware_cli.runtime.failure import RunError, describe
-from symaware_cli.runtime.finiteness import FinitenessCheck
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.supervision import Supervision
 from symaware_cli.runtime.timing import Coast
+from symaware_cli.world.arrays import FARTHEST, MOST, said_of
 
 #: The result of a call that failed.
 FAILED = object()
@@ -60,7 +60,7 @@ class Guard:
         self._interruption = interruption
         self._isolate = isolate
         self._restart = restart
-        self._finiteness = FinitenessCheck(entry.group)
+        self._finiteness = _FinitenessCheck(entry.group)
 
     def attempt(self, row: int, call: Callable[..., Any], *arguments: Any) -> Any:
         """Call a method of a component with signals enabled; handle an exception as a failure and return `FAILED`."""
@@ -131,3 +131,47 @@ class Guard:
             for row in rows:
                 path = f"agents.{ids[row]}.{name}"
                 self.handle_failure(row, RunError(path, self._entry.use, now, problem.partition(":")[0]))
+
+
+class _FinitenessCheck:
+    """Checks that the control inputs and the believed states of a group are finite and bounded."""
+
+    def __init__(self, group: AgentGroup) -> None:
+        # Components may request very large control inputs: models limit them.
+        self._columns = (
+            (group.control_column, "control input", MOST),
+            (group.awareness.state_column, "state", FARTHEST),
+        )
+
+    @property
+    def is_due(self) -> bool:
+        """Whether something was written since the last check."""
+        (control_input, *_), (state, *_) = self._columns
+        return control_input.fresh or state.fresh
+
+    def snapshot(self) -> Sequence[Array]:
+        """Return the present values; writing replaces a column's array, so no copy is made."""
+        return [column.values for column, *_ in self._columns]
+
+    def violations(self, before: Sequence[Array] | None) -> Iterator[tuple[Sequence[int], str]]:
+        """Find values written since the last check that are not finite or too large.
+
+        Args:
+            before: The values to restore in the rows found, from `snapshot`; None to leave them as they are.
+
+        Yields:
+            Rows, ascending, and the problem of the first of them.
+        """
+        for number, (column, what, most) in enumerate(self._columns):
+            if not column.fresh:
+                continue
+            column.fresh = False
+            rows = column.rows_beyond(most)
+            if not rows:
+                continue
+            problem = f"its {what} {said_of(column.row(rows[0]))}"
+            if before is not None:
+                for row in rows:
+                    column.set_row(row, before[number][row])
+                column.fresh = False
+            yield rows, problem

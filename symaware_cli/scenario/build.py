@@ -13,13 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import (
-    AgentGroup,
-    Environment,
-    WorldError,
-    nanoseconds,
-)
+from symaware_cli.core import AgentGroup, Environment, Links, WorldError, nanoseconds
 from symaware_cli.distributed.transport import Transport
+from symaware_cli.network.network import Network
 from symaware_cli.network.topology.topology import Topology
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
@@ -34,7 +30,7 @@ from symaware_cli.scenario.cell_certificate import check_cells
 from symaware_cli.scenario.circular_assumptions import check_circular_assumptions
 from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
-from symaware_cli.scenario.document import ScenarioDocument
+from symaware_cli.scenario.document import ScenarioDocument, TopologyUse
 from symaware_cli.scenario.fault_builder import FaultBuilder
 from symaware_cli.scenario.group_builder import GroupBuilder
 from symaware_cli.scenario.knowledge_model_builder import KnowledgeModelBuilder
@@ -212,13 +208,9 @@ class _SimulationBuilder:
             check_consensus(document, environment.time_step, component_entries, self._report)
             check_circular_assumptions(component_entries, self._report)
             if document.topology is not None and len(groups) == len(document.agents):
-                builder = NetworkBuilder(self._report, environment, groups, document.seed)
-                narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
-                network = builder.build(document.topology, networks, narrowed=narrowed)
-                if network is not None and not document.topology.changes and not network.phase(0).topology.changes:
-                    links = builder.links(network)
-                if network is not None:
-                    check_metropolis(document.topology, network, builder.links, component_entries, self._report)
+                network, links = self._network(
+                    document.topology, networks, document, environment, groups, component_entries
+                )
             if not self._problems:
                 check_named(options.specifications, component_entries, groups, links, self._report)
         if self._problems or self._found or isinstance(document, list) or environment is None:
@@ -305,6 +297,26 @@ class _SimulationBuilder:
             specifications=specifications,
             instances=instances,
         )
+
+    def _network(
+        self,
+        use: TopologyUse,
+        topologies: Mapping[Path, Topology],
+        document: ScenarioDocument,
+        environment: Environment,
+        groups: Sequence[AgentGroup],
+        component_entries: Sequence[ComponentEntry],
+    ) -> tuple[Network | None, Links | None]:
+        """Return the network, None after a problem; and its links if they are fixed."""
+        builder = NetworkBuilder(self._report, environment, groups, document.seed)
+        narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
+        network = builder.build(use, topologies, narrowed=narrowed)
+        if network is None:
+            return None, None
+        is_fixed = not use.changes and not network.phase(0).topology.changes
+        links = builder.links(network) if is_fixed else None
+        check_metropolis(use, network, builder.links, component_entries, self._report)
+        return network, links
 
     def _is_independent(self, problem: Problem) -> bool:
         """Whether a problem is more than a consequence of a value that is invalid, which is already reported."""

@@ -71,19 +71,7 @@ class GroupBuilder:
         """Build a group and its component entries; None and no entries after a problem."""
         path: Path = ("agents", name)
         model = self._model(mapping(entry.get("model")), (*path, "model"))
-        count = entry.get("count")
-        sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
-        indexed = count is not None
-        ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
-        # Even if the model's parameters are invalid, its class declares the columns of the state.
-        kind = self._factory.plugins.get((*path, "model"))
-        described = model or (kind if kind is not None and _fault_of(kind) is None else None)
-        sampler = Sampler(self._composition, self._document.seed if self._document else 0, ids, indexed, described)
-        states, knowledge = None, []
-        if sound or not indexed:
-            states = sampler.states(entry.get("state"), (*path, "state"))
-            knowledge = sampler.known(mapping(entry.get("knowledge")), (*path, "knowledge"))
-            self._report_all(sampler.problems)
+        ids, initial = self._initial(name, entry, model)
         components = mapping(entry.get("components"))
         uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
         uses_model = mapping(entry.get("model")).get("use")
@@ -100,8 +88,9 @@ class GroupBuilder:
         declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
         parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
         self.declared.update(each.name for each in (*parts, *signals.values()))
-        if model is None or states is None or sampler.problems or self._found:
+        if model is None or initial is None or self._found:
             return None, []
+        states, knowledge = initial
         body = self._document.agents[name].entity if self._document else Entity()
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []
@@ -114,6 +103,26 @@ class GroupBuilder:
             if self._can_work(group, instances[component][0], (*path, "components", component), uses[component])
         ]
         return group, component_entries
+
+    def _initial(
+        self, name: str, entry: Mapping[str, Any], model: Model | None
+    ) -> tuple[list[str], tuple[Array, Sequence[Mapping[str, Any]]] | None]:
+        """Return the ids of the agents, and their initial states and knowledge; None after a problem with these."""
+        path: Path = ("agents", name)
+        count = entry.get("count")
+        sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
+        indexed = count is not None
+        ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
+        if indexed and not sound:
+            return ids, None
+        # Even if the model's parameters are invalid, its class declares the columns of the state.
+        kind = self._factory.plugins.get((*path, "model"))
+        described = model or (kind if kind is not None and _fault_of(kind) is None else None)
+        sampler = Sampler(self._composition, self._document.seed if self._document else 0, ids, indexed, described)
+        states = sampler.states(entry.get("state"), (*path, "state"))
+        knowledge = sampler.known(mapping(entry.get("knowledge")), (*path, "knowledge"))
+        self._report_all(sampler.problems)
+        return ids, None if sampler.problems else (states, knowledge)
 
     def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
         made = self._factory.make(entry, path)

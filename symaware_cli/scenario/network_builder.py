@@ -64,7 +64,7 @@ class NetworkBuilder:
         if any(links is None and not topologies[path].changes for path, links in fixed.items()):
             return None
         sound = self._have_links(use.links, known, [topologies[path] for path in fixed], list(fixed.values()))
-        sound &= self._queues_are_consistent(use.channel, known, narrowed)
+        sound &= self._queues_are_consistent(use.channel, known, narrowed=narrowed)
         if use.connected:
             sound &= self._are_connected(topologies, fixed)
         if not sound:
@@ -179,7 +179,7 @@ class NetworkBuilder:
         return sound
 
     def _queues_are_consistent(
-        self, base: ChannelParameters, overrides: Sequence[ChannelOverride], narrowed: bool
+        self, base: ChannelParameters, overrides: Sequence[ChannelOverride], *, narrowed: bool
     ) -> bool:
         """Check that parameters of queues have those that they need, in the same channel or in another of the links."""
         parts: list[tuple[Path, ChannelParameters, ChannelOverride | None]] = [((*_SECTION, "channel"), base, None)]

@@ -75,7 +75,7 @@ class Automaton:
             raise AutomatonError(said)
         self.propositions = propositions
         progression = _Progression()
-        first: _State = frozenset([frozenset([("first", _term(formula, True))])])
+        first: _State = frozenset([frozenset([("first", _term(formula, positive=True))])])
         states: dict[_State, int] = {first: 0}
         waiting = list(states)
         rows: list[list[int]] = []
@@ -107,7 +107,7 @@ class Automaton:
         return always.astype(np.int8) - never.astype(np.int8)
 
 
-def _term(formula: stl.Formula, positive: bool) -> _Term:
+def _term(formula: stl.Formula, *, positive: bool) -> _Term:
     """Return a formula, or its negation, in negation normal form."""
     match formula:
         case stl.Constant(value=value):
@@ -115,20 +115,20 @@ def _term(formula: stl.Formula, positive: bool) -> _Term:
         case stl.Predicate(index=index):
             return ("literal", index, positive)
         case stl.Not(operand=operand):
-            return _term(operand, not positive)
+            return _term(operand, positive=not positive)
         case stl.And() | stl.Or():
-            parts = [_term(each, positive) for each in formula.operands]
+            parts = [_term(each, positive=positive) for each in formula.operands]
             return ("and" if isinstance(formula, stl.And) == positive else "or", *parts)
         case stl.Eventually(first=1, last=1, operand=operand):
-            return ("next" if positive else "weak next", _term(operand, positive))
+            return ("next" if positive else "weak next", _term(operand, positive=positive))
         case stl.Always(first=0, last=None, operand=operand):
-            inner = _term(operand, positive)
+            inner = _term(operand, positive=positive)
             return ("release", ("constant", False), inner) if positive else ("until", ("constant", True), inner)
         case stl.Eventually(first=0, last=None, operand=operand):
-            inner = _term(operand, positive)
+            inner = _term(operand, positive=positive)
             return ("until", ("constant", True), inner) if positive else ("release", ("constant", False), inner)
         case stl.Until(first=0, last=None, left=left, right=right):
-            return ("until" if positive else "release", _term(left, positive), _term(right, positive))
+            return ("until" if positive else "release", _term(left, positive=positive), _term(right, positive=positive))
     raise AutomatonError("linear temporal logic has no windows, and no operators about the past")
 
 

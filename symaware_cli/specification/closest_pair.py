@@ -112,14 +112,14 @@ def check_least(tree: Node) -> None:
     _check(tree, positive=True)
 
 
-def _check(node: Node, positive: bool) -> None:
+def _check(node: Node, *, positive: bool) -> None:
     if not _is_about_pairs(node):
         return
     match node:
         case Not(operand=operand):
-            _check(operand, not positive)
+            _check(operand, positive=not positive)
         case Temporal(operator=operator) if operator in (_MINIMA if positive else _MAXIMA):
-            _check(node.operands[0], positive)
+            _check(node.operands[0], positive=positive)
         case Junction(operator="implies") if not positive:
             raise _refusal(node)
         case Junction(operator=operator):
@@ -127,7 +127,7 @@ def _check(node: Node, positive: bool) -> None:
             if positive == (operator != "and") and sum(map(_is_about_pairs, node.operands)) > 1:
                 raise _refusal(node)
             for place, operand in enumerate(node.operands):
-                _check(operand, positive != (operator == "implies" and place == 0))
+                _check(operand, positive=positive != (operator == "implies" and place == 0))
         case Comparison():
             sides = list(zip(node.operators, map(_slope, node.operands), map(_slope, node.operands[1:]), strict=False))
             for operator, left, right in sides:

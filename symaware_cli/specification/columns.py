@@ -237,7 +237,7 @@ def _comparison(node: Comparison) -> Evaluate:
     return lambda lookup: np.asarray(margin(lookup)) > 0.0
 
 
-def _margin(node: Comparison, whole: bool = True) -> Evaluate:
+def _margin(node: Comparison, *, whole: bool = True) -> Evaluate:
     """Compile a comparison into its robustness; of a chain, the least.
 
     Args:
@@ -262,13 +262,13 @@ def _margin(node: Comparison, whole: bool = True) -> Evaluate:
 def _pair(sign: str, one: Any, other: Any) -> Array:
     """Return the robustness of a comparison of two values."""
     if sign in ("==", "!="):
-        return _equality(one, other, sign == "==")
+        return _equality(one, other, equal=sign == "==")
     one, other = _aligned(_number(one), _number(other))
     difference = np.asarray(other - one if sign in ("<", "<=") else one - other, float)
     return encoded(difference, sign in ("<=", ">="))
 
 
-def _equality(one: Any, other: Any, equal: bool) -> Array:
+def _equality(one: Any, other: Any, *, equal: bool) -> Array:
     """Return the distance of values from being equal, or different; infinite for non-numeric values."""
     try:
         one, other = _aligned(_number(one), _number(other))

@@ -64,6 +64,18 @@ class VariantDifference:
         return {**_of_cell(self.cell), "against": self.against, **asdict(self.comparison)}
 
 
+def intervals_of(plan: SweepPlan, made: int) -> IntervalChoice:
+    """Return how intervals are made of the runs of a plan.
+
+    Args:
+        plan: The plan.
+        made: How many of its runs are made and not lost.
+    """
+    document = plan.document
+    is_final = not document.may_stop and made == plan.count
+    return IntervalChoice(is_final, document.is_independent, document.confidence)
+
+
 def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
     """Yield the share of each specification in each cell.
 
@@ -73,9 +85,7 @@ def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
     names = [name.removeprefix("verdict.") for name in table.column_names if name.startswith("verdict.")]
     index = table["index"].to_numpy()
     counts = table["state"].to_numpy() != "lost"
-    document = plan.document
-    is_final = not document.may_stop and int(counts.sum()) == plan.count
-    intervals = IntervalChoice(is_final, document.is_independent, document.confidence)
+    intervals = intervals_of(plan, int(counts.sum()))
     for cell in plan.cells:
         rows = np.flatnonzero(index % len(plan.cells) == cell.number)
         rows = rows[index[rows] // len(plan.cells) == np.arange(len(rows))]

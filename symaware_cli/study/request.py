@@ -45,10 +45,10 @@ def _option(key: str, text: str) -> tuple[Source, SourceNode | None]:
 
 
 def _assigned(
-    option: str, text: str, inside: tuple[str, ...], as_list: bool = False
+    option: str, text: str, inside: tuple[str, ...], *, as_list: bool = False
 ) -> tuple[Source, SourceNode | None]:
     source = decode(f"{option} {text}", text.encode("utf-8", errors="surrogateescape"))
-    return source, None if source.problems else _assignment(source, 0, len(source.text), inside, as_list)
+    return source, None if source.problems else _assignment(source, 0, len(source.text), inside, as_list=as_list)
 
 
 def _variant(name: str, text: str) -> tuple[Source, SourceNode | None]:
@@ -69,7 +69,7 @@ def _variant(name: str, text: str) -> tuple[Source, SourceNode | None]:
 
 
 def _assignment(
-    source: Source, start: int, end: int, inside: tuple[str, ...], as_list: bool = False
+    source: Source, start: int, end: int, inside: tuple[str, ...], *, as_list: bool = False
 ) -> SourceNode | None:
     """Take ``path=value`` apart, which stands between two places of a one-line text."""
     text = source.text[start:end]

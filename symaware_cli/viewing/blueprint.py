@@ -1,9 +1,10 @@
-"""The layout of a replay in Rerun: its views and their contents."""
+"""The layout of a replay in Rerun: its views and their contents, for the extent and the topics of a log."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,14 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Part
 from symaware_cli.recording import logged_events
+from symaware_cli.recording.reader import Log, LogMessage
 from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.outline import outlines
 from symaware_cli.viewing.palette import BACKGROUND
 from symaware_cli.viewing.rerun.columns import TIMELINE
 from symaware_cli.viewing.scene.curves import plotted, unit_paths
-from symaware_cli.viewing.views import RunView
+from symaware_cli.viewing.scene.regions_drawing import region_pieces
+from symaware_cli.viewing.views import RunView, in_space
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -40,6 +44,8 @@ _CAMERAS = 4
 _CURVES = 4
 #: Maximum number of curves with a legend; a larger legend would hide the curves.
 _LEGEND = 6
+#: Number of instants at which positions are read to determine the extent of a log.
+_SAMPLES = 9
 
 
 @dataclass(frozen=True)
@@ -234,7 +240,7 @@ def _has_risk(content: ReplayContent) -> bool:
     return any(topic.startswith("/agents/") and topic.endswith("/risk") for topic in content.topics)
 
 
-def _curves(name: str, contents: list[str], legend: bool = True) -> rrb.TimeSeriesView:
+def _curves(name: str, contents: list[str], *, legend: bool = True) -> rrb.TimeSeriesView:
     import rerun.blueprint as rrb
 
     shown = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
@@ -250,3 +256,58 @@ def _recent(seconds: float) -> Any:
         start=rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
+
+
+def content_of(log: Log, run_view: RunView, start: int | None = None, end: int | None = None) -> ReplayContent:
+    """Determine the topics and the spatial extent of a log, by reading a few instants.
+
+    Args:
+        log: A SymAware log.
+        run_view: The run in the log.
+        start: The first instant to show [ns].
+        end: The instant at which to stop, exclusive [ns].
+    """
+    topics = frozenset(topic for topic, channel in log.topics.items() if channel.count)
+    first = start if start is not None else log.start_time or 0
+    last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
+    corners = [corner for obstacle_view in run_view.obstacle_views.values() for corner in obstacle_view.corners]
+    group_views = {group_view.state_topic: group_view for group_view in run_view.group_views.values()}
+    for moment in np.linspace(first, last, _SAMPLES).astype(np.int64).tolist():
+        for message in _sample(log, group_views, moment, last):
+            group_view = group_views[message.channel.topic]
+            states = message.decode().values
+            places = in_space(group_view.positions(states[np.isfinite(states).all(axis=1)]))
+            if len(places):
+                margin = group_view.radius + 0.5
+                corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
+    known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
+    low, high = np.min(known, axis=0), np.max(known, axis=0)
+    # A region far larger than the run would make everything in it too small to see.
+    reach = float(np.max(high - low))
+    shown = [np.clip(corner, low[:2] - reach, high[:2] + reach) for corner in _region_corners(run_view)]
+    known += [np.append(corner, low[2]) for corner in shown]
+    return ReplayContent(np.min(known, axis=0), np.max(known, axis=0), topics)
+
+
+def content_with(content: ReplayContent, other: ReplayContent) -> ReplayContent:
+    """Extend the extent of a log to that of another one shown beside it."""
+    return replace(content, low=np.minimum(content.low, other.low), high=np.maximum(content.high, other.high))
+
+
+def _region_corners(run_view: RunView) -> Iterator[Array]:
+    """Yield two corners of the box around each piece of the regions that do not move; (2,) each [m]."""
+    for region in run_view.regions.values():
+        for outline in outlines(region_pieces(region, run_view.regions)) if region.around is None else ():
+            yield outline.min(axis=0)
+            yield outline.max(axis=0)
+
+
+def _sample(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:
+    """Return the first message on each topic soon after an instant, if there is one."""
+    found: dict[str, LogMessage] = {}
+    for message in islice(log.messages(topics, start=moment), 3 * len(topics)):
+        if message.time <= last:
+            found.setdefault(message.channel.topic, message)
+        if len(found) == len(topics):
+            break
+    return list(found.values())

@@ -15,8 +15,7 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.reader import Log, open_log
-from symaware_cli.viewing.chunk import ChunkReader
-from symaware_cli.viewing.replay import Replay
+from symaware_cli.viewing.chunk import Chunk, ChunkReader
 
 #: Interval between two checks for new data [s]; logs are flushed twice a second.
 _INTERVAL = 0.1
@@ -84,23 +83,25 @@ def await_beginning(path: Path, wanted: Callable[[], bool]) -> Log:
     raise FollowingAbandoned
 
 
-def follow(path: Path, replay: Replay, wanted: Callable[[], bool]) -> None:
+def follow(
+    path: Path, chunk_reader: ChunkReader, draw_chunk: Callable[[Chunk], None], wanted: Callable[[], bool]
+) -> None:
     """Draw a log from its beginning to its end while it grows.
 
     Args:
         path: The file.
-        replay: Draws the chunks.
+        chunk_reader: Groups the messages into chunks.
+        draw_chunk: Draws a chunk.
         wanted: Returns whether to continue; called whenever there are no new data.
 
     Raises:
         FollowingAbandoned: Following was cancelled.
         LogError: The log is damaged.
     """
-    chunk_reader = replay.chunk_reader()
 
     def draw() -> None:
         if not chunk_reader.empty:
-            replay.draw_chunk(chunk_reader.drain())
+            draw_chunk(chunk_reader.drain())
 
     with _Tail(path, wanted, draw) as tail:
         try:

@@ -1,23 +1,31 @@
-"""Replay sessions: output of a replay to a file, a viewer, a browser, or a picture."""
+"""Replays in Rerun: drawing a log chunk by chunk, to a file, a viewer, a browser, or a picture."""
 
 from __future__ import annotations
 
 import tempfile
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from symaware_cli.awareness.signal import Drawn
 from symaware_cli.recording.error import LogError, OutputError, reason
 from symaware_cli.recording.output import whole_file
-from symaware_cli.recording.reader import Log
-from symaware_cli.viewing.blueprint import blueprint
+from symaware_cli.recording.reader import Log, LogMessage
+from symaware_cli.viewing.blueprint import blueprint, content_of, content_with
+from symaware_cli.viewing.chunk import Chunk, ChunkReader
 from symaware_cli.viewing.detail import Detail, detail_of
 from symaware_cli.viewing.other_run import OtherRun, other_run
-from symaware_cli.viewing.replay import Replay, content_of, content_with
 from symaware_cli.viewing.rerun.output import RerunOutput
+from symaware_cli.viewing.scene import bars
+from symaware_cli.viewing.scene.curves import AwarenessCurves, SeparationCurve
+from symaware_cli.viewing.scene.drawings import SCENE
+from symaware_cli.viewing.scene.risk import RiskCurves
+from symaware_cli.viewing.scene.scene import Drawing, Scene
+from symaware_cli.viewing.scene.specification_curves import SpecificationCurves
+from symaware_cli.viewing.scene.specification_table import SpecificationTable
 from symaware_cli.viewing.views import RunView, run_view_of
 
 if TYPE_CHECKING:
@@ -28,6 +36,114 @@ if TYPE_CHECKING:
 _ROOM = 1 << 20
 
 Progress = Callable[[int], None] | None
+
+
+#: The curves of a replay, besides the drawings of the world and of events.
+CURVES: tuple[type[Drawing], ...] = (
+    SpecificationCurves,
+    SpecificationTable,
+    RiskCurves,
+    SeparationCurve,
+    AwarenessCurves,
+)
+
+
+class Replay:
+    """Draws a run for Rerun."""
+
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput, beside: str = "") -> None:
+        """Write the explanation of the replay.
+
+        Args:
+            run_view: The run to draw.
+            detail: The level of detail.
+            output: The output to draw on.
+            beside: A description of a second run that is shown beside it; empty for none.
+        """
+        self._run_view, self._detail, self._output = run_view, detail, output
+        self._scene = Scene(run_view, detail, (*SCENE, *CURVES))
+        self._explain(beside)
+
+    def chunk_reader(self) -> ChunkReader:
+        """Create a reader that groups messages into chunks for this replay."""
+        return self._scene.chunk_reader()
+
+    def draw(
+        self,
+        messages: Iterable[LogMessage],
+        on_progress: Callable[[int], None] | None = None,
+        *,
+        start: int = 0,
+        earlier: Iterable[LogMessage] = (),
+    ) -> None:
+        """Draw messages, ordered by time.
+
+        Args:
+            messages: Messages of a SymAware log.
+            on_progress: Called at intervals with simulated time [ns].
+            start: The time at which they begin [ns].
+            earlier: The preceding messages; their last values are valid at the start.
+        """
+        chunk_reader = self.chunk_reader()
+        for message in earlier:
+            if message.channel.topic == "/events":
+                chunk_reader.note(start, message.decode())  # only removals still matter
+            else:
+                chunk_reader.take(message.channel.topic, start, message.decode())
+        for chunk in chunk_reader.chunks(messages):
+            self.draw_chunk(chunk)
+            if on_progress:
+                on_progress(chunk.end)
+
+    def draw_chunk(self, chunk: Chunk) -> None:
+        """Draw a chunk of the log; chunks must be ordered by time."""
+        for mark in self._scene.marks(chunk):
+            self._output.show(mark)
+        self._output.flush()
+
+    def _explain(self, beside: str) -> None:
+        run_view = self._run_view
+        believed = [
+            name
+            for name, group_view in run_view.group_views.items()
+            if not group_view.state_topic.startswith("/world/")
+        ]
+        bodies = "true positions of agents" + (f" ({', '.join(believed)}: believed)" if believed else "")
+        kinds = [
+            f"| bars beside agents | {name}, from left to right: {meaning} |" for name, meaning in bars.legend(run_view)
+        ]
+        words: dict[Drawn, str] = {"links": "arrows between agents", "boxes": "outlines on the ground"}
+        for how, drawn in words.items():
+            kinds += [f"| {drawn} | {name}: {meaning} |" for name, meaning in run_view.described(how).items()]
+        if run_view.windows:
+            kinds.append("| areas | filled while a specification about them counts; dashed before, faint after |")
+        if beside:
+            kinds.append(f"| another run | {beside} |")
+        shared = "".join(f"{kind}\n" for kind in kinds)
+        text = f"""# {run_view.name}
+
+Seed {run_view.seed}. Time is simulated time.
+
+**Shown:** {self._detail.words}.
+
+| | |
+|---|---|
+| bodies | {bodies}; redder with risk |
+| lines behind | past positions |
+| fading lines ahead | intents |
+| ellipses | uncertainty of the position, 95 % |
+| thin fans | samples of the future |
+{shared}| crosses | goals and waypoints |
+| red rings | contacts |
+| fine points | ends of lidar rays, and points found by other sensors |
+| yellow arrows | messages at delivery |
+| red lines that end at a cross | lost messages |
+| yellow dots | agents that received a spreading message |
+
+In the tab of an agent, rings are its beliefs of others' positions, fainter with age; ellipses are their uncertainty, 95
+%.
+"""
+        self._output.document("about", text)
 
 
 @dataclass(frozen=True)
@@ -92,7 +208,8 @@ class ReplaySession:
         recording = self._recording()
         with suppress(FollowingAbandoned), _connection(url):
             recording.connect_grpc(url, default_blueprint=self._blueprint())
-            follow(self.log.path, self._replay(recording), wanted)
+            replay = self._replay(recording)
+            follow(self.log.path, replay.chunk_reader(), replay.draw_chunk, wanted)
         return recording
 
     def picture(self, path: Path, moment: int | None, size: str, on_progress: Progress = None) -> list[View]:

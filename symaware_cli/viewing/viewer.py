@@ -131,7 +131,7 @@ def viewer(
                 # Not a pipe, which would block the viewer as soon as it is full.
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env=_environment(Path(home), web),
+                env=_environment(Path(home), verbose=web),
                 # Ctrl-C is sent only to this process, which then ends the viewer.
                 start_new_session=True,
                 preexec_fn=_end_with_parent(),
@@ -226,7 +226,7 @@ def _executable() -> Path:
     return Path(rerun_cli.__file__).with_name(name)
 
 
-def _environment(home: Path, verbose: bool) -> dict[str, str]:
+def _environment(home: Path, *, verbose: bool) -> dict[str, str]:
     """Create the environment of a viewer, with a separate folder for settings."""
     settings = home / "rerun" / "analytics.json"
     settings.parent.mkdir()

@@ -13,7 +13,7 @@ from simulating import untyped
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.wire.rows import Rows
+from symaware_cli.recording.wire import Rows
 from symaware_cli.viewing.chunk import ChunkReader
 
 Story = list[tuple[int, tuple[str, wire.Rows | wire.SeriesRows]]]

@@ -13,8 +13,9 @@ from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing.detail import detail_of
 from symaware_cli.viewing.region_windows import phases
+from symaware_cli.viewing.scene.drawings import SCENE
 from symaware_cli.viewing.scene.marks import ACTIVE, PAST, TO_COME, Lines, Mark, Solid
-from symaware_cli.viewing.scene.scene import SCENE, Scene
+from symaware_cli.viewing.scene.scene import Scene
 from symaware_cli.viewing.views import run_view_of
 
 SECOND = 1_000_000_000

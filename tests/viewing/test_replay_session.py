@@ -15,7 +15,7 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing import chunk
-from symaware_cli.viewing.replay import content_of
+from symaware_cli.viewing.blueprint import content_of
 from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.views import run_view_of
 

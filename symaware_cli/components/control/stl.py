@@ -234,7 +234,7 @@ class SpecificationControl(Component):
             return StlDecision(found.inputs[0], followed, found.status, followed.gap)
         conflict: tuple[str, ...] = ()
         if found.status == "infeasible" and self._failed is None:
-            conflict = self._conflict(instances, state, steps, is_whole)
+            conflict = self._conflict(instances, state, steps, is_whole=is_whole)
         return self._without(plan, stage, found.status)._replace(conflict=conflict)
 
     def _update(self, value: StlDecision) -> None:
@@ -318,7 +318,7 @@ class SpecificationControl(Component):
             program.add_effort(parameters.effort_weight)
         return program
 
-    def _conflict(self, instances: Sequence[Instance], state: Array, steps: int, is_whole: bool) -> tuple[str, ...]:
+    def _conflict(self, instances: Sequence[Instance], state: Array, steps: int, *, is_whole: bool) -> tuple[str, ...]:
         """Return names of specifications that cannot hold together, though they can without any one of them."""
         kept = list(instances)
         for each in instances:

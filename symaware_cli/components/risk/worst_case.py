@@ -24,7 +24,7 @@ def check_worst_case(specification: Specification) -> None:
     moving = {name for name, each in specification.scope.regions.items() if each.region.around is not None}
     dependent = _DISTANCES | moving | (_OF_PAIRS if specification.each is None else frozenset())
     atoms = specification.formulation.atoms
-    for index, is_positive in sorted(_polarities(specification.formulation.formula, True)):
+    for index, is_positive in sorted(_polarities(specification.formulation.formula, is_positive=True)):
         node = atoms[index].node
         if _names(node) & dependent and not _is_worst_nearby(node, is_positive, dependent):
             raise ValueError(
@@ -46,11 +46,11 @@ def _names(node: Node) -> set[str]:
     return {each.name for each in walk(node) if isinstance(each, Name)}
 
 
-def _polarities(formula: Formula, is_positive: bool) -> set[tuple[int, bool]]:
+def _polarities(formula: Formula, *, is_positive: bool) -> set[tuple[int, bool]]:
     """Return each predicate with whether the formula can only gain from its truth, or only lose."""
     match formula:
         case Predicate(index):
             return {(index, is_positive)}
         case Not(operand):
-            return _polarities(operand, not is_positive)
-    return {found for each in operands(formula) for found in _polarities(each, is_positive)}
+            return _polarities(operand, is_positive=not is_positive)
+    return {found for each in operands(formula) for found in _polarities(each, is_positive=is_positive)}

@@ -143,56 +143,58 @@ class Counterparts:
         """The contents of an entry, each with the existing object at that path (or `NOTHING`) and the path."""
         kind, _, contents = self.entries[number]
         stands = live is not NOTHING
-        if kind in ("object", *COLLECTIONS):
-            count = contents[1]
-            held = contents[2 : 2 + count]
-            if kind == "dict":
-                keys = {self._key(key): key for key in live} if stands else {}
-                for key, each in zip(held[::2], held[1::2], strict=True):
-                    plain = self._plain(key)
-                    known = keys.get(plain, NOTHING) if plain is not NOTHING else NOTHING
-                    place = (path, f"[{plain!r}]" if plain is not NOTHING else "[...]")
-                    yield key, known, place
-                    yield each, NOTHING if known is NOTHING else dict.__getitem__(live, known), place
-            elif kind not in ("set", "frozenset"):
-                there = list(live) if stands and kind in ("list", "tuple", "deque") else []
-                for index, each in enumerate(held):
-                    yield each, there[index] if index < len(there) else NOTHING, (path, f"[{index}]")
-            else:
-                for each in held:
-                    yield each, NOTHING, (path, "{}")
-            rest = contents[2 + count :]
-            if len(rest) % 2:  # the length of a deque, or the default factory of a mapping
-                yield rest[0], getattr(live, "default_factory", NOTHING), path
-                return
-            own = attributes(live, layout(type(live))) if stands else {}
-            for name, each in zip(rest[::2], rest[1::2], strict=True):
-                yield each, own.get(name, NOTHING), (path, f".{name}")
-            yield contents[0], NOTHING, path
-        elif kind == "objects":
-            there = live.ravel().tolist() if stands else []
-            for index, each in enumerate(contents[2:]):
-                yield each, there[index] if index < len(there) else NOTHING, (path, f"[{index}]")
-        elif kind == "view":
-            yield contents[0], live.base if stands else NOTHING, path
-        elif kind in ("method", "builtin"):
-            yield contents[0], live.__self__ if stands else NOTHING, path
-        elif kind == "function":
-            cells = (live.__closure__ or ()) if stands else ()
-            for index, each in enumerate(contents):
-                yield each, cells[index] if index < len(cells) else NOTHING, path
-        elif kind == "cell":
-            for each in contents:
-                try:
-                    yield each, live.cell_contents if stands else NOTHING, path
-                except ValueError:
+        match kind:
+            case "dict":
+                yield from self._in_mapping(contents, live, path)
+            case "object" | "list" | "tuple" | "deque" | "set" | "frozenset":
+                yield from self._in_collection(kind, contents, live, path)
+            case "objects":
+                there = live.ravel().tolist() if stands else []
+                yield from _in_order(contents[2:], there, path)
+            case "view":
+                yield contents[0], live.base if stands else NOTHING, path
+            case "method" | "builtin":
+                yield contents[0], live.__self__ if stands else NOTHING, path
+            case "function":
+                cells = (live.__closure__ or ()) if stands else ()
+                for index, each in enumerate(contents):
+                    yield each, cells[index] if index < len(cells) else NOTHING, path
+            case "cell":
+                for each in contents:
+                    try:
+                        yield each, live.cell_contents if stands else NOTHING, path
+                    except ValueError:
+                        yield each, NOTHING, path
+            case "partial":
+                for each, name in zip(contents, ("func", "args", "keywords"), strict=True):
+                    yield each, getattr(live, name) if stands else NOTHING, (path, f".{name}")
+            case _ if kind not in _SIMPLE:
+                for each in contents:
                     yield each, NOTHING, path
-        elif kind == "partial":
-            for each, name in zip(contents, ("func", "args", "keywords"), strict=True):
-                yield each, getattr(live, name) if stands else NOTHING, (path, f".{name}")
-        elif kind not in _SIMPLE:
-            for each in contents:
-                yield each, NOTHING, path
+
+    def _in_mapping(self, contents: Any, live: Any, path: Path) -> Iterator[tuple[Any, Any, Path]]:
+        """The keys and values of a mapping, and its attributes; see `_children`."""
+        held = contents[2 : 2 + contents[1]]
+        keys = {self._key(key): key for key in live} if live is not NOTHING else {}
+        for key, each in zip(held[::2], held[1::2], strict=True):
+            plain = self._plain(key)
+            known = keys.get(plain, NOTHING) if plain is not NOTHING else NOTHING
+            place = (path, f"[{plain!r}]" if plain is not NOTHING else "[...]")
+            yield key, known, place
+            yield each, NOTHING if known is NOTHING else dict.__getitem__(live, known), place
+        yield from _in_attributes(contents, live, path)
+
+    @staticmethod
+    def _in_collection(kind: str, contents: Any, live: Any, path: Path) -> Iterator[tuple[Any, Any, Path]]:
+        """The elements of an object or a collection without keys, and its attributes; see `_children`."""
+        held = contents[2 : 2 + contents[1]]
+        if kind in ("set", "frozenset"):
+            for each in held:
+                yield each, NOTHING, (path, "{}")
+        else:
+            there = list(live) if live is not NOTHING and kind in ("list", "tuple", "deque") else []
+            yield from _in_order(held, there, path)
+        yield from _in_attributes(contents, live, path)
 
     def _key(self, key: Any) -> Any:
         """What identifies a key of a mapping: itself if it is plain, otherwise its identity."""
@@ -269,3 +271,21 @@ def _is_plain_key(key: Any) -> bool:
     if type(key) is tuple or (isinstance(key, tuple) and hasattr(key, "_fields")):
         return all(map(_is_plain_key, key))
     return isinstance(key, str | int | float | bytes | bool | type(None) | enum.Enum)
+
+
+def _in_order(held: Sequence[Any], there: Sequence[Any], path: Path) -> Iterator[tuple[Any, Any, Path]]:
+    """The elements of a sequence, of which fewer may exist."""
+    for index, each in enumerate(held):
+        yield each, there[index] if index < len(there) else NOTHING, (path, f"[{index}]")
+
+
+def _in_attributes(contents: Any, live: Any, path: Path) -> Iterator[tuple[Any, Any, Path]]:
+    """What an object holds besides its elements: its attributes and its class."""
+    rest = contents[2 + contents[1] :]
+    if len(rest) % 2:  # the length of a deque, or the default factory of a mapping
+        yield rest[0], getattr(live, "default_factory", NOTHING), path
+        return
+    own = attributes(live, layout(type(live))) if live is not NOTHING else {}
+    for name, each in zip(rest[::2], rest[1::2], strict=True):
+        yield each, own.get(name, NOTHING), (path, f".{name}")
+    yield contents[0], NOTHING, path

@@ -11,6 +11,7 @@ import numpy as np
 
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.study.custom_metrics import CustomMetrics
+from symaware_cli.study.findings import intervals_of
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.metrics import NUMERIC
 from symaware_cli.study.picture.finished_runs import (
@@ -21,7 +22,6 @@ from symaware_cli.study.picture.finished_runs import (
     ParameterAxis,
 )
 from symaware_cli.study.row import Row
-from symaware_cli.study.statistics.interval_choice import IntervalChoice
 from symaware_cli.study.sweep_document import SweepDocument
 from symaware_cli.study.sweep_files import JOURNAL
 from symaware_cli.study.sweep_journal import SweepJournal
@@ -38,18 +38,13 @@ def finished_runs(folder: SweepFolder) -> FinishedRuns:
     with SweepJournal(folder.path / JOURNAL) as journal:
         rows = list(_without_gaps(journal.rows(), len(plan.cells)))
     document = plan.document
-    lost = sum(row.state == "lost" for row in rows)
     return FinishedRuns(
         name=folder.path.resolve().name,
         seed=plan.document.seed,
         axes=tuple(_axes(plan.document)),
         variants=tuple(plan.document.variants),
         planned=plan.count,
-        intervals=IntervalChoice(
-            is_final=not document.may_stop and len(rows) - lost == plan.count,
-            is_independent=document.is_independent,
-            confidence=document.confidence,
-        ),
+        intervals=intervals_of(plan, len(rows) - sum(row.state == "lost" for row in rows)),
         failed=sum(row.state != "done" for row in rows),
         indices=np.array([row.index for row in rows], np.int64),
         metrics={each.name: each for each in _metrics(rows, folder.specifications, document)},

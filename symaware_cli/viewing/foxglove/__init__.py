@@ -9,7 +9,9 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.detail import MANY, Detail
-from symaware_cli.viewing.scene.scene import SCENE, TABLES, Scene
+from symaware_cli.viewing.scene.curves import NumberTables
+from symaware_cli.viewing.scene.drawings import SCENE
+from symaware_cli.viewing.scene.scene import Scene
 from symaware_cli.viewing.views import run_view_of
 
 #: Duration of trails, and for many agents, which also have no labels [s].
@@ -48,7 +50,7 @@ def export_foxglove(
     trail = _CROWD_TRAIL if crowd else _TRAIL
     # In Foxglove, users choose what to show.
     detail = Detail(focus=(), labels=not crowd, awareness=True, curves=True, trail=trail, single=False, words="")
-    scene = Scene(run_view, detail, (*SCENE, *TABLES))
+    scene = Scene(run_view, detail, (*SCENE, NumberTables))
     with whole_file(path, log.path) as place, open(place, "wb") as file, Output(file) as output:
         updates = SceneUpdates(output)
         for chunk in scene.chunk_reader().chunks(log.messages()):

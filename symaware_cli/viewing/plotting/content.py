@@ -24,8 +24,9 @@ from symaware_cli.viewing.plotting.motion import Motion, Obstacles, motion_of, o
 from symaware_cli.viewing.plotting.offer_timeline import offer_timeline
 from symaware_cli.viewing.plotting.panels import Content, Distances, Panel, Trajectories
 from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName, Window
+from symaware_cli.viewing.scene.drawings import PLOTTED
 from symaware_cli.viewing.scene.marks import Bodies, Crosses, Curves, Lines, Mark, Numbers, Points, Solid, joined
-from symaware_cli.viewing.scene.scene import PLOTTED, Scene
+from symaware_cli.viewing.scene.scene import Scene
 from symaware_cli.viewing.views import RunView, run_view_of
 
 Array = NDArray[np.float64]

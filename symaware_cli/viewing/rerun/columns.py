@@ -1,8 +1,8 @@
-"""Sends columns of values to a Rerun recording."""
+"""Columns of values for Rerun: what takes them, and arrays as they expect them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,30 +19,14 @@ TIMELINE = "time"
 """The name of the timeline of simulated time."""
 
 
-class Columns:
-    """Sends columns to a recording; below, k is a number of instants.
-
-    Attributes:
-        recording: The recording.
-    """
-
-    def __init__(self, recording: rr.RecordingStream) -> None:
-        self.recording = recording
-        # Simulated time is the only timeline.
-        recording.set_log_time_enabled(False)
-        recording.set_log_tick_enabled(False)
-        self._begun: set[str] = set()
+class ColumnReceiver(Protocol):
+    """Takes columns for a recording, as `RerunOutput` does; below, k is a number of instants."""
 
     def static(self, path: str, *archetypes: rr.AsComponents) -> None:
         """Log archetypes that are valid at all times."""
-        for archetype in archetypes:
-            self.recording.log(path, archetype, static=True, strict=True)
 
     def is_new(self, path: str) -> bool:
         """Whether this is the first call for a path, so that its static components must be logged."""
-        new = path not in self._begun
-        self._begun.add(path)
-        return new
 
     def send(self, path: str, times: Times, columns: Any, counts: ArrayLike | None = None) -> None:
         """Send values at (k,) times [ns].
@@ -53,35 +37,6 @@ class Columns:
             columns: The columns of a Rerun archetype.
             counts: (k,) number of values of each instant; None for one each.
         """
-        import rerun as rr
-
-        if not len(times):
-            return
-        index = rr.TimeColumn(TIMELINE, duration=times.astype("timedelta64[ns]"))
-        parts = columns if counts is None else columns.partition(counts)
-        self.recording.send_columns(path, [index], parts, strict=True)
-
-    def strips(
-        self, path: str, times: Times, points: Array, lengths: ArrayLike, counts: ArrayLike, colours: Colours
-    ) -> None:
-        """Send lines through points.
-
-        Args:
-            path: The Rerun entity.
-            times: (k,) [ns].
-            points: (sum of lengths, 3) [m].
-            lengths: (m,) number of points of each line.
-            counts: (k,) number of lines of each instant.
-            colours: (m, 3).
-        """
-        import pyarrow
-        import rerun as rr
-
-        kind = rr.components.LineStrip3DBatch._ARROW_DATATYPE
-        offsets = pyarrow.array(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32))
-        triples = pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(flat(points).ravel()), type=kind.value_type)
-        lines = pyarrow.ListArray.from_arrays(offsets, triples, type=kind)
-        self.send(path, times, rr.LineStrips3D.columns(strips=lines, colors=packed(colours)), counts)
 
 
 def flat(points: Array) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from symaware_cli.geometry.articulation import Visual
 from symaware_cli.viewing.figure import media_type
-from symaware_cli.viewing.rerun.columns import Columns, each, flat, turns
+from symaware_cli.viewing.rerun.columns import ColumnReceiver, each, flat, turns
 from symaware_cli.viewing.scene.marks import Figures, Ground
 from symaware_cli.viewing.tessellation import tessellated
 
@@ -19,17 +19,17 @@ _GROUND_REACH = 500.0
 _BELOW = 2e-3
 
 
-def show_figures(columns: Columns, mark: Figures) -> None:
+def show_figures(output: ColumnReceiver, mark: Figures) -> None:
     """Show bodies of links and joints."""
     import rerun as rr
 
-    figure, new = mark.figure, columns.is_new(mark.path)
+    figure, new = mark.figure, output.is_new(mark.path)
     placed = figure.places(mark.positions, mark.orientations, mark.joints)
     for look in figure.looks:
         path = f"{mark.path}/{figure.visual_path(look[0])}"
         visual, _ = figure.visuals[look[0]]
         if new:
-            columns.static(path, _surface(visual, mark.colour, mark.surfaces))
+            output.static(path, _surface(visual, mark.colour, mark.surfaces))
         positions = np.concatenate([placed[number][0] for number in look], axis=1)
         orientations = np.concatenate([placed[number][1] for number in look], axis=1)
         # Sent at each instant: Rerun does not combine static scales with poses that change.
@@ -39,10 +39,10 @@ def show_figures(columns: Columns, mark: Figures) -> None:
         instances = rr.InstancePoses3D.columns(
             translations=flat(positions), quaternions=turns(orientations), scales=scales
         )
-        columns.send(path, mark.times, instances, each(positions))
+        output.send(path, mark.times, instances, each(positions))
 
 
-def show_ground(columns: Columns, mark: Ground) -> None:
+def show_ground(output: ColumnReceiver, mark: Ground) -> None:
     """Show a level plane."""
     import rerun as rr
 
@@ -54,7 +54,7 @@ def show_ground(columns: Columns, mark: Ground) -> None:
         vertex_normals=np.zeros((4, 3)),
         albedo_factor=_GROUND,
     )
-    columns.static(mark.path, surface)
+    output.static(mark.path, surface)
 
 
 def _surface(visual: Visual, colour: Sequence[int], surfaces: Mapping[str, bytes]) -> Any:

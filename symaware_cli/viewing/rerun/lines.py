@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.rerun.columns import Columns, shades
-from symaware_cli.viewing.scene.marks import Colours, Crosses, Lines
+from symaware_cli.viewing.rerun.columns import ColumnReceiver, flat, packed, shades
+from symaware_cli.viewing.scene.marks import Colours, Crosses, Lines, Times
 
 Array = NDArray[np.float64]
 
@@ -18,35 +18,65 @@ _FADED = (0.05, 0.8)
 _STROKES = np.array([[[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]], [[-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]])
 
 
-def show_lines(columns: Columns, mark: Lines) -> None:
+def show_lines(output: ColumnReceiver, mark: Lines) -> None:
     """Show lines."""
     import rerun as rr
 
-    if columns.is_new(mark.path):
+    if output.is_new(mark.path):
         radii = [mark.thickness] if mark.thickness else rr.Radius.ui_points([mark.width])
-        columns.static(mark.path, rr.LineStrips3D.from_fields(radii=radii))
+        output.static(mark.path, rr.LineStrips3D.from_fields(radii=radii))
     lengths, counts = np.asarray(mark.lengths, np.int64), np.asarray(mark.counts, np.int64)
     colours = shades(mark.colours, mark.transparency, len(lengths))
     if not mark.fades:
-        columns.strips(mark.path, mark.times, mark.points, lengths, counts, colours)
+        send_strips(output, mark.path, mark.times, mark.points, lengths, counts, colours)
         return
     points, pieces, colours = _fading(mark.points, lengths, colours)
     ends = np.cumsum(counts)
     each = np.array([pieces[end - count : end].sum() for count, end in zip(counts, ends, strict=True)], np.int64)
-    columns.strips(mark.path, mark.times, points, np.full(len(colours), 2), each, colours)
+    send_strips(output, mark.path, mark.times, points, np.full(len(colours), 2), each, colours)
 
 
-def show_crosses(columns: Columns, mark: Crosses) -> None:
+def show_crosses(output: ColumnReceiver, mark: Crosses) -> None:
     """Show crosses as two lines each."""
     import rerun as rr
 
-    if columns.is_new(mark.path):
-        columns.static(mark.path, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([mark.width])))
+    if output.is_new(mark.path):
+        output.static(mark.path, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([mark.width])))
     count = len(mark.positions)
     points = mark.positions[:, None, None] + mark.size * _STROKES
     colours = np.repeat(shades(mark.colours, mark.transparency, count), 2, axis=0)
     counts = 2 * np.asarray(mark.counts, np.int64)
-    columns.strips(mark.path, mark.times, points.reshape(-1, 3), np.full(2 * count, 2), counts, colours)
+    send_strips(output, mark.path, mark.times, points.reshape(-1, 3), np.full(2 * count, 2), counts, colours)
+
+
+def send_strips(
+    output: ColumnReceiver,
+    path: str,
+    times: Times,
+    points: Array,
+    lengths: ArrayLike,
+    counts: ArrayLike,
+    colours: Colours,
+) -> None:
+    """Send lines through points.
+
+    Args:
+        output: Where to show them.
+        path: The Rerun entity.
+        times: (k,) [ns].
+        points: (sum of lengths, 3) [m].
+        lengths: (m,) number of points of each line.
+        counts: (k,) number of lines of each instant.
+        colours: (m, 3).
+    """
+    import pyarrow
+    import rerun as rr
+
+    kind = rr.components.LineStrip3DBatch._ARROW_DATATYPE
+    offsets = pyarrow.array(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32))
+    triples = pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(flat(points).ravel()), type=kind.value_type)
+    lines = pyarrow.ListArray.from_arrays(offsets, triples, type=kind)
+    output.send(path, times, rr.LineStrips3D.columns(strips=lines, colors=packed(colours)), counts)
 
 
 def _fading(points: Array, lengths: NDArray[np.int64], colours: Colours) -> tuple[Array, NDArray[np.int64], Colours]:

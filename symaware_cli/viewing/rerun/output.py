@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from symaware_cli.recording.sensor_channels import hits
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import CONTACT, faded
 from symaware_cli.viewing.rerun.bodies import show_bodies, show_solid
-from symaware_cli.viewing.rerun.columns import Columns, flat, packed, shades, turns
+from symaware_cli.viewing.rerun.columns import TIMELINE, flat, packed, shades, turns
 from symaware_cli.viewing.rerun.figures import show_figures, show_ground
 from symaware_cli.viewing.rerun.lines import show_crosses, show_lines
 from symaware_cli.viewing.scene import marks
@@ -30,22 +31,26 @@ _LEVELS = {"DEBUG": "DEBUG", "INFO": "INFO", "WARNING": "WARN", "ERROR": "ERROR"
 
 
 class RerunOutput:
-    """Shows marks in a Rerun recording."""
+    """Shows marks in a Rerun recording; below, k is a number of instants."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
-        self._columns = Columns(recording)
+        self._recording = recording
+        # Simulated time is the only timeline.
+        recording.set_log_time_enabled(False)
+        recording.set_log_tick_enabled(False)
+        self._begun: set[str] = set()
 
     def show(self, mark: marks.Mark) -> None:
         """Show a mark, if Rerun supports its kind."""
         shown = _SHOWN.get(type(mark))
         if shown is not None:
-            shown(self._columns, mark)
+            shown(self, mark)
 
     def document(self, path: str, text: str) -> None:
         """Log a Markdown text that is valid at all times."""
         import rerun as rr
 
-        self._columns.static(path, rr.TextDocument(text, media_type="text/markdown"))
+        self.static(path, rr.TextDocument(text, media_type="text/markdown"))
 
     def flush(self) -> None:
         """Wait until all data have left this process.
@@ -53,61 +58,80 @@ class RerunOutput:
         Raises:
             RuntimeError: They could not be written or sent.
         """
-        self._columns.recording.flush()
+        self._recording.flush()
+
+    def static(self, path: str, *archetypes: rr.AsComponents) -> None:
+        """Log archetypes that are valid at all times."""
+        for archetype in archetypes:
+            self._recording.log(path, archetype, static=True, strict=True)
+
+    def is_new(self, path: str) -> bool:
+        """Whether this is the first call for a path, so that its static components must be logged."""
+        new = path not in self._begun
+        self._begun.add(path)
+        return new
+
+    def send(self, path: str, times: marks.Times, columns: Any, counts: ArrayLike | None = None) -> None:
+        """Send values at (k,) times [ns]; see `ColumnReceiver`."""
+        import rerun as rr
+
+        if not len(times):
+            return
+        index = rr.TimeColumn(TIMELINE, duration=times.astype("timedelta64[ns]"))
+        parts = columns if counts is None else columns.partition(counts)
+        self._recording.send_columns(path, [index], parts, strict=True)
 
 
-def _show_points(columns: Columns, mark: marks.Points) -> None:
+def _show_points(output: RerunOutput, mark: marks.Points) -> None:
     import rerun as rr
 
-    if columns.is_new(mark.path):
-        columns.static(mark.path, rr.Points3D.from_fields(radii=rr.Radius.ui_points([mark.size])))
+    if output.is_new(mark.path):
+        output.static(mark.path, rr.Points3D.from_fields(radii=rr.Radius.ui_points([mark.size])))
     colours = packed(shades(mark.colours, mark.transparency, len(mark.positions)))
-    columns.send(
-        mark.path, mark.times, rr.Points3D.columns(positions=flat(mark.positions), colors=colours), mark.counts
-    )
+    output.send(mark.path, mark.times, rr.Points3D.columns(positions=flat(mark.positions), colors=colours), mark.counts)
 
 
-def _show_rings(columns: Columns, mark: marks.Rings) -> None:
+def _show_rings(output: RerunOutput, mark: marks.Rings) -> None:
     import rerun as rr
 
-    if columns.is_new(mark.path):
+    if output.is_new(mark.path):
         thick = rr.Radius.ui_points([mark.width])
         look = rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
-        columns.static(mark.path, look)
+        output.static(mark.path, look)
     colours = packed(shades(mark.colours, mark.transparency, len(mark.centres)))
     rings = rr.Cylinders3D.columns(centers=flat(mark.centres), radii=mark.radii.astype(np.float32), colors=colours)
-    columns.send(mark.path, mark.times, rings, mark.counts)
+    output.send(mark.path, mark.times, rings, mark.counts)
 
 
-def _show_ellipsoids(columns: Columns, mark: marks.Ellipsoids) -> None:
+def _show_ellipsoids(output: RerunOutput, mark: marks.Ellipsoids) -> None:
     import rerun as rr
 
-    if columns.is_new(mark.path):
+    if output.is_new(mark.path):
         thin = rr.Radius.ui_points([mark.width])
-        columns.static(mark.path, rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"))
+        output.static(mark.path, rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"))
     shown = rr.Ellipsoids3D.columns(
         centers=flat(mark.centres),
         half_sizes=flat(mark.half_sizes),
         quaternions=turns(mark.orientations),
         colors=packed(shades(mark.colours, mark.transparency, len(mark.centres))),
     )
-    columns.send(mark.path, mark.times, shown, mark.counts)
+    output.send(mark.path, mark.times, shown, mark.counts)
 
 
-def _show_place(columns: Columns, mark: marks.FocusPoint) -> None:
+def _show_place(output: RerunOutput, mark: marks.FocusPoint) -> None:
     """Move an invisible point, since the camera can only follow an entity that is drawn."""
     import rerun as rr
 
-    if columns.is_new(mark.path):
-        columns.static(mark.path, rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
+    if output.is_new(mark.path):
+        output.static(mark.path, rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
         if mark.reach:
             ring = np.pad(circle(mark.reach, corners=96), ((0, 0), (0, 1)))
             shown = rr.LineStrips3D([ring], colors=[_REACH], radii=rr.Radius.ui_points([1.0]))
-            columns.static(f"{mark.path}/range", shown)
-    columns.send(mark.path, mark.times, rr.Transform3D.columns(translation=flat(mark.positions)))
+            output.static(f"{mark.path}/range", shown)
+    output.send(mark.path, mark.times, rr.Transform3D.columns(translation=flat(mark.positions)))
 
 
-def _show_rays(columns: Columns, mark: marks.Rays) -> None:
+def _show_rays(output: RerunOutput, mark: marks.Rays) -> None:
     """Show the ends of rays."""
     flatten = np.array([1.0, 1.0, float(mark.spatial)])
     found = [flatten * hits(*each) for each in zip(mark.angles, mark.distances, mark.poses, strict=True)]
@@ -121,60 +145,60 @@ def _show_rays(columns: Columns, mark: marks.Rays) -> None:
         colours=np.repeat(mark.colours, lengths, axis=0),
         size=mark.size,
     )
-    _show_points(columns, dots)
+    _show_points(output, dots)
 
 
-def _show_images(columns: Columns, mark: marks.Images) -> None:
+def _show_images(output: RerunOutput, mark: marks.Images) -> None:
     import rerun as rr
 
     kind = rr.EncodedDepthImage if mark.kind == "depth" else rr.EncodedImage
     images = kind.columns(blob=list(mark.files), media_type=["image/png"] * len(mark.files))
-    columns.send(mark.path, mark.times, images)
+    output.send(mark.path, mark.times, images)
 
 
-def _show_curves(columns: Columns, mark: marks.Curves) -> None:
+def _show_curves(output: RerunOutput, mark: marks.Curves) -> None:
     import rerun as rr
 
-    if columns.is_new(mark.path):
+    if output.is_new(mark.path):
         policy = rr.components.AggregationPolicy
         kept = {"greatest": policy.Max, "least": policy.Min, "both": policy.MinMax}[mark.keep]
         widths = [mark.width] * len(mark.names)
         lines = rr.SeriesLines(names=list(mark.names), colors=mark.colours, widths=widths, aggregation_policy=kept)
-        columns.static(mark.path, lines)
+        output.static(mark.path, lines)
     if mark.level is not None:
         name, height = mark.level
         given: dict[str, Any] = {"path": f"{mark.path}/level", "times": mark.times, "names": [name]}
         values = np.full((len(mark.times), 1), height)
-        _show_curves(columns, marks.Curves(values=values, colours=[_LEVEL], width=1.0, **given))
+        _show_curves(output, marks.Curves(values=values, colours=[_LEVEL], width=1.0, **given))
     # Infinite values leave a gap, since no axis extends that far.
     shown = np.where(np.isfinite(mark.values), mark.values, np.nan)
     counts = [mark.values.shape[1]] * len(mark.values)
-    columns.send(mark.path, mark.times, rr.Scalars.columns(scalars=shown.ravel()), counts)
+    output.send(mark.path, mark.times, rr.Scalars.columns(scalars=shown.ravel()), counts)
 
 
-def _show_journal(columns: Columns, mark: marks.Journal) -> None:
+def _show_journal(output: RerunOutput, mark: marks.Journal) -> None:
     import rerun as rr
 
     lines = zip(mark.times.tolist(), mark.kinds, mark.sources, mark.texts, strict=True)
     texts = [f"{time / 1e9:8.2f} s  {kind}  {source}  {text}".rstrip() for time, kind, source, text in lines]
     levels = [_LEVELS.get(level, "INFO") for level in mark.levels]
-    columns.send(mark.path, mark.times, rr.TextLog.columns(text=texts, level=levels))
+    output.send(mark.path, mark.times, rr.TextLog.columns(text=texts, level=levels))
 
 
-def _show_modes(columns: Columns, mark: marks.Modes) -> None:
+def _show_modes(output: RerunOutput, mark: marks.Modes) -> None:
     import rerun as rr
 
-    columns.send(mark.path, mark.times, rr.StateChange.columns(state=list(mark.modes)))
+    output.send(mark.path, mark.times, rr.StateChange.columns(state=list(mark.modes)))
 
 
-def _show_documents(columns: Columns, mark: marks.Documents) -> None:
+def _show_documents(output: RerunOutput, mark: marks.Documents) -> None:
     import rerun as rr
 
     kinds = ["text/markdown"] * len(mark.texts)
-    columns.send(mark.path, mark.times, rr.TextDocument.columns(text=list(mark.texts), media_type=kinds))
+    output.send(mark.path, mark.times, rr.TextDocument.columns(text=list(mark.texts), media_type=kinds))
 
 
-_SHOWN: Mapping[type, Callable[[Columns, Any], None]] = {
+_SHOWN: Mapping[type, Callable[[RerunOutput, Any], None]] = {
     marks.Lines: show_lines,
     marks.Points: _show_points,
     marks.Crosses: show_crosses,

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.palette import AGENTS
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Lines
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]

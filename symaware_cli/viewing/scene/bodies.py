@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Bodies
 from symaware_cli.viewing.scene.risk import tinted_by_risk
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]

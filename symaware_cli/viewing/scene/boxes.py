@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.signal import BOX_COLUMNS
 from symaware_cli.viewing.chunk import Chunk
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Lines
 from symaware_cli.viewing.scene.points import lighter, tables_of
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import CONTACT
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Lines, Points
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.scene.arrows import POINTS, arrows
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Lines
 from symaware_cli.viewing.scene.points import tables_of
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, faded
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Figures
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, ObstacleView, RunView
 
 Array = NDArray[np.float64]

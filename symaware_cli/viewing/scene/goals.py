@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import FEW, Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Crosses, Lines
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, RunView, in_space
 
 Array = NDArray[np.float64]

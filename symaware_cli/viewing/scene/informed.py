@@ -10,8 +10,8 @@ from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.palette import MESSAGE
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Points
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import RunView
 
 #: The event of receiving it, and the entry in its data that names the sender.

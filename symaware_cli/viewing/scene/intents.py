@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.viewing.chunk import Chunk, SeriesFrames
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Lines
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, in_space
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from symaware_cli.recording import logged_events
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Journal, Modes
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import RunView
 
 

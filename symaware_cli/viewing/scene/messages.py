@@ -13,8 +13,8 @@ from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import FEW, MANY, Detail
 from symaware_cli.viewing.palette import LOSS, MESSAGE
 from symaware_cli.viewing.scene.arrows import BROKEN_POINTS, POINTS, arrows, broken
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Journal, Lines
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import wire
+from symaware_cli.recording import awareness_message
 from symaware_cli.recording.series import row_position
 from symaware_cli.viewing.beliefs import Beliefs, read_beliefs
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.intents import path_columns, ways
 from symaware_cli.viewing.scene.marks import Ellipsoids, FocusPoint, Lines, Mark, Rings
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.scene.uncertainties import ellipsoids
 from symaware_cli.viewing.views import RunView, in_space
 
@@ -97,7 +97,7 @@ class BeliefsAboutOthers(Drawing):
             yield Ellipsoids(path=f"as/{agent}/uncertainties", colours=colours, **given)
 
     def _intents(
-        self, part: str, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]
+        self, part: str, agent: str, row: int, entries: Sequence[tuple[int, awareness_message.Awareness]]
     ) -> Iterator[Lines]:
         """Yield the intended paths of others, as believed by an agent."""
         times, counts = [], []
@@ -130,7 +130,9 @@ class BeliefsAboutOthers(Drawing):
                 fades=True,
             )
 
-    def _regions(self, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]) -> Iterator[Rings]:
+    def _regions(
+        self, agent: str, row: int, entries: Sequence[tuple[int, awareness_message.Awareness]]
+    ) -> Iterator[Rings]:
         """Yield the regions in which an agent expects others, fainter the later; see `uncertainty.conformal`."""
         times, counts = [], []
         places: list[Array] = []

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from symaware_cli.recording import wire
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Points
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]

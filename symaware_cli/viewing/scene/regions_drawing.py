@@ -14,8 +14,8 @@ from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.outline import Piece, outlines
 from symaware_cli.viewing.palette import REGIONS
 from symaware_cli.viewing.region_windows import phases
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Solid
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]

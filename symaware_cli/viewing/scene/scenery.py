@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from symaware_cli.geometry.rotation import about
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Ground, Solid
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import ObstacleView, RunView
 
 Array = NDArray[np.float64]

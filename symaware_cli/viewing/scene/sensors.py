@@ -14,9 +14,9 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.recording.sensor_channels import IMAGE, SCAN, LoggedScan, scans, sensors
 from symaware_cli.viewing.camera import line_of_sight
 from symaware_cli.viewing.chunk import Chunk
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Images, Lines, Rays
 from symaware_cli.viewing.scene.points import lighter
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.palette import RISK
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Curves, Rings
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]

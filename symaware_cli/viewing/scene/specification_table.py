@@ -14,8 +14,8 @@ from symaware_cli.recording.logged_events import LoggedEvent
 from symaware_cli.recording.specifications import begun_in, verdicts_of
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Documents, Times
+from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.wire.packing import (
+from symaware_cli.recording.wire import (
     BYTES,
     FLOAT,
     INDEX,

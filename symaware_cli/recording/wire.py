@@ -1,26 +1,135 @@
-"""Messages with a value, a time series or a table for each row."""
+"""Encodes and decodes the large messages of a log without a Python object per number.
+
+The encoding equals that of the generated classes, byte for byte; a message with a different field layout is decoded
+with the generated class. A packed `repeated double` is a tag, a length and the array's little-endian bytes, so an array
+is written with one copy and read with none. Beliefs about others are in `awareness_message`.
+
+Rows are indices in a group, ascending; `None` stands for every row in order.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.wire.packing import (
-    FLOAT,
-    INDEX,
-    TIME,
-    array_of,
-    fields_of,
-    indices_of,
-    number_field,
-    packed,
-    rows_field,
-    table_of,
-)
+
+FLOAT = np.dtype("<f8")
+INDEX = np.dtype("<u4")
+TIME = np.dtype("<i8")
+VARINT = 0
+BYTES = 2
+
+
+def varint(number: int) -> bytes:
+    """Encode an integer as a varint, seven bits per byte."""
+    if number < 0x80:
+        return bytes((number,))
+    out = bytearray()
+    while number >= 0x80:
+        out.append(number & 0x7F | 0x80)
+        number >>= 7
+    out.append(number)
+    return bytes(out)
+
+
+def number_field(field: int, number: int) -> bytes:
+    """Encode a varint field; empty if the number is 0, as in proto3."""
+    return bytes((field << 3 | VARINT,)) + varint(number) if number else b""
+
+
+def text_field(field: int, text: str) -> bytes:
+    """Encode a text field."""
+    data = text.encode()
+    return bytes((field << 3 | BYTES,)) + varint(len(data)) + data
+
+
+def packed(field: int, values: ArrayLike, dtype: np.dtype[Any]) -> bytes:
+    """Encode a packed field of fixed width; empty if there are no values."""
+    data = np.asarray(values, dtype).tobytes()
+    return bytes((field << 3 | BYTES,)) + varint(len(data)) + data if data else b""
+
+
+def rows_field(field: int, rows: ArrayLike | None, count: int) -> bytes:
+    """Encode the field of the rows that are present; empty for all rows."""
+    if rows is None:
+        return b""
+    if np.shape(rows) != (count,):
+        raise ValueError(f"{count} rows of values for the rows {rows}")
+    return packed(field, rows, INDEX)
+
+
+def fields_of(data: bytes | memoryview, first: int = VARINT, several: int = 0) -> dict[int, Any] | None:
+    """Split a message into its fields, by number: an integer, or a view of the bytes of a packed field.
+
+    Args:
+        data: The message.
+        first: The wire type of the first field; every other field is packed.
+        several: A field that may occur several times, whose value is a list; 0 for none.
+
+    Returns:
+        The fields; None if the layout differs (a field is repeated, not packed, or of an unknown type).
+    """
+    fields: dict[int, Any] = {}
+    view = memoryview(data)
+    position, end = 0, len(data)
+    try:
+        while position < end:
+            tag = data[position]
+            number, shift, position = 0, 0, position + 1
+            while True:
+                byte = data[position]
+                position += 1
+                number |= (byte & 0x7F) << shift
+                if byte < 0x80:
+                    break
+                shift += 7
+            field, kind = tag >> 3, tag & 7
+            if tag >= 0x80 or (field in fields and field != several) or kind != (first if field == 1 else BYTES):
+                return None
+            if kind == VARINT:
+                fields[field] = number
+            elif position + number > end:
+                return None
+            else:
+                content = view[position : position + number]
+                if field == several:
+                    fields.setdefault(field, []).append(content)
+                else:
+                    fields[field] = content
+                position += number
+    except IndexError:
+        return None
+    return fields
+
+
+def array_of(fields: dict[int, Any], field: int, dtype: np.dtype[Any], columns: int | None = None) -> NDArray[Any]:
+    """Return the array in a field, flat, or (rows, columns) if it has columns."""
+    content = fields.get(field, b"")
+    flat = np.frombuffer(content, dtype) if isinstance(content, bytes | memoryview) else np.array(content, dtype)
+    if columns is None:
+        return flat
+    if not columns:
+        return flat.reshape(0, 0)
+    return flat.reshape(-1, columns)
+
+
+def indices_of(fields: dict[int, Any], field: int) -> NDArray[np.uint32] | None:
+    """Return the rows in a field; None for all."""
+    rows = array_of(fields, field, INDEX)
+    return rows if len(rows) else None
+
+
+def table_of(values: ArrayLike) -> NDArray[Any]:
+    """Check that values have the shape (rows, columns), and return them as an array."""
+    table = np.asarray(values)
+    if table.ndim != 2:
+        raise ValueError(f"values must be (rows, columns); got {table.shape}")
+    return table
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +190,6 @@ class TableRows:
     Attributes:
         rows: (m,) indices, or None for all.
         lengths: (m,) number of entries of each row.
-        values: (entries, columns), one row's entries after another.
         values: (entries, columns), one row's entries after another.
     """
 
@@ -206,3 +314,36 @@ def decode_tables(data: bytes) -> TableRows:
         message = v1.TableRows.FromString(data)
         fields = {1: message.columns, 2: message.rows, 3: message.lengths, 4: message.values}
     return TableRows(indices_of(fields, 2), array_of(fields, 3, INDEX), array_of(fields, 4, FLOAT, fields.get(1, 0)))
+
+
+def encode_message_columns(
+    senders: ArrayLike,
+    receivers: ArrayLike,
+    sequences: ArrayLike,
+    reason: ArrayLike | None = None,
+    says: ArrayLike | None = None,
+    sizes: ArrayLike | None = None,
+    rows: ArrayLike | None = None,
+) -> bytes:
+    """Encode the long columns of a `MessageColumns` message; its other fields may precede or follow them.
+
+    Args:
+        senders: (m,) indices in the roster.
+        receivers: (m,) indices in the roster.
+        sequences: (m,) the number of each message among those of its sender.
+        reason: (m,) indices in the message's `reasons`; None if nothing was dropped.
+        says: (s,) roster indices of the senders of payloads; None if payloads are not repeated.
+        sizes: (m,) bytes; None if all are the same.
+        rows: (m,) indices in `says`; None if no sender has several payloads.
+    """
+    return b"".join(
+        (
+            packed(5, senders, INDEX),
+            packed(6, receivers, INDEX),
+            packed(7, sequences, INDEX),
+            b"" if reason is None else packed(9, reason, INDEX),
+            b"" if says is None else packed(10, says, INDEX),
+            b"" if sizes is None else packed(12, sizes, INDEX),
+            b"" if rows is None else packed(13, rows, INDEX),
+        )
+    )

@@ -1,0 +1,62 @@
+"""The drawings of the world and of events, which every backend that shows a run has, and those of plots."""
+
+from __future__ import annotations
+
+from symaware_cli.viewing.scene.bars import Bars
+from symaware_cli.viewing.scene.bodies import Agents
+from symaware_cli.viewing.scene.boxes import Boxes
+from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
+from symaware_cli.viewing.scene.curves import RecordedNumbers
+from symaware_cli.viewing.scene.declared_links import DeclaredLinks
+from symaware_cli.viewing.scene.figures import Appearances
+from symaware_cli.viewing.scene.goals import Goals
+from symaware_cli.viewing.scene.informed import Informed
+from symaware_cli.viewing.scene.intents import Intents
+from symaware_cli.viewing.scene.journal import Events, Knowledge
+from symaware_cli.viewing.scene.messages import Messages
+from symaware_cli.viewing.scene.others import BeliefsAboutOthers
+from symaware_cli.viewing.scene.points import SignalPoints
+from symaware_cli.viewing.scene.regions_drawing import RegionsDrawing
+from symaware_cli.viewing.scene.scene import Drawing
+from symaware_cli.viewing.scene.scenery import SceneryDrawing
+from symaware_cli.viewing.scene.sensors import Cameras, Scans
+from symaware_cli.viewing.scene.specification_curves import EverySpecificationCurve, Violations
+from symaware_cli.viewing.scene.trails import Trails
+from symaware_cli.viewing.scene.uncertainties import Uncertainties
+
+#: The drawings of the world and of events.
+SCENE: tuple[type[Drawing], ...] = (
+    SceneryDrawing,
+    RegionsDrawing,
+    Appearances,
+    Goals,
+    Agents,
+    Trails,
+    Intents,
+    Uncertainties,
+    BeliefsAboutOthers,
+    DeclaredLinks,
+    Bars,
+    SignalPoints,
+    Boxes,
+    Scans,
+    Cameras,
+    Messages,
+    Informed,
+    Contacts,
+    Violations,
+    Events,
+    Knowledge,
+)
+
+#: The drawings for plots of a whole run.
+PLOTTED: tuple[type[Drawing], ...] = (
+    SceneryDrawing,
+    RegionsDrawing,
+    Goals,
+    Agents,
+    Intents,
+    ContactPoints,
+    EverySpecificationCurve,
+    RecordedNumbers,
+)
