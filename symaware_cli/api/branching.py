@@ -19,6 +19,7 @@ from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.scenario.compose import compose
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.files import check_output, extracted, open_scenario
+from symaware_cli.scenario.plugin_factory import mapping
 
 #: How many steps are made between two looks at whether the run still equals the log.
 _STEPS = 100
@@ -26,8 +27,9 @@ _STEPS = 100
 _EVENT = re.compile(r"\s*(?P<name>[\w-]+)\((?P<of>[^()]*)\)\s*(?P<shift>[+-]\s*[\d.]+)?\s*")
 
 _CAN_CHANGE = (
-    "parameters of a component (agents.GROUP.components.NAME.with.PARAMETER), knowledge (agents.GROUP.knowledge.NAME), "
-    "a state (agents.GROUP.state), each also of one agent (agents.GROUP.2.state), faults (faults.NAME), and run"
+    "a component (agents.GROUP.components.NAME.use, and what the new one has under with), parameters of one "
+    "(agents.GROUP.components.NAME.with.PARAMETER), knowledge (agents.GROUP.knowledge.NAME), a state "
+    "(agents.GROUP.state), each also of one agent (agents.GROUP.2.state), faults (faults.NAME), and run"
 )
 
 
@@ -80,8 +82,8 @@ def branch(
     Args:
         log: The log.
         at: The instant [s]; or an event of the log, with a shift, such as ``violated(safe) - 2.0``.
-        changes: What changes then, by the paths of the scenario: parameters of components, knowledge, a state; faults,
-            which begin then unless they say when; values under ``run``.
+        changes: What changes then, by the paths of the scenario: components, their parameters, knowledge, a state;
+            faults, which begin then unless they say when; values under ``run``.
         output: The log of the branch; None for none.
         on_progress: Called from time to time with the number of steps that were made, and that of all.
 
@@ -171,7 +173,7 @@ def _overrides(log: Path, instant: float, changes: Sequence[str]) -> Sequence[st
                 raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
     taken = data.get("faults") or {}
     numbers = (number for number in range(1, len(taken) + len(faults) + 2) if f"branch-{number}" not in taken)
-    for (kind, of), content in faults.items():
+    for (kind, of), content in _without_replaced(faults).items():
         direct[f"faults.branch-{next(numbers)}"] = {"at": instant, kind: {"of": of, **content}}
     return texts(direct)
 
@@ -181,8 +183,12 @@ def _add(
 ) -> None:
     """Add the change of a part of a group, or of one of its agents."""
     match rest:
+        case ["components", name] if {"use"} <= {*mapping(_value(group, rest))} <= {"use", "with"}:
+            faults["replace", f"{of}.{name}"] = {**_value(group, rest)}
+        case ["components", name, "use"]:
+            faults.setdefault(("replace", f"{of}.{name}"), {})["use"] = _value(group, rest)
         case ["components", name, "with", parameter, *_]:
-            value = group["components"][name]["with"].get(parameter)
+            value = _value(group, rest[:4])
             faults.setdefault(("reconfigure", f"{of}.{name}"), {"with": {}})["with"][parameter] = value
         case ["knowledge", name, *_]:
             faults.setdefault(("inform", of), {"knowledge": {}})["knowledge"][name] = group["knowledge"].get(name)
@@ -190,6 +196,15 @@ def _add(
             faults["place", of] = {"state": group["state"]}
         case _:
             raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
+
+
+def _without_replaced(faults: dict[tuple[str, str], dict[str, Any]]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Let parameters of a component that is replaced be those of the new one, which has none of the old one's."""
+    kept = dict(faults)
+    for kind, of in faults:
+        if kind == "replace" and (changed := kept.pop(("reconfigure", of), None)) is not None:
+            kept[kind, of] = {**kept[kind, of], **changed}
+    return kept
 
 
 def _unindexed(change: str) -> str:

@@ -45,6 +45,8 @@ def test_a_branch_without_a_change_has_the_digest_of_the_log(log: Path, tmp_path
         ("agents.robot.2.state=[0, 0, 0]", "/world/robot/state"),
         ("agents.robot.0.knowledge.goal=[1, 1]", "/agents/robot/knowledge"),
         ("faults.dead.stop=robot.1", "/agents/robot/control"),
+        ("agents.robot.components.steer.use=control.velocity-obstacle", "/agents/robot/control"),
+        ("agents.robot.1.components.steer={use: control.mpc, with: {horizon: 2.0}}", "/agents/robot/control"),
     ],
 )
 def test_a_changed_branch_is_equal_before_its_instant_and_repeats(
@@ -78,6 +80,8 @@ def test_an_instant_can_be_that_of_an_event_with_a_shift(log: Path) -> None:
         ("soon", SPEED, "is no instant"),
         (2.0, "agents.robot.count=3", "cannot change at an instant"),
         (2.0, "environment.with.time_step=0.1", "cannot change at an instant"),
+        (2.0, "agents.robot.components.steer=null", "cannot change at an instant"),
+        (2.0, "agents.robot.components.steer={use: control.mpc, period: 0.1}", "cannot change at an instant"),
         (2.0, "faults.early={at: 1.0, stop: robot.1}", "affects the run before"),
     ],
 )
@@ -85,6 +89,22 @@ def test_a_branch_that_cannot_be_is_refused(at: float | str, change: str, said: 
     with pytest.raises(BranchError, match=said):
         branch(log, at, [change], tmp_path / "none.mcap")
     assert not (tmp_path / "none.mcap").exists()
+
+
+def test_another_component_has_its_own_parameters_alone_and_is_replaced_again_in_a_branch_of_the_branch(
+    log: Path, tmp_path: Path
+) -> None:
+    steer = "agents.robot.components.steer"
+    changes = {f"{steer}.with.speed": 0.7, f"{steer}.use": "control.velocity-obstacle"}
+    result = branch(log, 2.0, changes, tmp_path / "one.mcap")
+    use = '{"of": "robot.steer", "use": "control.velocity-obstacle", "with": {"speed": 0.7}}'
+    assert result.changes == (f'faults.branch-1={{"at": 2.0, "replace": {use}}}',)
+    assert verify_log(tmp_path / "one.mcap").is_equal
+    with pytest.raises(ScenarioError, match="is replaced by the fault `branch-1`"):
+        branch(tmp_path / "one.mcap", 4.0, {f"{steer}.with.speed": 0.2})
+    again = branch(tmp_path / "one.mcap", 4.0, {f"{steer}.use": "control.mpc"}, tmp_path / "two.mcap")
+    assert again.equal > result.equal
+    assert verify_log(tmp_path / "two.mcap").is_equal
 
 
 def test_a_wrong_parameter_is_a_problem_of_the_scenario(log: Path) -> None:
