@@ -181,6 +181,17 @@ class LogWriter:
         self._positions[channel.id] = []
         return channel.id
 
+    def opened(self, topic: str) -> int:
+        """Return the id of an open channel.
+
+        Raises:
+            KeyError: There is none with this topic.
+        """
+        for channel in self._summary.channels:
+            if channel.topic == topic:
+                return channel.id
+        raise KeyError(topic)
+
     def add(self, channel_id: int, time_ns: int, data: bytes) -> None:
         """Add a message.
 
