@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -181,7 +182,7 @@ class _Branch:
     ) -> BranchResult:
         log, overrides = self._log, self._overrides
         comparison = MessageComparison(self._original, nanoseconds(self._instant) if overrides else None)
-        with tempfile.TemporaryDirectory() as folder:
+        with closing(comparison), tempfile.TemporaryDirectory() as folder:
             written = self._output or Path(folder, "branch.mcap")
             with prepared(built, written, may_exit=False, on_message=comparison.compare) as run:
                 if beginning is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from itertools import islice
 from pathlib import Path
 
@@ -66,6 +67,7 @@ class SharedBeginning:
         comparison = MessageComparison(original, self._instant)
         digest = hashlib.sha256(built.resolved).hexdigest()
         with (
+            closing(comparison),
             tempfile.TemporaryDirectory() as folder,
             prepared(built, Path(folder, "beginning.mcap"), may_exit=False, on_message=comparison.compare) as run,
         ):
@@ -128,11 +130,15 @@ class SharedBeginning:
         run.advance(0)
         writer = _writer(run)
         original = self._original
-        messages = original.messages(topic for topic in original.channels if topic != TIMING)
-        # The run itself has written the first ones as it began.
-        ids = {topic: writer.opened(topic) for topic in original.channels}
-        for message in islice(messages, writer.sequence, self._messages):
-            writer.add(ids[message.channel.topic], message.time, message.data)
+        channels = dict(writer.channels)
+        with closing(original.messages(topic for topic in original.channels if topic != TIMING)) as messages:
+            # The run itself has written the first ones as it began.
+            for message in islice(messages, writer.sequence, self._messages):
+                topic = message.channel.topic
+                if topic not in channels:  # some are opened for the first message, such as those of scans
+                    name = message.channel.schema.rpartition(".")[2]
+                    channels[topic] = writer.channel(topic, name, message.channel.metadata)
+                writer.add(channels[topic], message.time, message.data)
         restore(run, self.state, self.state.scenario, __version__)
         run.begin_faults(len(self._faults))
 

@@ -118,6 +118,11 @@ class LogWriter:
         """Number of messages added so far."""
         return sum(self._summary.counts.values()) + sum(map(len, self._positions.values())) // 2
 
+    @property
+    def channels(self) -> Mapping[str, int]:
+        """The ids of the channels that are open, by topic."""
+        return {channel.topic: channel.id for channel in self._summary.channels}
+
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment.
 
@@ -180,17 +185,6 @@ class LogWriter:
         self._summary.channels.append(channel)
         self._positions[channel.id] = []
         return channel.id
-
-    def opened(self, topic: str) -> int:
-        """Return the id of an open channel.
-
-        Raises:
-            KeyError: There is none with this topic.
-        """
-        for channel in self._summary.channels:
-            if channel.topic == topic:
-                return channel.id
-        raise KeyError(topic)
 
     def add(self, channel_id: int, time_ns: int, data: bytes) -> None:
         """Add a message.
