@@ -35,12 +35,12 @@ def branch_rows(results: Sequence[BranchResult], changes: Sequence[Sequence[str]
         row["status"] = summary.status
         for name in names:
             outcome = outcomes.get(name)
-            row[name] = outcome and outcome.verdict
-            row[f"{name} robustness"] = outcome and outcome.robustness
+            row[name] = outcome.verdict if outcome else None
+            row[f"{name} robustness"] = outcome.robustness if outcome else None
         row |= {
             "contacts": summary.contacts,
-            "closest": closest and closest.value,
-            "highest risk": risk and risk.value,
+            "closest": closest.value if closest else None,
+            "highest risk": risk.value if risk else None,
             "goals reached": len(summary.goals_reached),
             "time": summary.simulated_time,
             "way": result.way,

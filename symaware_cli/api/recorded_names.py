@@ -74,7 +74,8 @@ class RecordedNames:
                 state = self._world.state(scope.group)[row]
                 return self._of_agent(scope.group, row, state, self._world.applied_input(scope.group)[row], name)
             case PairScope():
-                return self._of_pair(*scope.agents(row), name)
+                first, second = scope.agents(row)
+                return self._of_pair(first, second, name)
             case ClosestPairScope():
                 return min(self._least_distance(one, second) for first, second in scope.pairs for one in first)
         return self._of_world(scope, name)

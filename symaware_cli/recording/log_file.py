@@ -116,7 +116,7 @@ class LogFile(McapFile):
 
     def _split(
         self, messages: Iterable[LogMessage], wanted: Collection[str], single: Collection[str]
-    ) -> Iterator[LogMessage]:
+    ) -> Generator[LogMessage, None, None]:
         for message in messages:
             known = self._shared.get(message.channel.topic)
             if known is None or message.channel.topic in wanted:

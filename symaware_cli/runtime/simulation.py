@@ -60,7 +60,7 @@ class ComponentEntry:
         group: AgentGroup,
         name: str,
         use: str,
-        components: Sequence[Component] | Sequence[GroupComponent],
+        components: Sequence[Component | GroupComponent],
         timing: Timing = STEADY,
         fault: str | None = None,
     ) -> None:

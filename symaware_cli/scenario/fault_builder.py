@@ -158,7 +158,7 @@ class FaultBuilder:
         if use.reconfigure:
             return self._changes.reconfigure(use.reconfigure, (*path, "reconfigure"))
         if use.replace:
-            return self._replacements.build(path[1], use, (*path, "replace"))
+            return self._replacements.build(str(path[1]), use, (*path, "replace"))
         if use.place:
             return self._place(use.place, (*path, "place"))
         if use.inform:

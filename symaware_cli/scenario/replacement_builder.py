@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from symaware_cli.core import AgentGroup, GroupComponent, nanoseconds
+from symaware_cli.core import AgentGroup, Component, GroupComponent, nanoseconds
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.runtime.faults import ComponentSelection, Effect
 from symaware_cli.runtime.simulation import ComponentEntry
@@ -81,7 +81,7 @@ class ReplacementBuilder:
         made = self._factory.make(mapping(self._composition.data["faults"][fault]["replace"]), path, len(group))
         if not made:
             raise ReportedError
-        first: BaseComponent[Any] = made[0]
+        first: Component | GroupComponent = made[0]
         if not self._component_check.knows(first, section.get("knowledge", {}), path, group.name, use):
             raise ReportedError
         self._check_place(entry, first, selected, use, path)
@@ -93,7 +93,12 @@ class ReplacementBuilder:
         return ComponentEntry(group, entry.name, use, made, timing, fault)
 
     def _check_place(
-        self, entry: ComponentEntry, component: BaseComponent[Any], selected: ComponentSelection, use: str, path: Path
+        self,
+        entry: ComponentEntry,
+        component: Component | GroupComponent,
+        selected: ComponentSelection,
+        use: str,
+        path: Path,
     ) -> None:
         """Check that a component fits in the place of another one, which the run has prepared."""
         if entry.timing.in_process:

@@ -82,7 +82,7 @@ def _box_depth(bounds: Sequence[float], point: Array) -> float:
     return -max(beyond) if max(beyond) <= 0.0 else -norm(np.maximum(beyond, 0.0))
 
 
-def _polygon_depth(corners: Sequence[tuple[float, float]], point: Array) -> float:
+def _polygon_depth(corners: Sequence[Sequence[float]], point: Array) -> float:
     """The least distance to the lines of the edges, inside of a convex polygon; outside, to the edges themselves."""
     depths, distances = [], []
     for one, other in zip(corners, [*corners[1:], corners[0]], strict=True):

@@ -71,10 +71,10 @@ def swap(
     use: str = "control.velocity-obstacle",
     of: str = "robot.steer",
     parameters: Mapping[str, Any] | None = None,
-    **more: Any,
+    lasting: float | None = None,
 ) -> dict[str, Any]:
     chosen = OTHERS.get(use, {}) if parameters is None else parameters
-    return {"at": 1.0, "replace": {"of": of, "use": use, "with": {**chosen}}, **more}
+    return {"at": 1.0, "replace": {"of": of, "use": use, "with": {**chosen}}, "for": lasting}
 
 
 def constant(velocity: float) -> dict[str, Any]:
@@ -149,7 +149,7 @@ def test_a_state_before_within_and_after_a_replacement_can_be_captured(
     use: str, step: int, mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    loaded = load(scenario(tmp_path, {"swap": swap(use, "robot.2.steer", **{"for": 0.6})}, mode))
+    loaded = load(scenario(tmp_path, {"swap": swap(use, "robot.2.steer", lasting=0.6)}, mode))
     loaded.run(output="whole.mcap")
     whole = messages(open_log("whole.mcap"))
     with loaded.start(output="other.mcap") as simulation:
@@ -194,7 +194,7 @@ def test_a_replacement_that_cannot_work_is_refused_at_its_place(
 
 def test_parameters_of_a_component_do_not_change_while_it_is_replaced(tmp_path: Path) -> None:
     faults = {
-        "swap": swap(**{"for": 0.5}),
+        "swap": swap(lasting=0.5),
         "slower": {"at": 1.2, "reconfigure": {"of": "robot.steer", "with": {"speed": 0.4}}},
     }
     with pytest.raises(ScenarioError, match=r"at 1.2 s `robot.steer` is replaced by the fault `swap`"):
