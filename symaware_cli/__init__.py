@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from symaware_cli.abstraction.bisimulation import Bisimulation, bisimulation
     from symaware_cli.abstraction.knowledge_model import KnowledgeModel
     from symaware_cli.abstraction.transition_system import TransitionSystem
-    from symaware_cli.api.branching import BranchError, BranchResult, branch
+    from symaware_cli.api.branch_changes import BranchError
+    from symaware_cli.api.branching import BranchResult, branch, branches
     from symaware_cli.api.certification import (
         Certificate,
         CertificateVerification,
@@ -201,6 +202,7 @@ __all__ = [
     "WorldError",
     "bisimulation",
     "branch",
+    "branches",
     "certify",
     "check_log",
     "compare",
@@ -229,7 +231,8 @@ _HOMES = {
     "symaware_cli.api.falsifying": ("Falsification", "falsify"),
     "symaware_cli.api.rare_events": ("RareEventEstimate", "estimate"),
     "symaware_cli.api.html_report": ("write_report",),
-    "symaware_cli.api.branching": ("BranchError", "BranchResult", "branch"),
+    "symaware_cli.api.branch_changes": ("BranchError",),
+    "symaware_cli.api.branching": ("BranchResult", "branch", "branches"),
     "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),

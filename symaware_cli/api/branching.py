@@ -4,35 +4,32 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from symaware_cli.api.branch_changes import BranchError, overrides_of
 from symaware_cli.api.changes import Changes, texts
 from symaware_cli.api.message_comparison import MessageComparison
 from symaware_cli.api.scenario import FilePath
+from symaware_cli.api.shared_beginning import STEPS, SharedBeginning
 from symaware_cli.core import nanoseconds
-from symaware_cli.recording.error import LogError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.runtime.run_summary import RunSummary
-from symaware_cli.scenario.compose import compose
+from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.execution import prepared
-from symaware_cli.scenario.files import check_output, extracted, open_scenario
-
-#: How many steps are made between two looks at whether the run still equals the log.
-_STEPS = 100
+from symaware_cli.scenario.files import check_output, open_scenario
 
 _EVENT = re.compile(r"\s*(?P<name>[\w-]+)\((?P<of>[^()]*)\)\s*(?P<shift>[+-]\s*[\d.]+)?\s*")
 
-_CAN_CHANGE = (
-    "parameters of a component (agents.GROUP.components.NAME.with.PARAMETER), knowledge (agents.GROUP.knowledge.NAME), "
-    "a state (agents.GROUP.state), each also of one agent (agents.GROUP.2.state), faults (faults.NAME), and run"
-)
+Way = Literal["capture", "repetition"]
+"""How a branch comes to its instant: from a state captured there, or by repeating the run from its beginning."""
 
-
-class BranchError(LogError):
-    """A branch cannot be made: there is no such instant, or the change is none that can begin at one."""
+Progress = Callable[[int, int], object]
+"""Called with the number of steps that were made, and that of all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +42,8 @@ class BranchResult:
         equal: How many messages before it are equal to those of the log: all.
         changes: What was changed, in the form of ``--set``.
         summary: The figures of the branch, with the path of its own log.
+        way: How it came to the instant.
+        reason: Why by repetition, if a state was wanted.
     """
 
     log: Path
@@ -52,6 +51,8 @@ class BranchResult:
     equal: int
     changes: Sequence[str]
     summary: RunSummary
+    way: Way = "repetition"
+    reason: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain data."""
@@ -60,6 +61,8 @@ class BranchResult:
             "at": self.at,
             "equal": self.equal,
             "changes": list(self.changes),
+            "way": self.way,
+            "reason": self.reason,
             "run": self.summary.to_json(),
         }
 
@@ -69,7 +72,7 @@ def branch(
     at: float | str,
     changes: Changes | None = None,
     output: FilePath | None = None,
-    on_progress: Callable[[int, int], object] | None = None,
+    on_progress: Progress | None = None,
 ) -> BranchResult:
     """Repeat the run of a log up to an instant, and let it continue with something changed.
 
@@ -80,10 +83,10 @@ def branch(
     Args:
         log: The log.
         at: The instant [s]; or an event of the log, with a shift, such as ``violated(safe) - 2.0``.
-        changes: What changes then, by the paths of the scenario: parameters of components, knowledge, a state; faults,
-            which begin then unless they say when; values under ``run``.
+        changes: What changes then, by the paths of the scenario: components, their parameters, knowledge, a state;
+            faults, which begin then unless they say when; values under ``run``.
         output: The log of the branch; None for none.
-        on_progress: Called from time to time with the number of steps that were made, and that of all.
+        on_progress: Called from time to time.
 
     Raises:
         LogError: The log cannot be read or written.
@@ -91,33 +94,121 @@ def branch(
         ScenarioError: The scenario with the change has problems.
         KeyboardInterrupt: A signal ended the run.
     """
-    log, output = Path(log), None if output is None else Path(output)
+    log = Path(log)
+    original = _opened(log)
+    made = _Branch(log, original, _instant(original, log, at), texts(changes), None if output is None else Path(output))
+    return made.result(None, on_progress)
+
+
+def branches(
+    log: FilePath,
+    at: float | str,
+    changes: Iterable[Changes],
+    folder: FilePath | None = None,
+    way: Way | None = None,
+    on_progress: Progress | None = None,
+) -> list[BranchResult]:
+    """Make several branches of a log at an instant; see `branch`.
+
+    What they have in common is made once: the run is repeated to the instant, where its state is captured, and each
+    branch continues from it. Its log is the same as by repetition. A branch for which that is impossible is made by
+    repetition, and says why.
+
+    Args:
+        log: The log.
+        at: The instant, as for `branch`.
+        changes: The changes of each branch.
+        folder: The folder of the logs, ``0.mcap`` and so on, which is created; None for no logs.
+        way: How all branches come to the instant; None for the state where that is possible and shared.
+        on_progress: Called from time to time.
+
+    Raises:
+        StateError: ``way`` is "capture", and one of the branches cannot be made in this way.
+        LogError: As for `branch`, with all other exceptions.
+    """
+    log = Path(log)
+    original = _opened(log)
+    instant = _instant(original, log, at)
+    if folder is not None:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    # All are built before the first runs, so that a mistake is reported at once.
+    made = [
+        _Branch(log, original, instant, texts(each), None if folder is None else Path(folder, f"{number}.mcap"))
+        for number, each in enumerate(changes)
+    ]
+    beginning = None
+    if way == "capture" or (way is None and len(made) > 1):
+        beginning = SharedBeginning(log, original, instant, on_progress)
+    results = []
+    for each in made:
+        result = each.result(beginning, on_progress)
+        if way == "capture" and result.way != way:
+            raise StateError(f"the branch cannot be made from a captured state: {result.reason}")
+        results.append(result)
+    return results
+
+
+class _Branch:
+    """One branch to be made."""
+
+    def __init__(self, log: Path, original: Log, instant: float, changes: Sequence[str], output: Path | None) -> None:
+        self._log = log
+        self._original = original
+        self._instant = instant
+        self._output = output
+        self._overrides = overrides_of(log, instant, changes)
+        self._built: Built | None = self._build()
+        if output is not None:
+            check_output(self._built, output, log)
+
+    def _build(self) -> Built:
+        return open_scenario(self._log, self._overrides)
+
+    def result(self, beginning: SharedBeginning | None, on_progress: Progress | None) -> BranchResult:
+        """Make the branch: from the state of a beginning if there is one and that is possible, else by repetition."""
+        built, self._built = self._built or self._build(), None
+        reason = ""
+        if beginning is not None:
+            reason = beginning.obstacle_of(built, self._overrides) or ""
+            if not reason:
+                try:
+                    return self._made(built, beginning, "", on_progress)
+                except StateError as error:
+                    built, reason = self._build(), str(error)
+        return self._made(built, None, reason, on_progress)
+
+    def _made(
+        self, built: Built, beginning: SharedBeginning | None, reason: str, on_progress: Progress | None
+    ) -> BranchResult:
+        log, overrides = self._log, self._overrides
+        comparison = MessageComparison(self._original, nanoseconds(self._instant) if overrides else None)
+        with closing(comparison), tempfile.TemporaryDirectory() as folder:
+            written = self._output or Path(folder, "branch.mcap")
+            with prepared(built, written, may_exit=False, on_message=comparison.compare) as run:
+                if beginning is not None:
+                    beginning.continue_in(run)
+                while run.status is None and not comparison.differs:
+                    run.advance(STEPS)
+                    if on_progress is not None:
+                        on_progress(run.kernel.done, built.steps)
+                if comparison.differs:
+                    run.leave("the branch differs before its instant")
+            if run.signal is not None:
+                raise KeyboardInterrupt
+            if comparison.differs or comparison.is_left:
+                written.unlink(missing_ok=True)
+                where = f"it differs from {log} after {comparison.now / 1e9:g} s already"
+                cause = "what is changed affects the run before the instant" if overrides else "the run does not repeat"
+                raise BranchError(f"there is no such branch: {where}; {cause}. See `symaware verify {log}`")
+        way: Way = "repetition" if beginning is None else "capture"
+        return BranchResult(log, self._instant, comparison.count, overrides, run.summary, way, reason)
+
+
+def _opened(log: Path) -> Log:
     original = open_log(log)
     if "part" in original.manifest:
         raise BranchError(f"{log} is a part of a run in several processes: branch the log that `symaware merge` makes")
-    instant = _instant(original, log, at)
-    overrides = _overrides(log, instant, texts(changes))
-    built = open_scenario(log, overrides)
-    if output is not None:
-        check_output(built, output, log)
-    comparison = MessageComparison(original, nanoseconds(instant) if overrides else None)
-    with tempfile.TemporaryDirectory() as folder:
-        written = output or Path(folder, "branch.mcap")
-        with prepared(built, written, may_exit=False, on_message=comparison.compare) as run:
-            while run.status is None and not comparison.differs:
-                run.advance(_STEPS)
-                if on_progress is not None:
-                    on_progress(run.kernel.done, built.steps)
-            if comparison.differs:
-                run.leave("the branch differs before its instant")
-        if run.signal is not None:
-            raise KeyboardInterrupt
-        if comparison.differs or comparison.is_left:
-            written.unlink(missing_ok=True)
-            where = f"it differs from {log} after {comparison.now / 1e9:g} s already"
-            cause = "what is changed affects the run before the instant" if overrides else "the run does not repeat"
-            raise BranchError(f"there is no such branch: {where}; {cause}. See `symaware verify {log}`")
-    return BranchResult(log, instant, comparison.count, overrides, run.summary)
+    return original
 
 
 def _instant(original: Log, log: Path, at: float | str) -> float:
@@ -144,61 +235,3 @@ def _described(original: Log, log: Path, at: str) -> float:
     sources = sorted({event.source.removeprefix("specifications.") for event in events})
     there = f"only of {', '.join(sources)}" if sources else "nor any other of this name"
     raise BranchError(f"there is no event {name}({of}) in {log}, {there}")
-
-
-def _overrides(log: Path, instant: float, changes: Sequence[str]) -> Sequence[str]:
-    """Translate changes of a scenario to changes of its faults, which begin at the instant."""
-    with tempfile.TemporaryDirectory() as folder:
-        file, _ = extracted(log, Path(folder))
-        own = [_unindexed(change) for change in changes]
-        data = compose(file, own, name=str(log)).data
-    direct: dict[str, Any] = {}
-    faults: dict[tuple[str, str], dict[str, Any]] = {}
-    for change in changes:
-        keys = [key.strip() for key in change.partition("=")[0].split(".")]
-        match keys:
-            case ["run", *_]:
-                direct[".".join(keys)] = _value(data, keys)
-            case ["faults", name, *_]:
-                content = _value(data, ["faults", name])
-                if isinstance(content, Mapping) and "at" not in content and "on" not in content:
-                    content = {"at": instant, **content}
-                direct[f"faults.{name}"] = content
-            case ["agents", group, *rest]:
-                of, rest = (f"{group}.{rest[0]}", rest[1:]) if rest and rest[0].isdecimal() else (group, rest)
-                _add(faults, of, _value(data, ["agents", group]), rest, change)
-            case _:
-                raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
-    taken = data.get("faults") or {}
-    numbers = (number for number in range(1, len(taken) + len(faults) + 2) if f"branch-{number}" not in taken)
-    for (kind, of), content in faults.items():
-        direct[f"faults.branch-{next(numbers)}"] = {"at": instant, kind: {"of": of, **content}}
-    return texts(direct)
-
-
-def _add(
-    faults: dict[tuple[str, str], dict[str, Any]], of: str, group: Mapping[str, Any], rest: Sequence[str], change: str
-) -> None:
-    """Add the change of a part of a group, or of one of its agents."""
-    match rest:
-        case ["components", name, "with", parameter, *_]:
-            value = group["components"][name]["with"].get(parameter)
-            faults.setdefault(("reconfigure", f"{of}.{name}"), {"with": {}})["with"][parameter] = value
-        case ["knowledge", name, *_]:
-            faults.setdefault(("inform", of), {"knowledge": {}})["knowledge"][name] = group["knowledge"].get(name)
-        case ["state"]:
-            faults["place", of] = {"state": group["state"]}
-        case _:
-            raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
-
-
-def _unindexed(change: str) -> str:
-    """A change of one agent as one of its group, to read its value."""
-    return re.sub(r"^(\s*agents\.[^.=]+)\.\d+(?=\.)", r"\1", change)
-
-
-def _value(data: Mapping[str, Any], keys: Sequence[str]) -> Any:
-    found: Any = data
-    for key in keys:
-        found = found.get(key) if isinstance(found, Mapping) else None
-    return found

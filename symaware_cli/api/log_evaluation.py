@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.api.recorded_names import RecordedNames
 from symaware_cli.api.recorded_specifications import RecordedSpecifications
 from symaware_cli.core import Event
 from symaware_cli.runtime.scope import STATUS_NAMES
@@ -24,7 +25,7 @@ from symaware_cli.runtime.trigger import concerned
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.specification.formula import Array, plain
 from symaware_cli.specification.node import Name, walk
-from symaware_cli.specification.outcome import VERDICTS
+from symaware_cli.specification.outcome import REJECTED, VERDICTS
 from symaware_cli.specification.semantics import robustness_interval
 from symaware_cli.specification.specification import Specification
 
@@ -49,15 +50,19 @@ class EvaluatedSpecification:
         rows: Each agent or pair that it was ever about.
         is_exact: Whether the robustness of each row is that of the run. Otherwise the run may know an upper bound only:
             it no longer looks at an instance whose verdict is known.
+        is_rejected: Whether it was offered, and nobody has accepted it.
     """
 
     name: str
     rows: Sequence[RowValue]
     is_exact: bool
+    is_rejected: bool = False
 
     @property
     def verdict(self) -> str:
         """The worst verdict; undecided if it was about nobody."""
+        if self.is_rejected:
+            return REJECTED
         return min((row.verdict for row in self.rows), key=_ORDER.index, default="undecided")
 
     @property
@@ -96,8 +101,11 @@ def evaluate_log(path: Path, catalogue: Catalogue | None = None) -> LogEvaluatio
     recorded = RecordedSpecifications(path, catalogue=catalogue)
     triggers = recorded.options.instances
     reasons = {each.name: _reason(recorded, each, triggers.get(each.name)) for each in recorded.specifications}
+    names = RecordedNames(recorded.simulation)
     followed = [
-        _Samples(each, triggers.get(each.name), recorded) for each in recorded.specifications if not reasons[each.name]
+        _Samples(each, triggers.get(each.name), recorded, names)
+        for each in recorded.specifications
+        if not reasons[each.name]
     ]
     with np.errstate(all="ignore"):
         for now in recorded.instants() if followed else ():
@@ -111,8 +119,6 @@ def evaluate_log(path: Path, catalogue: Catalogue | None = None) -> LogEvaluatio
 def _reason(recorded: RecordedSpecifications, specification: Specification, trigger: Trigger | None) -> str:
     """Why a specification cannot be evaluated; empty if it can."""
     names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
-    if specification.offer is not None:
-        return "it is offered, and counts for whom the monitors say"
     if names & {*STATUS_NAMES} or (trigger is not None and trigger.event in ("violated", "satisfied")):
         return "it refers to the verdicts of monitors"
     if recorded.period != recorded.step:
@@ -125,22 +131,50 @@ def _reason(recorded: RecordedSpecifications, specification: Specification, trig
 class _Samples:
     """The values of the predicates of a specification, and from when to when each row is evaluated."""
 
-    def __init__(self, specification: Specification, trigger: Trigger | None, recorded: RecordedSpecifications) -> None:
+    def __init__(
+        self,
+        specification: Specification,
+        trigger: Trigger | None,
+        recorded: RecordedSpecifications,
+        names: RecordedNames,
+    ) -> None:
         self._specification = specification
-        self._trigger = trigger
+        self._names = names
+        self._trigger = trigger if specification.offer is None else None
         self._values: list[list[Array]] = []
         #: Of each row, the first instant of each of its evaluations, and the one after the last.
         self._spans: dict[int, list[list[int]]] = defaultdict(list)
-        self._due: list[int] = [] if trigger else list(range(specification.scope.rows))
-        if trigger is not None:
-            own = (each for each in recorded.simulation.groups if each.name == specification.each)
-            rows = {id: row for group in own for row, id in enumerate(group.ids)}
+        offer = specification.offer
+        #: Whether evaluation begins with an event, and not by itself.
+        self._is_begun = trigger is not None or offer is not None
+        self._due: list[int] = [] if self._is_begun else list(range(specification.scope.rows))
+        #: Of what is offered: the agent that has accepted it, and whether it was rejected.
+        self._holder: str | None = None
+        self._is_rejected = False
+        own = (each for each in recorded.simulation.groups if each.name == specification.each)
+        rows = {id: row for group in own for row, id in enumerate(group.ids)}
+        if offer is not None:
+            for event in ("offered", "accepted", "released", "rejected"):
+                recorded.router.connect(event, f"specifications.{specification.name}", self._on_offer)
+        elif trigger is not None:
             recorded.router.connect(trigger.event, trigger.source, partial(self._begin, trigger, rows))
 
     def _begin(self, trigger: Trigger, rows: Mapping[str, int], event: Event) -> None:
         """An event has fired with which an instance begins, for all or for those that it concerns."""
         group = self._specification.each
         self._due += range(self._specification.scope.rows) if group is None else concerned(event, trigger, group, rows)
+
+    def _on_offer(self, event: Event) -> None:
+        """It is offered, and evaluated for all from then on; or accepted, by one for which it counts."""
+        match event.name:
+            case "offered":
+                self._due += range(self._specification.scope.rows)
+            case "accepted":
+                self._holder = str(event.data["agent"])
+            case "released":
+                self._holder = None
+            case "rejected":
+                self._is_rejected = True
 
     def look(self, now: int) -> None:
         """Take the values of an instant."""
@@ -158,8 +192,8 @@ class _Samples:
             if present[row]:
                 self._spans[row].append([number, np.iinfo(int).max])
         # What begins by an event begins at once or not at all; everything else when its agents are there.
-        self._due = [] if self._trigger else [row for row in self._due if not present[row]]
-        self._values.append(specification.values(scope.look_up, scope.rows, scope.present))
+        self._due = [] if self._is_begun else [row for row in self._due if not present[row]]
+        self._values.append(self._names.robustness(specification))
 
     def evaluated(self) -> EvaluatedSpecification:
         """Evaluate all that was seen."""
@@ -182,7 +216,9 @@ class _Samples:
             for place, row in enumerate(rows.tolist()):
                 found[row].append((low[0, place], high[0, place]))
         rows_found = [self._row(row, found[row]) for row in sorted(found)]
-        return EvaluatedSpecification(specification.name, rows_found, self._trigger is None)
+        if specification.offer is not None:
+            rows_found = [each for each in rows_found if each.agents == (self._holder,)]
+        return EvaluatedSpecification(specification.name, rows_found, self._trigger is None, self._is_rejected)
 
     def _by_span(self) -> Mapping[tuple[int, int], NDArray[np.intp]]:
         of_spans: dict[tuple[int, int], list[int]] = defaultdict(list)

@@ -35,6 +35,7 @@ class MessageComparison:
         self.count = self.now = 0
         messages = log.messages(topic for topic in log.channels if topic != TIMING)
         end = (log.end_time or 0) if until is None else until
+        self._messages = messages
         self._expected: Iterator[LogMessage] = (
             messages if self.is_whole else takewhile(lambda message: message.time < end, messages)
         )
@@ -49,6 +50,10 @@ class MessageComparison:
     def is_over(self) -> bool:
         """Whether nothing is left to compare."""
         return self.differs or (not self.is_whole and not self.is_left)
+
+    def close(self) -> None:
+        """Close the log, of which nothing more is compared."""
+        self._messages.close()
 
     def compare(self, topic: str, time: int, data: bytes) -> None:
         """Compare the next message."""

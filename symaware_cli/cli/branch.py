@@ -26,6 +26,7 @@ from symaware_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from symaware_cli.api.branch_table import Cell
     from symaware_cli.api.branching import BranchResult
 
 
@@ -46,33 +47,41 @@ def branch(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="The log of the branch; with --over, the folder for the logs."),
+        typer.Option(
+            "--output",
+            "-o",
+            help="The log of the branch; with --over, the folder for the logs and their table, branches.csv.",
+        ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
     as_json: Json = False,
 ) -> None:
     """Repeat a run up to an instant, and continue with something changed."""
     with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.branch_table import branch_rows, write_branch_table
         from symaware_cli.api.branching import branch as branched
+        from symaware_cli.api.branching import branches
         from symaware_cli.scenario.files import unused_path
 
         points = _points(over or (), as_json=as_json)
-        results = []
-        for number, point in enumerate(points):
-            path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
-            if over:
-                output = path
-                path.mkdir(exist_ok=True)
-                path = path / f"{number}.mcap"
-            try:
-                with progress_shown("branches", not (quiet or as_json)) as shown:
-                    results.append(branched(log, at, [*(overrides or ()), *point], path, shown))
-            except KeyboardInterrupt:
-                fail(f"{log}: interrupted", INTERRUPTED, as_json)
+        path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
+        try:
+            with progress_shown("branches", not (quiet or as_json)) as shown:
+                if over:
+                    results = branches(log, at, [[*(overrides or ()), *each] for each in points], path, None, shown)
+                else:
+                    results = [branched(log, at, overrides, path, shown)]
+        except KeyboardInterrupt:
+            fail(f"{log}: interrupted", INTERRUPTED, as_json)
+        rows = branch_rows(results, points)
+        table = write_branch_table(rows, path) if over else None
     if as_json:
         print_json([each.to_json() for each in results] if over else results[0].to_json())
     elif not quiet:
-        _print(log, results, points)
+        if table:
+            _print_table(log, results, rows, table)
+        else:
+            _print(log, results[0])
     sys.stdout.flush()
     failed = any(each.summary.status == "failed" for each in results)
     raise typer.Exit(FAILED if failed else VIOLATED if any(each.summary.violated for each in results) else 0)
@@ -106,15 +115,31 @@ def _listed(text: str) -> list[Any]:
     return found if isinstance(found, list) else []
 
 
-def _print(log: Path, results: Sequence[BranchResult], points: Sequence[Sequence[str]]) -> None:
-    first = results[0]
+def _print(log: Path, result: BranchResult) -> None:
+    _print_head(log, result)
+    for change in result.changes:
+        typer.echo(f"  {'changed':<12} {printable(change)}")
+    summary = result.summary
+    typer.echo(f"  {'status':<12} {summary.status}, {summary.log}")
+    for each in summary.specifications:
+        robustness = "" if each.robustness is None else f", robustness {each.robustness:.4g}"
+        typer.echo(f"  {'':<12} `{each.name}` is {each.verdict}{robustness}")
+
+
+def _print_table(log: Path, results: Sequence[BranchResult], rows: Sequence[dict[str, Cell]], table: Path) -> None:
+    from symaware_cli.api.branch_table import branch_lines
+
+    _print_head(log, results[0])
+    shared = sum(each.way == "capture" for each in results)
+    if shared:
+        typer.echo(f"  {'captured':<12} {shared} of {len(results)} continue from the state of one run to the instant")
+    for why in dict.fromkeys(each.reason for each in results if each.reason and len(results) > 1):
+        typer.echo(f"  {'repeated':<12} {sum(each.reason == why for each in results)}: {printable(why)}")
+    for line in branch_lines(rows):
+        typer.echo(f"  {printable(line)}")
+    typer.echo(f"  {'table':<12} {table}")
+
+
+def _print_head(log: Path, first: BranchResult) -> None:
     typer.echo(f"{log}: {'the same run' if not first.changes else f'another run from {first.at:g} s on'}")
     typer.echo(f"  {'equal':<12} {first.equal:,} messages before")
-    for result, point in zip(results, points, strict=True):
-        for change in point or result.changes:
-            typer.echo(f"  {'changed':<12} {printable(change)}")
-        summary = result.summary
-        typer.echo(f"  {'status':<12} {summary.status}, {summary.log}")
-        for each in summary.specifications:
-            robustness = "" if each.robustness is None else f", robustness {each.robustness:.4g}"
-            typer.echo(f"  {'':<12} `{each.name}` is {each.verdict}{robustness}")

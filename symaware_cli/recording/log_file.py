@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -95,7 +95,7 @@ class LogFile(McapFile):
 
     def messages(
         self, topics: str | Iterable[str] | None = None, start: int | None = None, end: int | None = None
-    ) -> Iterator[LogMessage]:
+    ) -> Generator[LogMessage, None, None]:
         """Iterate over messages, ordered by time and then sequence.
 
         Args:
@@ -116,7 +116,7 @@ class LogFile(McapFile):
 
     def _split(
         self, messages: Iterable[LogMessage], wanted: Collection[str], single: Collection[str]
-    ) -> Iterator[LogMessage]:
+    ) -> Generator[LogMessage, None, None]:
         for message in messages:
             known = self._shared.get(message.channel.topic)
             if known is None or message.channel.topic in wanted:

@@ -3,7 +3,7 @@
 import itertools
 import os
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -157,7 +157,7 @@ class McapFile:
 
     def messages(
         self, topics: str | Iterable[str] | None = None, start: int | None = None, end: int | None = None
-    ) -> Iterator[LogMessage]:
+    ) -> Generator[LogMessage, None, None]:
         """Iterate over messages, ordered by time and then sequence.
 
         Damaged chunks are skipped and counted in `damage`. A SymAware log is read chunk by chunk; for other logs, all

@@ -118,6 +118,11 @@ class LogWriter:
         """Number of messages added so far."""
         return sum(self._summary.counts.values()) + sum(map(len, self._positions.values())) // 2
 
+    @property
+    def channels(self) -> Mapping[str, int]:
+        """The ids of the channels that are open, by topic."""
+        return {channel.topic: channel.id for channel in self._summary.channels}
+
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
-from typing import Any
+from itertools import islice
+from typing import Any, ClassVar
 
 from symaware_cli.core import Event, Level
 from symaware_cli.runtime.environment_stepper import EnvironmentStepper
@@ -24,6 +25,9 @@ class FaultScheduler:
     ``begin``: the payload is the fault's index, and how long ago it should have begun, in nanoseconds.
     ``end``: the payload is the fault's index.
     """
+
+    #: The faults are part of the scenario.
+    uncaptured: ClassVar[Collection[str]] = ("_faults",)
 
     def __init__(
         self,
@@ -55,10 +59,10 @@ class FaultScheduler:
         self._effects: dict[int, Any] = {}
         queue.register(OF_FAULTS, {"begin": self._begin, "end": self._end})
 
-    def begin(self) -> None:
-        """Queue each fault, or subscribe to its event."""
+    def begin(self, first: int = 0) -> None:
+        """Queue each fault from an index on, or subscribe to its event."""
         now = self._queue.clock.now
-        for index, fault in enumerate(self._faults):
+        for index, fault in islice(enumerate(self._faults), first, None):
             if fault.at is not None:
                 # In a process that joins a run late, some faults are over already, and others have begun.
                 missed = max(0, now - fault.at)

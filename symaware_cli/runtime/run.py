@@ -269,6 +269,10 @@ class Run:
         self.status = self.failure = self.signal = None
         self._generator = self._run_all()
 
+    def begin_faults(self, first: int) -> None:
+        """Queue the faults from an index on, after a state of a run without them was restored."""
+        self._faults.begin(first)
+
     def leave(self, reason: str) -> None:
         """End the run between two steps, unless it has ended; its log ends with the present state.
 

@@ -45,6 +45,7 @@ class TurnScheduler:
         turns: The number of turns taken by all components of the entry.
         overruns: The number of turns that were due while the previous one still computed.
         supervision: Suspended agents, and the effects of faults.
+        stands_in: Whether its components are substitutes, and a fault lets them take the turns of others at the moment.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class TurnScheduler:
         self.place = place
         self.turns = 0
         self.overruns = 0
+        self.stands_in = False
         self._simulation = simulation
         self._timing = entry.timing
         self._group = entry.group
@@ -92,6 +94,8 @@ class TurnScheduler:
         #: The number of postponed turns of each row, and the agents of the queued triggered turn.
         self._backlog: Counter[int] = Counter()
         self._triggered: set[int] | None = None
+        #: The number of reasons for which each agent does not use this component, as another one replaces it.
+        self._unused: Counter[int] = Counter()
         self.supervision = Supervision(simulation, entry, self._update_flags)
         self._guard = Guard(simulation, entry, self.supervision, interruption, isolate, self.restart)
         common = simulation, entry, place, queue, self._guard, self._progress
@@ -136,6 +140,9 @@ class TurnScheduler:
     def begin(self) -> None:
         """Queue the first turns, and subscribe to the trigger's event."""
         timing, queue = self._timing, self._queue
+        if self.entry.is_substitute:
+            for agent in range(len(self._group)):
+                self.put_out_of_use(agent)
         if timing.trigger is not None:
             self._router.connect(timing.trigger.event, timing.trigger.source, self._on_trigger)
         if self.is_steady or (timing.trigger is not None and timing.period is None):
@@ -346,7 +353,7 @@ class TurnScheduler:
         Raises:
             RunError: Its initialisation failed.
         """
-        if self._is_group:
+        if self._is_group or agent in self._unused:
             return
         self._reinitialise(agent)
         if self._timing.period == 0:
@@ -374,12 +381,25 @@ class TurnScheduler:
         self.supervision.release(agent)
 
     def restart_agents(self, agents: Sequence[int]) -> None:
-        """Restart the components of some agents; a group component only if these are all its agents."""
+        """Restart the components of some agents that use them; a group component only if these are all its agents."""
         if not self._is_group:
             for row in agents:
-                self.restart(row)
-        elif len(agents) == len(self._group):
+                if row not in self._unused:
+                    self.restart(row)
+        elif len(agents) == len(self._group) and len(self._unused) < len(self._group):
             self.restart(0)
+
+    def put_out_of_use(self, agent: int) -> None:
+        """Let another component take the turns for an agent, until `put_into_use` was called as often."""
+        self._unused[agent] += 1
+        self.hold(agent)
+
+    def put_into_use(self, agent: int) -> None:
+        """Let this component take the turns for an agent again, unless there are other reasons against it."""
+        self._unused[agent] -= 1
+        if not self._unused[agent]:
+            del self._unused[agent]
+        self.release(agent)
 
     def _cancel_turn(self, row: int) -> None:
         self._backlog.pop(row, None)

@@ -44,24 +44,45 @@ class ComponentEntry:
         name: The entry's key in the scenario.
         use: The plugin's entry-point name.
         components: The instances, by row; one for a group component.
+        section: The path of its section in the scenario.
         timing: When they take their turns; components know their `period`.
+        is_substitute: Whether a fault lets it take the turns of another component of its name; until then it has none.
+        is_initialised: Whether any of its instances was initialised.
         turns: Each instance with its compute and update methods, for the hot loop; empty if `compute_and_update` is
             overridden.
     """
 
-    __slots__ = ("_timing", "components", "group", "name", "path", "turns", "use")
+    __slots__ = (
+        *("_timing", "components", "group", "is_initialised", "is_substitute"),
+        *("name", "path", "section", "turns", "use"),
+    )
 
     def __init__(
         self,
         group: AgentGroup,
         name: str,
         use: str,
-        components: Sequence[Component] | Sequence[GroupComponent],
+        components: Sequence[Component | GroupComponent],
         timing: Timing = STEADY,
+        fault: str | None = None,
     ) -> None:
+        """Give the instances their names.
+
+        Args:
+            group: See `ComponentEntry`.
+            name: See `ComponentEntry`.
+            use: See `ComponentEntry`.
+            components: See `ComponentEntry`.
+            timing: See `ComponentEntry`.
+            fault: The fault that replaces another component by this one; None for a component of the group's section.
+        """
         self.group = group
         self.name = name
         self.use = use
+        self.is_substitute, self.is_initialised = fault is not None, False
+        self.section: tuple[str | int, ...] = ("agents", group.name, "components", name)
+        if fault is not None:
+            self.section = ("faults", fault, "replace")
         self.components: tuple[Component | GroupComponent, ...] = tuple(components)
         self.timing = timing
         plain = all(type(each).compute_and_update is Component.compute_and_update for each in self.components)
@@ -71,6 +92,11 @@ class ComponentEntry:
             component.name, component.use = name, use
             owner = group.name if isinstance(component, GroupComponent) else group.ids[row]
             component.path = f"agents.{owner}.{name}"
+
+    @property
+    def label(self) -> str:
+        """The path, with the fault of a substitute."""
+        return f"{self.path}, in {self.section[1]}" if self.is_substitute else self.path
 
     @property
     def timing(self) -> Timing:
@@ -115,7 +141,7 @@ class ComponentEntry:
         Raises:
             RunError: The instance raised an exception.
         """
-        component = self.components[row]
+        component, self.is_initialised = self.components[row], True
         try:
             with in_turn(component, Turn(now, -1)):
                 self._initialise_instance(component, row)
@@ -175,7 +201,9 @@ class Simulation:
         for group in self.groups:
             with suppress(WorldError):
                 group.drive = environment.drive(group)
-        listening = {id for entry in self.entries if entry.listens and entry.kinds is None for id in entry.group.ids}
+        # A substitute reads what the component that it replaces would read.
+        own = [entry for entry in self.entries if not entry.is_substitute]
+        listening = {id for entry in own if entry.listens and entry.kinds is None for id in entry.group.ids}
         self.exchange = MessageExchange(
             environment.roster.ids,
             listening,
@@ -185,7 +213,7 @@ class Simulation:
             time_step=environment.time_step,
         )
         self.exchange.present = environment.present
-        for entry in self.entries:
+        for entry in own:
             if entry.kinds is not None:
                 columns = isinstance(entry.components[0], GroupComponent)
                 name = entry.path if columns else entry.name
@@ -205,13 +233,15 @@ class Simulation:
         return len(self.environment.roster)
 
     def initialise(self) -> None:
-        """Initialise all components.
+        """Initialise all components but substitutes.
 
         Raises:
             RunError: A component raised an exception.
         """
         self.exchange.renew_links()
         for entry in self.entries:
+            if entry.is_substitute:
+                continue
             self.announce("initialising", entry.path)
             entry.initialise()
             self.announce("initialised", entry.path)

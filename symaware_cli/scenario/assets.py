@@ -62,6 +62,7 @@ def _named(document: ScenarioDocument) -> Iterator[tuple[Path, str, Mesh | Urdf 
     uses: dict[Path, Use] = {("knowledge_models", name): model for name, model in document.knowledge_models.items()}
     for name, agents in document.agents.items():
         uses |= {("agents", name, "components", component): use for component, use in agents.components.items()}
+    uses |= {("faults", name, "replace"): fault.replace for name, fault in document.faults.items() if fault.replace}
     for path, use in uses.items():
         for key, value in use.with_.items():
             if isinstance(value, dict) and isinstance(value.get("file"), str):

@@ -28,6 +28,7 @@ from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.cell_certificate import check_cells
 from symaware_cli.scenario.circular_assumptions import check_circular_assumptions
+from symaware_cli.scenario.component_check import ComponentCheck
 from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
 from symaware_cli.scenario.document import ScenarioDocument, TopologyUse
@@ -241,9 +242,9 @@ class _SimulationBuilder:
         document: ScenarioDocument,
         environment: Environment,
         groups: Sequence[AgentGroup],
-        component_entries: Sequence[ComponentEntry],
+        component_entries: list[ComponentEntry],
     ) -> RunOptions:
-        """Build the options of the run, and set the timing of the components."""
+        """Build the options of the run, set the timing of the components, and add those that replace others."""
         check = TimingCheck(
             self._composition,
             environment,
@@ -257,7 +258,7 @@ class _SimulationBuilder:
             component_entry.timing = check.timing(use, component_entry.group, type(component_entry.components[0]), path)
         check.triggers(component_entries)
         run, until = document.run, check.until(document.run, groups)
-        faults: Sequence[Fault | None] = ()
+        faults: Sequence[Fault] = ()
         presence: Mapping[str, Sequence[PresenceInterval]] = {}
         specifications: Sequence[Specification] = ()
         instances: Mapping[str, Trigger] = {}
@@ -269,10 +270,11 @@ class _SimulationBuilder:
                 environment,
                 groups,
                 component_entries,
-                document.faults,
+                document,
                 self._factory,
+                ComponentCheck(self._composition, self._report, self._problems.extend),
             )
-            faults = [builder.build(name, use) for name, use in document.faults.items()]
+            faults = builder.build()
             members = PresenceBuilder(self._report, check, environment, document.environment.use, component_entries)
             presence = members.build(groups, document.agents)
             statements = SpecificationBuilder(
@@ -292,7 +294,7 @@ class _SimulationBuilder:
             pace=run.pace,
             turn_limit=run.turn_limit,
             workers=run.workers,
-            faults=tuple(fault for fault in faults if fault is not None),
+            faults=tuple(faults),
             presence=presence,
             specifications=specifications,
             instances=instances,

@@ -37,7 +37,7 @@ class ChangeBuilder:
 
     def reconfigure(self, use: Reconfiguration, path: Path) -> tuple[str, str, Effect]:
         """Build a change of parameters: its target, a description for people, and the effect."""
-        selected = self._targets.components(use.of, (*path, "of"))
+        selected = self._targets.own_components(use.of, (*path, "of"))
         substitutes = [self._substitutes(each, use.with_, path) for each in selected]
         parameters = ", ".join(use.with_)
         return f"agents.{use.of}", f"changes {parameters} of {use.of}", Reconfigure(selected, substitutes)

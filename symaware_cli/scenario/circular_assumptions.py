@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.problem import quoted
+from symaware_cli.scenario.source import Path
 
 
 def check_circular_assumptions(entries: Sequence[ComponentEntry], report: Callable[..., None]) -> None:
@@ -18,17 +19,17 @@ def check_circular_assumptions(entries: Sequence[ComponentEntry], report: Callab
         entries: All component entries.
         report: Takes the code and the message of a problem, the path, and hints.
     """
-    waits: dict[str, dict[tuple[str, int], set[str]]] = {}
+    waits: dict[str, dict[Path, set[str]]] = {}
     group_of = {agent: entry.group.name for entry in entries for agent in entry.group.ids}
     for entry in entries:
         # Components with strategies have `awaited`; to import their class would slow down every run.
         awaited: Mapping[int, set[str]] = getattr(entry.components[0], "awaited", {})
         for number, others in awaited.items():
             groups = {group_of[each] for each in others if each in group_of}
-            waits.setdefault(entry.group.name, {})[entry.name, number] = groups
+            waits.setdefault(entry.group.name, {})[(*entry.section, "with", "assumptions", number)] = groups
     after = {group: set[str]().union(*places.values()) for group, places in waits.items()}
     for group, places in waits.items():
-        for (name, number), others in places.items():
+        for path, others in places.items():
             circle = next((each for each in sorted(others) if group in _reachable(each, after)), None)
             if circle is None:
                 continue
@@ -36,7 +37,7 @@ def check_circular_assumptions(entries: Sequence[ComponentEntry], report: Callab
                 "circular-assumptions",
                 f"{quoted(group)} waits for {quoted(circle)}, and that waits for {quoted(group)}: "
                 "they might wait for each other for ever",
-                ("agents", group, "components", name, "with", "assumptions", number),
+                path,
                 expected="safety; let one of them guarantee its part without waiting for the other",
             )
 

@@ -38,7 +38,7 @@ def check_consensus(
             same = groups.setdefault(entry.group.name, entry)
             if same is not entry:
                 message = f"{_named(same)} has a consensus on {quoted(name)} already"
-                report("unsuitable", message, _path(entry), key=True, expected="one for each name")
+                report("unsuitable", message, entry.section, key=True, expected="one for each name")
                 continue
             _check_shape(name, entry, first, report)
             _check_turns(document, time_step, entry, first, report)
@@ -76,7 +76,7 @@ def check_metropolis(
         return
     for entry in concerned:
         message = f"Metropolis weights preserve the mean only if links {wrong}"
-        report("unsuitable", message, (*_path(entry), "with", "weights"), expected="uniform, or another topology")
+        report("unsuitable", message, (*entry.section, "with", "weights"), expected="uniform, or another topology")
 
 
 def _are_symmetric(links: Links) -> bool:
@@ -97,7 +97,7 @@ def _check_weights(entry: ComponentEntry, first: ComponentEntry, report: Callabl
     kinds, gains = (own.parameters.weights, wanted.parameters.weights), (own.gain, wanted.gain)
     for key, one, two in (("weights", *kinds), ("gain", *gains)):
         if one != two and "metropolis" in kinds:
-            where = (*_path(entry), *(("with", key) if key in own.parameters.model_fields_set else ()))
+            where = (*entry.section, *(("with", key) if key in own.parameters.model_fields_set else ()))
             said = f"both ends of a link need the same {key}: {one} here, and {two} for {_named(first)}"
             report("unsuitable", said, where, expected=str(two))
             return
@@ -150,14 +150,11 @@ def _named(entry: ComponentEntry) -> str:
     return quoted(f"{entry.group.name}.{entry.name}")
 
 
-def _path(entry: ComponentEntry) -> Path:
-    return ("agents", entry.group.name, "components", entry.name)
-
-
 def _key_path(document: ScenarioDocument, entry: ComponentEntry, key: str) -> Path:
     """The path of a key of a component, or of the component if the key is not given."""
     use = document.agents[entry.group.name].components[entry.name]
-    return (*_path(entry), key) if key in use.model_fields_set else _path(entry)
+    path: Path = ("agents", entry.group.name, "components", entry.name)
+    return (*path, key) if key in use.model_fields_set else path
 
 
 def _form(shape: tuple[int, ...]) -> str:

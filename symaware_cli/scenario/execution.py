@@ -159,8 +159,9 @@ def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> 
     writer.attach(RESOLVED, "application/yaml", built.resolved)
     for entry in built.simulation.entries:
         for component in entry.components:
+            folder = f"faults.{entry.section[1]}/{component.path}" if entry.is_substitute else component.path
             for name, content in component.attachments().items():
-                writer.attach(f"{component.path}/{name}", "application/octet-stream", content)
+                writer.attach(f"{folder}/{name}", "application/octet-stream", content)
     geometry = GeometryWriter(built.simulation.environment, built.files)
     for name, (media_type, content) in geometry.attachments.items():
         writer.attach(name, media_type, content)

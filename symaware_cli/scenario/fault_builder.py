@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,9 @@ from symaware_cli.runtime.faults import (
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timed_changes import SetState
 from symaware_cli.scenario.change_builder import ChangeBuilder
+from symaware_cli.scenario.component_check import ComponentCheck
 from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.fault_section import (
     INSTANTANEOUS,
     Degradation,
@@ -39,6 +41,7 @@ from symaware_cli.scenario.fault_section import (
 from symaware_cli.scenario.fault_targets import FaultTargets, ReportedError
 from symaware_cli.scenario.plugin_factory import PluginFactory
 from symaware_cli.scenario.problem import quoted
+from symaware_cli.scenario.replacement_builder import ReplacementBuilder
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing_check import TimingCheck, duration_of, trigger_of
 
@@ -53,21 +56,45 @@ class FaultBuilder:
         check: TimingCheck,
         environment: Environment,
         groups: Sequence[AgentGroup],
-        entries: Sequence[ComponentEntry],
-        uses: Mapping[str, FaultUse],
+        entries: list[ComponentEntry],
+        document: ScenarioDocument,
         factory: PluginFactory,
+        component_check: ComponentCheck,
     ) -> None:
+        """Prepare.
+
+        Args:
+            composition: The composed document.
+            report: Takes the code and the message of a problem, the path, and hints.
+            check: Checks times and events.
+            environment: The environment, not initialised yet.
+            groups: All groups.
+            entries: All component entries, with their timing; `build` adds substitutes.
+            document: The validated document.
+            factory: Creates components.
+            component_check: Checks components.
+        """
         self._composition = composition
         self._report = report
         self._check = check
         self._environment = environment
         self._groups = groups
         self._entries = entries
-        self._uses = uses
+        self._uses = document.faults
         self._targets = FaultTargets(report, groups, entries)
         self._changes = ChangeBuilder(composition, report, factory, self._targets)
+        self._replacements = ReplacementBuilder(
+            composition, report, factory, self._targets, check, component_check, document, entries
+        )
 
-    def build(self, name: str, use: FaultUse) -> Fault | None:
+    def build(self) -> Sequence[Fault]:
+        """Build the faults that are sound, in the order of the document; the others are reported."""
+        # Other faults act on substitutes as well, wherever they are in the file.
+        order = sorted(self._uses, key=lambda name: self._uses[name].replace is None)
+        built = {name: self._fault(name, self._uses[name]) for name in order}
+        return [fault for name in self._uses if (fault := built[name]) is not None]
+
+    def _fault(self, name: str, use: FaultUse) -> Fault | None:
         """Build a fault; None after a problem."""
         path: Path = ("faults", name)
         trigger = None
@@ -130,6 +157,8 @@ class FaultBuilder:
             return self._push(use.push, (*path, "push"))
         if use.reconfigure:
             return self._changes.reconfigure(use.reconfigure, (*path, "reconfigure"))
+        if use.replace:
+            return self._replacements.build(str(path[1]), use, (*path, "replace"))
         if use.place:
             return self._place(use.place, (*path, "place"))
         if use.inform:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from symaware_cli.geometry.shape import LARGEST, Number
-from symaware_cli.scenario.section import AGENTS, Drawn, Name, Seconds, Section, Target, TriggerSection
+from symaware_cli.scenario.section import AGENTS, Drawn, Name, Seconds, Section, Target, TriggerSection, Use
 
 _COMPONENT = "A component of some agents, such as `robot.2.steer`, `robot.steer` for the whole group, or `*.steer`."
 
@@ -99,6 +99,12 @@ class Reconfiguration(Section):
     )
 
 
+class Replacement(Use):
+    """Another component in place of one; it has the same name and takes its turns at the same times."""
+
+    of: Target = Field(description=_COMPONENT)
+
+
 class Placement(Section):
     """A true state that is set."""
 
@@ -148,6 +154,9 @@ class FaultUse(Section):
     reconfigure: Reconfiguration | None = Field(
         None, description="Components that begin anew with other parameters, and afterwards with their own again."
     )
+    replace: Replacement | None = Field(
+        None, description="Another component that takes the turns of one; afterwards that one begins anew."
+    )
     place: Placement | None = Field(
         None, description="A true state that is set, if the world supports sudden changes of it."
     )
@@ -169,7 +178,7 @@ class FaultUse(Section):
 FAULTS = (
     *("stop", "restart", "freeze", "blind", "slow", "bias", "noise"),
     *("drop", "delay", "cut", "degrade", "partition", "restore", "push"),
-    *("reconfigure", "place", "inform"),
+    *("reconfigure", "replace", "place", "inform"),
 )
 
 #: Those that have no duration.

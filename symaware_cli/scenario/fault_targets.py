@@ -54,6 +54,10 @@ class FaultTargets:
             self.report_unknown(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
         return found
 
+    def own_components(self, pattern: str, path: Path) -> list[ComponentSelection]:
+        """The components that match a pattern, without those that other faults bring in."""
+        return [each for each in self.components(pattern, path) if not each.entry.is_substitute]
+
     def report_unknown(self, pattern: str, path: Path, what: str, known: Sequence[str]) -> None:
         """Report that nothing matches a pattern, with what there is."""
         names = list(dict.fromkeys(known))

@@ -9,19 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Component, Entity, GroupComponent, Model, Plugin, Quantity
+from symaware_cli.core import AgentGroup, Entity, Model, Plugin, Quantity
 from symaware_cli.models.conformity import faults_of
 from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.scenario.component_check import ComponentCheck
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import ScenarioDocument
-from symaware_cli.scenario.parts import declared_parts, declared_signals, name_columns
-from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, words
-from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
+from symaware_cli.scenario.parts import declared_parts, declared_signals
+from symaware_cli.scenario.plugin_factory import PluginFactory, mapping
+from symaware_cli.scenario.problem import Problem, quoted
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.timing_check import expression_problem
-from symaware_cli.specification.token import ExpressionError
-from symaware_cli.world.plugin import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -63,6 +61,7 @@ class GroupBuilder:
         self._document = document
         self._found = found
         self._folder = folder
+        self._check = ComponentCheck(composition, report, report_all)
         self.uses: dict[str, dict[str, Any]] = {}
         self.declared: set[str] = set()
         self.knowledge_models: Mapping[str, Plugin | None] = {}
@@ -80,10 +79,11 @@ class GroupBuilder:
             component: self._factory.make(mapping(content), (*path, "components", component), len(ids))
             for component, content in components.items()
         }
+        known = entry.get("knowledge", {})
         capable = [
             component
             for component, made in instances.items()
-            if made and self._has_knowledge(made[0], entry, (*path, "components", component), uses[component])
+            if made and self._check.knows(made[0], known, (*path, "components", component), name, uses[component])
         ]
         declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
         parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
@@ -100,7 +100,7 @@ class GroupBuilder:
         component_entries = [
             ComponentEntry(group, component, uses[component], instances[component])
             for component in capable
-            if self._can_work(group, instances[component][0], (*path, "components", component), uses[component])
+            if self._check.can_work(group, instances[component][0], (*path, "components", component), uses[component])
         ]
         return group, component_entries
 
@@ -142,64 +142,6 @@ class GroupBuilder:
             self._report("broken-plugin", f"the model {quoted(use)} {fault}", path)
         return not faults
 
-    def _has_knowledge(
-        self, component: Component | GroupComponent, entry: Mapping[str, Any], path: Path, use: str
-    ) -> bool:
-        """Check that the agents have all the knowledge that a component needs."""
-        known = entry.get("knowledge", {})
-        if not isinstance(known, Mapping):
-            return False
-        for name, meaning in component.knowledge.items():
-            if name in known:
-                continue
-            meant = nearest(name, known)
-            where = (*path[:2], "knowledge", meant) if meant else path
-            self._report(
-                "missing-knowledge",
-                f"{quoted(use)} needs the knowledge {quoted(name)}" + (f", not {quoted(meant)}" if meant else ""),
-                where,
-                key=True,
-                expected=f"{quoted(name)} under {quoted(dotted((*path[:2], 'knowledge')))}: {meaning}",
-            )
-        return set(component.knowledge) <= set(known)
-
-    def _can_work(self, group: AgentGroup, component: Component | GroupComponent, path: Path, use: str) -> bool:
-        """Check that a component can work for a group, as far as that is known before the run."""
-        try:
-            component.check(group)
-            # If several components set a series, the columns of the last one apply.
-            name_columns(group, component)
-        except KeyboardInterrupt:
-            raise
-        except ParameterError as error:
-            where = (*path, "with", *error.place)
-            if error.is_consequence:
-                return False
-            if isinstance(error.__cause__, ExpressionError):
-                self._report_all([expression_problem(self._composition, str(error), where, error.__cause__)])
-            else:
-                self._report("unsuitable", f"{quoted(use)} cannot work here: {error}", where)
-                for place, said in error.related:
-                    self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", (*path, "with", *place))
-            return False
-        except BaseException as error:
-            said = words(error)
-            for name in component.knowledge:
-                where = (*path[:2], "knowledge", name)
-                if not _is_numeric(group, name):
-                    said = f"the knowledge {quoted(name)} is not made of numbers, as many for each agent"
-                if f"`{name}`" in said:
-                    self._report(
-                        "unsuitable",
-                        f"{quoted(use)} cannot work with this: {said}",
-                        where,
-                        expected=component.knowledge[name],
-                    )
-                    return False
-            self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", path, key=True)
-            return False
-        return True
-
 
 def _fault_of(model: Model | type[Model]) -> str | None:
     """Return the fault in a model's declarations as a predicate; None if they are valid."""
@@ -215,10 +157,3 @@ def _fault_of(model: Model | type[Model]) -> str | None:
     if len(model.velocities) not in (0, len(model.position)):
         return f"has {len(model.velocities)} velocities for {len(model.position)} coordinates of its position"
     return None
-
-
-def _is_numeric(group: AgentGroup, name: str) -> bool:
-    try:
-        return group.known(name).dtype == float
-    except (TypeError, ValueError):
-        return False

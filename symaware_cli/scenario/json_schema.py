@@ -13,7 +13,7 @@ from symaware_cli.scenario.placement import CirclePlacement, GridPlacement
 
 _USES = {
     "abstraction": ("KnowledgeModelUse",),
-    "component": ("ComponentUse",),
+    "component": ("ComponentUse", "Replacement"),
     "environment": ("EnvironmentUse",),
     "model": ("ModelUse",),
     "topology": ("TopologyUse", "TopologyChange"),

@@ -60,6 +60,8 @@ class PluginFactory:
             self._import("model", mapping(entry).get("model"), (*path, "model"))
             for component, content in mapping(mapping(entry).get("components")).items():
                 self._import("component", content, (*path, "components", component))
+        for name, fault in mapping(data.get("faults")).items():
+            self._import("component", mapping(fault).get("replace"), ("faults", name, "replace"))
 
     def _import(self, kind: str, entry: Any, path: Path) -> None:
         use = mapping(entry).get("use")
@@ -93,7 +95,8 @@ class PluginFactory:
                 for problem in parameters
                 if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
             )
-            return self._partial_instance(plugin, given, where, parameters) if "components" not in path else []
+            is_component = "components" in path or path[0] == "faults"
+            return [] if is_component else self._partial_instance(plugin, given, where, parameters)
         return self._instances(plugin, use, parameters, count, where, (*path, "use"))
 
     def variants(

@@ -44,7 +44,7 @@ def check_requirements(
     for group in groups:
         _check_model(document, environment, group, report)
     for entry in entries:
-        component, path = entry.components[0], ("agents", entry.group.name, "components", entry.name)
+        component, path = entry.components[0], entry.section
         measures = isinstance(component, Sensor) or entry.name in entry.group.awareness.signals
         if measures and entry.name in (*FIELDS, *entry.group.awareness.parts):
             message = f"a sensor cannot be called {quoted(entry.name)}, the name of another series in the log"

@@ -88,7 +88,7 @@ class SpecificationBuilder:
         component, group = entry.components[0], entry.group.name
         if component.specifications is None:
             return
-        path: Path = ("agents", group, "components", entry.name, "with", component.specifications)
+        path: Path = (*entry.section, "with", component.specifications)
         for place, name in enumerate(getattr(component.parameters, component.specifications)):
             use = document.specifications.get(name)
             if use is None:
@@ -339,7 +339,7 @@ def check_named(
         if component.specifications is None:
             continue
         names = list(getattr(component.parameters, component.specifications))
-        path: Path = ("agents", entry.group.name, "components", entry.name, "with", component.specifications)
+        path: Path = (*entry.section, "with", component.specifications)
         try:
             component.check_specifications({name: every[name] for name in names}, ordered, links)
         except ValueError as error:

@@ -38,7 +38,11 @@ _MAXIMA = ("eventually", "once", "next")
 
 
 class ClosestPairScope(Scope):
-    """The closest of many pairs of agents; one row."""
+    """The closest of many pairs of agents; one row.
+
+    Attributes:
+        pairs: As in `__init__`.
+    """
 
     units = PAIR_UNITS
 
@@ -58,7 +62,7 @@ class ClosestPairScope(Scope):
             regions: The regions by name.
         """
         super().__init__(1, world, groups, regions)
-        self._pairs = pairs
+        self.pairs = pairs
         self._indices: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
         #: For each set that is paired with itself.
         self._within: list[ClosestPair] = []
@@ -81,7 +85,7 @@ class ClosestPairScope(Scope):
             index = snapshot.roster.indices
             self._indices = [
                 (np.array([index[id] for id in first], np.intp), np.array([index[id] for id in second], np.intp))
-                for first, second in self._pairs
+                for first, second in self.pairs
             ]
             everybody = np.arange(len(index))
             self._within = [

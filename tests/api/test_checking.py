@@ -58,6 +58,23 @@ def test_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: Path) -> 
         assert each.robustness == said.robustness or not each.is_exact
 
 
+@pytest.mark.parametrize("scenario", ["auction.yaml", "errands.yaml"])
+def test_what_is_offered_is_evaluated_by_who_accepted_it_until_when(scenario: str, tmp_path: Path) -> None:
+    path = next(each for each in SCENARIOS if each.name == scenario)
+    log = tmp_path / "run.mcap"
+    summary = execute(build(path, ["recording.interval=0", "recording.omit=[]"]), log)
+    offered = {each.name: each for each in evaluate_log(log).specifications}
+    names = [each.name for each in build(path).options.specifications if each.offer is not None]
+    assert names
+    assert offered.keys() >= {*names}
+    for outcome in summary.specifications:
+        if outcome.name in names:
+            found = offered[outcome.name]
+            assert (outcome.name, found.verdict) == (outcome.name, outcome.verdict)
+            assert found.robustness == outcome.robustness
+            assert len(found.rows) == sum(outcome.counts.values())
+
+
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     path = tmp_path / "patrol.mcap"

@@ -1,5 +1,6 @@
 """The verb `branch`: its report, its files and its exit status."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -30,8 +31,21 @@ def test_several_branches_of_a_run_are_reported_with_their_verdicts(tmp_path: Pa
     assert shown.exit_code == 3, "the faster one violates it"
     verdicts = [each["run"]["specifications"][0]["verdict"] for each in results]
     assert verdicts == ["satisfied", "violated"]
-    told = CliRunner().invoke(application, arguments).stdout
-    assert "`apart` is violated" in told
+    assert [each["way"] for each in results] == ["capture", "capture"]
+    told = CliRunner().invoke(application, arguments).stdout.splitlines()
+    assert "2 of 2 continue from the state of one run to the instant" in told[2]
+    assert told[3].split()[:5] == ["branch", "speed", "status", "apart", "apart"]
+    assert [line.split()[:4] for line in told[4:6]] == [
+        ["0", "0.4", "finished", "satisfied"],
+        ["1", "1.2", "finished", "violated"],
+    ]
+    with (folder / "branches.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["apart"] for row in rows] == verdicts
+    robustness = [float(row["apart robustness"]) for row in rows]
+    assert robustness == [each["run"]["specifications"][0]["robustness"] for each in results]
+    closest = [float(row["closest"]) for row in rows]
+    assert closest == [each["run"]["minimum_separation"]["value"] for each in results]
 
 
 def test_a_wrong_option_is_explained(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Claims of sweeps: certified where the runs establish them, and whatever is changed afterwards is found."""
 
+import ast
 import base64
 import json
 import sqlite3
@@ -32,6 +33,29 @@ def swept(folder: Path, *options: object, claim: str = CLAIM, status: int = 0) -
 def derived(folder: Path) -> subprocess.CompletedProcess[str]:
     """The certificate, derived again without the package."""
     return subprocess.run([sys.executable, "-I", CHECK, folder], capture_output=True, text=True, check=False)
+
+
+def test_the_script_has_fifty_lines_of_code_and_needs_nothing_but_python() -> None:
+    text = CHECK.read_text()
+    tree = ast.parse(text)
+    described = {line for node in ast.walk(tree) for line in described_lines(node)}
+    lines = [
+        number
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.strip().startswith("#") and number not in described
+    ]
+    assert len(lines) <= 50
+    assert max(map(len, text.splitlines())) <= 120
+    modules = {each.name for node in ast.walk(tree) if isinstance(node, ast.Import) for each in node.names}
+    modules |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert modules <= sys.stdlib_module_names
+
+
+def described_lines(node: ast.AST) -> range:
+    """The lines of a docstring."""
+    if not isinstance(node, ast.Module | ast.FunctionDef) or ast.get_docstring(node) is None:
+        return range(0)
+    return range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1)
 
 
 @pytest.mark.parametrize("text", ["near > 0.9", "P(near) > 1", "P(near) > 0.9, later", "P(near) > x", "P() > 0.9"])

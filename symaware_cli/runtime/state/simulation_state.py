@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from symaware_cli.core.stateful import StateError
+from symaware_cli.runtime.protected_rows import ProtectedRows
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.deserialiser import Deserialiser
 from symaware_cli.runtime.state.serialiser import Entry, Serialiser
@@ -31,6 +32,7 @@ class SimulationState:
         version: The version of the package that captured it; only that version can restore it.
         time: Simulated time [ns].
         steps: The number of steps made.
+        substitutes: The components that have replaced others so far, by their path and the fault.
         entries: All values, as entries of `Serialiser`.
     """
 
@@ -38,6 +40,7 @@ class SimulationState:
     version: str
     time: int
     steps: int
+    substitutes: list[str]
     entries: list[Entry]
 
     def to_bytes(self) -> bytes:
@@ -90,7 +93,8 @@ def capture(run: Run, scenario: str, version: str) -> SimulationState:
     """
     _check(run)
     entries = Serialiser(_roots(run), packages(run.simulation)).entries
-    return SimulationState(scenario, version, run.simulation.clock.now, run.done, entries)
+    substitutes = [each.label for each in run.simulation.entries if each.is_substitute and each.is_initialised]
+    return SimulationState(scenario, version, run.simulation.clock.now, run.done, substitutes, entries)
 
 
 def restore(run: Run, state: SimulationState, scenario: str, version: str, seed: int | None = None) -> None:
@@ -114,6 +118,11 @@ def restore(run: Run, state: SimulationState, scenario: str, version: str, seed:
         raise StateError("the state belongs to another scenario, to other overrides of it, or to another seed")
     if run.status is not None:
         run.check_reopening()
+    for entry in run.simulation.entries:
+        if entry.label in state.substitutes and not entry.is_initialised:
+            # What a component makes as it is initialised, such as a solver, is a counterpart of what was captured.
+            with ProtectedRows(entry.group, range(len(entry.group))):
+                entry.initialise()
     deserialiser = Deserialiser(Counterparts(state.entries, _roots(run), packages(run.simulation)))
     if run.status is not None:
         run.reopen()
@@ -137,7 +146,11 @@ def _roots(run: Run) -> Mapping[str, Any]:
         **{f"the group {group.name}": group for group in simulation.groups},
         "the environment": simulation.environment,
         "the exchange": simulation.exchange,
-        **{component.path: component for entry in simulation.entries for component in entry.components},
+        **{
+            component.path + entry.label.removeprefix(entry.path): component
+            for entry in simulation.entries
+            for component in entry.components
+        },
         "the run": run,
         **({"the log": run.recorder} if run.recorder else {}),
     }
