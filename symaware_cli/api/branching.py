@@ -233,5 +233,5 @@ def _described(original: Log, log: Path, at: str) -> float:
         if of in ("", event.source, event.source.removeprefix("specifications.")):
             return event.time / 1e9 + float((found["shift"] or "0").replace(" ", ""))
     sources = sorted({event.source.removeprefix("specifications.") for event in events})
-    there = f"only of {', '.join(sources)}" if sources else "nor any other of this name"
-    raise BranchError(f"there is no event {name}({of}) in {log}, {there}")
+    there = f"{name} was fired only by {', '.join(sources)}" if sources else f"no event is called {name}"
+    raise BranchError(f"there is no event {name}({of}) in {log}; {there}")

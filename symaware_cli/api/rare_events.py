@@ -108,7 +108,7 @@ def estimate(
         trials: The number of trials of each stage of each repeat.
         repeats: The number of independent repeats, from which the interval is made.
         changes: Values of the scenario to change.
-        seed: What everything is drawn from: the same seed gives the same estimate.
+        seed: The seed of all random draws: the same seed gives the same estimate.
         confidence: The confidence of the interval.
         jobs: How many worker processes make the repeats; 0 to make them in this process. The figures are the same.
         on_progress: Called after each repeat with how many were made, and how many there are.

@@ -278,7 +278,7 @@ def verify_sweep(
         level: How much, each level with those before it: ``arithmetic`` is what the table says of itself, ``monitor``
             the logs that were kept, ``sample`` some rows that are made again, ``all`` all of them.
         rows: How many rows the level ``sample`` makes again.
-        seed: What these are chosen by; by default something that nobody can foresee.
+        seed: The seed by which these are chosen; by default one that cannot be predicted.
         on_progress: Called with how many runs were made again, and of how many.
 
     Raises:

@@ -22,7 +22,7 @@ def certify(
     claim: Annotated[
         str | None,
         typer.Option(
-            help="A claim that is not in the plan, looked at post hoc: it is neither signed nor certified.",
+            help="A claim that is not in the plan: it is evaluated post hoc, and neither certified nor signed.",
             metavar="CLAIM",
         ),
     ] = None,
@@ -38,7 +38,7 @@ def certify(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Decide the claim that stands in the plan of a sweep. Exit status 3 if it is not established."""
+    """Decide the claim in the plan of a sweep. Exit status 3 if it is not established."""
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api.certification import certify
 

@@ -21,10 +21,10 @@ def check(
     ] = None,
     each: Annotated[
         str | None,
-        typer.Option(help="The group of whose agents the formula is; by default every group.", metavar="GROUP"),
+        typer.Option(help="The group whose agents the formula is about; by default every group.", metavar="GROUP"),
     ] = None,
     pairs: Annotated[
-        str | None, typer.Option(help="The group of whose pairs of agents the formula is.", metavar="GROUP")
+        str | None, typer.Option(help="The group whose pairs of agents the formula is about.", metavar="GROUP")
     ] = None,
     of: Annotated[str, typer.Option(help="What the formula is about: truth or belief.")] = "truth",
     logic: Annotated[str, typer.Option(help="The logic of the formula: stl or ltl.")] = "stl",

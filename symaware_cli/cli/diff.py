@@ -21,19 +21,19 @@ _MOST = 20
 
 def diff(
     one: Annotated[Path, typer.Argument(help="A log, a scenario, or the folder of a sweep.", metavar="A")],
-    other: Annotated[Path, typer.Argument(help="Another one.", metavar="B")],
+    other: Annotated[Path, typer.Argument(help="The one to compare it with.", metavar="B")],
     plot: Annotated[
         Path | None,
         typer.Option(
             "--plot",
-            help="Draw into a .png, .svg or .pdf: of two logs both runs on one map, and how far they are apart over "
-            "time; of two sweeps each run's values in one against those in the other.",
+            help="Write a .png, .svg or .pdf: for two logs, both runs on one map and their distance over "
+            "time; for two sweeps, each run's values in one against those in the other.",
             metavar="FILE",
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Tell two logs, scenarios or sweeps apart. Exit status 0 if they are equal, 1 if they differ."""
+    """Compare two logs, scenarios or sweeps. Exit status 0 if they are equal, 1 if they differ."""
     result: ComparisonResult | SweepComparison
     if plot and not (one.suffix == other.suffix == ".mcap" or (one.is_dir() and other.is_dir())):
         fail("--plot goes with two logs, or with two sweeps", WRONG_INPUT, as_json)

@@ -34,19 +34,19 @@ def estimate(
     levels: Annotated[
         str | None,
         typer.Option(
-            help="Robustness on the way to the event, such as `3,2,1`; by default a pilot chooses it. `none`: all "
-            "trials are plain runs.",
+            help="Levels of robustness on the way to the event, such as `3,2,1`; by default a pilot chooses them. "
+            "`none`: all trials are plain runs.",
             metavar="VALUES",
         ),
     ] = None,
-    event: Annotated[str, typer.Option(help="What becomes of the specification: violated or satisfied.")] = "violated",
+    event: Annotated[str, typer.Option(help="The event: the specification is violated, or satisfied.")] = "violated",
     trials: Annotated[int, typer.Option(min=1, max=10_000_000, help="Trials of each stage of each repeat.")] = 100,
     repeats: Annotated[
-        int, typer.Option(min=2, max=1_000_000, help="Independent repeats, from which the interval is made.")
+        int, typer.Option(min=2, max=1_000_000, help="Independent repeats, from which the interval is computed.")
     ] = 20,
     confidence: Annotated[float, typer.Option(help="Confidence of the interval.")] = 0.95,
     overrides: Overrides = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="What everything is drawn from.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of all random draws.")] = 0,
     jobs: Jobs = None,
     as_json: Json = False,
 ) -> None:

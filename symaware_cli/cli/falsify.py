@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def falsify(
     scenario: ScenarioPath,
     specification: Annotated[
-        str, typer.Option("--specification", help="The specification that is to be violated.", metavar="NAME")
+        str, typer.Option("--specification", help="The specification to violate.", metavar="NAME")
     ],
     over: Annotated[
         list[str] | None,
@@ -44,16 +44,17 @@ def falsify(
         ),
     ] = None,
     seeds: Annotated[
-        int, typer.Option(min=0, help="How many seeds are tried as well, from 0 on; by default that of the scenario.")
+        int, typer.Option(min=0, help="Also vary the seed, from 0 to N - 1; by default it is that of the scenario.")
     ] = 0,
     overrides: Overrides = None,
     method: Annotated[
         str, typer.Option(help="How to search: random, differential-evolution, tpe or cma-es.")
     ] = "differential-evolution",
     runs: Annotated[
-        int, typer.Option(min=1, max=10_000_000, help="How many runs at most, besides those that simplify a violation.")
+        int,
+        typer.Option(min=1, max=10_000_000, help="Greatest number of runs, without those that simplify."),
     ] = 200,
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="What the search draws from.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the search.")] = 0,
     jobs: Jobs = None,
     output: Annotated[
         Path | None,

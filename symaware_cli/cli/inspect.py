@@ -150,7 +150,7 @@ def inspect(
     ] = False,
     compare: Annotated[
         str | None,
-        typer.Option(help="What paired variants differ by in this column, run by run.", rich_help_panel=ROWS),
+        typer.Option(help="Compare paired variants in this column, run by run.", rich_help_panel=ROWS),
     ] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.", rich_help_panel=ROWS)] = False,
     as_json: Json = False,

@@ -85,7 +85,7 @@ def plot(
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
     as_json: Json = False,
 ) -> None:
-    """Draw a log into one figure: trajectories, separation, risk, or any series by name; or what a sweep came to."""
+    """Plot a log in one figure: trajectories, separation, risk, or any series by name; or the results of a sweep."""
     if is_sweep(path):
         others = {"--specifications": specifications, "--series": series, "--agents": agents, "--from": start}
         for option, value in {**others, "--to": end, "--at": at}.items():

@@ -18,11 +18,11 @@ def report(
     ] = None,
     viewer: Annotated[
         bool,
-        typer.Option("--viewer", help="Put the Rerun viewer with a replay of the run into the page, about 19 MB."),
+        typer.Option("--viewer", help="Include the Rerun viewer with a replay of the run, about 19 MB."),
     ] = False,
     pdf: Annotated[
         Path | None,
-        typer.Option("--pdf", help="Also print the page into a file, with Chromium, Chrome or Edge.", metavar="FILE"),
+        typer.Option("--pdf", help="Also write the page as PDF, with Chromium, Chrome or Edge.", metavar="FILE"),
     ] = None,
     as_json: Json = False,
 ) -> None:

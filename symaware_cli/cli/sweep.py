@@ -154,7 +154,7 @@ def sweep(
         str | None,
         typer.Option(
             "--ray",
-            help="Run on a Ray cluster that is there already: HOST:PORT of its head, or `auto`. --jobs is then the "
+            help="Run on an existing Ray cluster: HOST:PORT of its head, or `auto`. --jobs is then the "
             "number of tasks at a time, by default one per processor of the cluster.",
             metavar="ADDRESS",
             rich_help_panel=_MEANS,

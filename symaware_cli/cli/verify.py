@@ -42,7 +42,7 @@ def verify(
     ] = "sample",
     rows: Annotated[int, typer.Option(min=1, help="How many rows the level `sample` makes again.")] = 20,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="What they are chosen by; by default, something nobody can foresee.")
+        int | None, typer.Option(min=0, help="Seed by which they are chosen; by default one that cannot be predicted.")
     ] = None,
     key: Annotated[
         Path | None,

@@ -15,7 +15,7 @@ from symaware_cli.specification.formula import Array
 #: Names of the verdicts, from the worst to the best.
 VERDICTS: Mapping[int, str] = {-1: "violated", 0: "undecided", 1: "satisfied"}
 
-#: What becomes of a specification that was offered and that nobody took.
+#: The verdict of an offered specification that no agent accepted.
 REJECTED = "rejected"
 
 

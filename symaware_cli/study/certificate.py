@@ -19,7 +19,7 @@ from symaware_cli.study.claim import Claim
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.row import Row
 from symaware_cli.study.signed_statement import TYPE, canonical
-from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_error import SweepError, unknown_specification
 from symaware_cli.study.sweep_files import JOURNAL, SWEEP
 from symaware_cli.study.sweep_journal import JournalRecord, SweepJournal
 from symaware_cli.version import __version__
@@ -59,7 +59,7 @@ def statement(folder: SweepFolder, post_hoc: Claim | None = None) -> dict[str, A
             "beforehand, and `certify --claim` looks at one afterwards"
         )
     if claim.specification not in names:
-        raise SweepError(f"there is no specification `{claim.specification}`, only {', '.join(names) or 'none'}")
+        raise unknown_specification(claim.specification, names)
     if not plan.document.is_independent:
         raise SweepError(f"runs of the design `{plan.document.design}` are not independent: nothing can be certified")
     stops = CellStops(plan, names)

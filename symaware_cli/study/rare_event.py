@@ -15,7 +15,7 @@ from symaware_cli.runtime.run import Run
 from symaware_cli.runtime.state.simulation_state import SimulationState, capture, restore
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.execution import prepared
-from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_error import SweepError, unknown_specification
 from symaware_cli.version import __version__
 
 #: What becomes of a specification: ``violated`` or ``satisfied``.
@@ -69,7 +69,7 @@ class RareEvent:
         known = {each.name: each for each in built.options.specifications}
         found = known.get(self.specification)
         if found is None:
-            raise SweepError(f"there is no specification `{self.specification}`, only {', '.join(known) or 'none'}")
+            raise unknown_specification(self.specification, known)
         if found.offer is not None:
             raise SweepError(f"`{self.specification}` is offered to agents: only what always counts can be estimated")
         if not self.levels:

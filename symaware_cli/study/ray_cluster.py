@@ -1,4 +1,4 @@
-"""Runs on a Ray cluster that is there already: blocks are tasks, and the rows come back to this process alone."""
+"""Runs on an existing Ray cluster: blocks are tasks, and the rows come back to this process alone."""
 
 from __future__ import annotations
 

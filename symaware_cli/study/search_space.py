@@ -18,7 +18,7 @@ from symaware_cli.study.candidates import SEED, CandidateWork
 from symaware_cli.study.row import Row
 from symaware_cli.study.statistics.interval_estimate import Array
 from symaware_cli.study.statistics.parameter_distribution import Choice, ParameterDistribution
-from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_error import SweepError, unknown_specification
 from symaware_cli.study.sweep_plan import ParameterChange
 from symaware_cli.study.sweep_source import SweepSource, texts_of
 
@@ -60,7 +60,7 @@ class SearchSpace:
         self.distributions: Mapping[str, ParameterDistribution] = distributions
         known = self.built({}).document.specifications
         if specification not in known:
-            raise SweepError(f"there is no specification `{specification}`, only {', '.join(known) or 'none'}")
+            raise unknown_specification(specification, known)
         # Values elsewhere may be refused, which makes runs that fail; a path that does not exist is reported at once.
         self.built(self.values(np.full(len(distributions), 0.5)))
 

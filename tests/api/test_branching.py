@@ -78,7 +78,7 @@ def test_an_instant_can_be_that_of_an_event_with_a_shift(log: Path) -> None:
     ("at", "change", "said"),
     [
         (7.0, SPEED, "not within the run"),
-        ("violated(safe)", SPEED, "no event violated"),
+        ("violated(safe)", SPEED, "no event is called violated"),
         ("soon", SPEED, "is no instant"),
         (2.0, "agents.robot.count=3", "cannot change at an instant"),
         (2.0, "environment.with.time_step=0.1", "cannot change at an instant"),

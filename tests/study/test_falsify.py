@@ -295,7 +295,7 @@ def test_seeds_can_be_searched(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--specification", "none", "--seeds", "3"), "there is no specification `none`, only apart"),
+        (("--specification", "none", "--seeds", "3"), "the scenario has no specification `none`; it has apart"),
         (("--specification", "apart"), "nothing to vary"),
         (("--specification", "apart", "--seeds", "3", "--method", "luck"), "--method takes"),
         (("--specification", "apart", "--over", "agents.east.cuont=1,2"), "did you mean `count`"),
