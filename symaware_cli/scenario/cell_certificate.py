@@ -1,6 +1,6 @@
 """Checks that agents that go from cell to cell surely keep to their two cells, and come to the next one.
 
-docs/decisions/0056-certified-cells.md has the proof whose premises are checked here.
+docs/decisions/0051-certified-cells.md has the proof whose premises are checked here.
 """
 
 from __future__ import annotations
