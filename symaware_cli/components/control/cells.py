@@ -54,7 +54,7 @@ class CellSteering(Steering):
 
     Before the run it is checked that this is certain: for a single integrator or a unicycle without noise that
     perceives its own state exactly, takes a turn at each step of the world or at each of a number of steps, and that
-    nothing touches. Whatever is not so is refused, unless `certified` is false. docs/decisions/0056 has the proof.
+    nothing touches. Whatever is not so is refused, unless `certified` is false. docs/decisions/0051 has the proof.
     """
 
     bodies: ClassVar = {"apart_from": "agents or entities"}
