@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import ours
 
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
@@ -121,7 +121,7 @@ def _drawn(rr: Any, run_view: RunView, group_view: GroupView, field: str, conten
                     yield row, rr.Scalars(values[0])
                 else:
                     yield row, rr.LineStrips3D([group_view.positions(values)], colors=group_view.colours[row])
-        case awareness_message.Awareness() if not content.world:
+        case others_message.Awareness() if not content.world:
             beliefs = read_beliefs([(0, content)], len(group_view.agents), range(len(group_view.agents)), 2)
             for row in range(len(group_view.agents)):
                 yield row, rr.Points3D(beliefs.places[beliefs.observer == row])

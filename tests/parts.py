@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.reader import Log, open_log
@@ -23,7 +23,7 @@ _FLUSH_INTERVAL = 250_000_000
 def of_rows(message: LogMessage, wanted: Sequence[int], count: int) -> bytes | None:
     """What a message of a group of `count` says of some rows; None if nothing."""
     content = message.decode()
-    if isinstance(content, awareness_message.Awareness) and content.world:
+    if isinstance(content, others_message.Awareness) and content.world:
         return message.data
     if isinstance(content, v1.Image):
         return message.data if content.row in wanted else None
@@ -41,7 +41,7 @@ def of_rows(message: LogMessage, wanted: Sequence[int], count: int) -> bytes | N
             times = np.concatenate([times for times, _ in chosen])
             values = np.concatenate([values for _, values in chosen])
             return wire.encode_series(times, values, [len(values) for _, values in chosen], rows)
-        case awareness_message.Awareness():
+        case others_message.Awareness():
             return _awareness(content, places, rows, len(there))
         case v1.Knowledge():
             known = v1.Knowledge(rows=rows, values=[content.values[place] for place in places])
@@ -59,14 +59,14 @@ def of_rows(message: LogMessage, wanted: Sequence[int], count: int) -> bytes | N
     raise AssertionError(type(content))
 
 
-def _awareness(content: awareness_message.Awareness, places: Sequence[int], rows: Sequence[int], count: int) -> bytes:
+def _awareness(content: others_message.Awareness, places: Sequence[int], rows: Sequence[int], count: int) -> bytes:
     lengths = np.broadcast_to(content.lengths, count).astype(int)
     sizes = np.broadcast_to(content.columns, len(content.entities)).astype(int)
     of = np.repeat(np.arange(count), lengths)
     known = np.isin(of, places)
     # Zeros stand for nothing where the message says something of others.
     covariances = content.covariances[np.repeat(known, sizes**2)] if len(content.covariances) else np.empty(0)
-    return awareness_message.encode_awareness(
+    return others_message.encode_awareness(
         lengths[places],
         content.entities[known],
         sizes[known],

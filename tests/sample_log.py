@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from google.protobuf.message import Message as ProtobufMessage
 
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.writer import LogWriter
 
@@ -63,7 +63,7 @@ def write_sample(path: Path, *, steps: int = 40, flush_every: int = 5, end: str 
         writer.add(control, now, wire.encode_rows(requested))
         writer.add(applied, now, wire.encode_rows(requested.clip(-1, 1)))
         writer.add(risk, now, wire.encode_series([now, now + STEP], random.random((3, 2, 1))))
-        writer.add(awareness, now, awareness_message.WHOLE_WORLD)
+        writer.add(awareness, now, others_message.WHOLE_WORLD)
         if step % 10 == 3:
             event = v1.Event(name="computed", source="agents.robot.1.steer", level=v1.Event.INFO, data='{"step": 3}')
             writer.add(events, now, entry(event))

@@ -17,7 +17,7 @@ from simulating import COMMAND
 
 from symaware_cli.distributed.merging import merge
 from symaware_cli.distributed.process_log import open_process_logs
-from symaware_cli.recording import awareness_message
+from symaware_cli.recording import others_message
 from symaware_cli.recording.reader import Log, open_log
 
 PATIENCE = 180
@@ -185,7 +185,7 @@ def _without_repetition(said: Counter[Any]) -> Counter[Any]:
     kept: Counter[Any] = Counter()
     for instant, row, data in sorted(said):
         # Who is first said to be aware of nobody was so before.
-        if last.get(row, awareness_message.encode_awareness([0], [], [], np.empty(0), [row])) != data:
+        if last.get(row, others_message.encode_awareness([0], [], [], np.empty(0), [row])) != data:
             kept[instant, row, data] += 1
         last[row] = data
     return kept

@@ -17,7 +17,7 @@ from symaware_cli.components.strategy_memory import StrategyMemory, StrategyTurn
 from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
 from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, Signal
 from symaware_cli.specification.scope import BeliefScope
-from symaware_cli.synthesis.attempt import attempt
+from symaware_cli.synthesis.best_effort import best_effort_strategy
 from symaware_cli.synthesis.conflict import conflict
 from symaware_cli.synthesis.counterstrategy import Counterstrategy, oppose
 from symaware_cli.synthesis.environment_cells import EnvironmentCells
@@ -175,7 +175,7 @@ class KnowledgeStrategy(GroupComponent):
         except UnrealisableError as error:
             if self.parameters.on_unrealisable == "refuse" or not game.starts(self._knowledge.starts)[1].any():
                 raise self._unrealisable(error) from None
-            self._counterstrategy, self._strategy = oppose(game), attempt(game)
+            self._counterstrategy, self._strategy = oppose(game), best_effort_strategy(game)
         revisions = StrategyRevisions(self._strategy, given.revision, cache)
         monitor = AssumptionMonitor(game, given.patience)
         self._follower = StrategyFollower(

@@ -68,7 +68,7 @@ class Host(Participant):
         simulation, here = self._simulation, frozenset(self.identity.agents)
         away = [id for id in simulation.environment.roster.ids if id not in here]
         self._away = frozenset(away)
-        simulation.exchange.forward(away, self._forward)
+        simulation.exchange.redirect_arrivals(away, self._forward)
         self._inputs = RemoteInputs(simulation, away)
         text = f"waits at {self.port.address} for {listed(away)}"
         simulation.announce("waiting", "run", text, agents=away, address=self.port.address)

@@ -68,7 +68,7 @@ class Member(Participant):
         names = [*here, *(group.name for group in simulation.groups if set(group.ids) <= set(here))]
         self._own = tuple(f"agents.{name}." for name in names)
         self._rows = [(group, rows) for group in simulation.groups if len(rows := rows_of(group, here))]
-        simulation.exchange.divert(self._post, _require_portable)
+        simulation.exchange.redirect_sent(self._post, _require_portable)
         simulation.events.subscribe("*", self._on_event)
         problem = f"no host at {self.port.address} took us in within {self._patience:g} s"
         step = self._await(-1, time.monotonic() + self._patience, problem)

@@ -123,7 +123,7 @@ class PeerPort(Port):
             self.open()
         except BaseException:
             self._closed = True
-            self._release()
+            self._dispose()
             raise
         self._tick()
         self._thread.start()
@@ -136,7 +136,7 @@ class PeerPort(Port):
         maximum = self.parameters.maximum_frame
         if len(frame) > maximum:
             raise ValueError(f"a frame of {len(frame)} bytes is longer than `maximum_frame`: {maximum}")
-        self._enter()
+        self._lock_port()
         try:
             if connection := self._peers.get(peer):
                 connection.send(frame)
@@ -144,18 +144,18 @@ class PeerPort(Port):
                     self._serve(0.0, self._inbox.__len__)
                 connection.check_queue()
         finally:
-            self._leave()
+            self._unlock_port()
 
     def receive(self, timeout: float | None = None) -> PortEvent | None:
         """Return the next event; None after the timeout, or if the port is closed."""
         if self._closed:
             return None
         if not self._inbox:
-            self._enter()
+            self._lock_port()
             try:
                 self._serve(math.inf if timeout is None else time.monotonic() + timeout, self._inbox.__len__)
             finally:
-                self._leave()
+                self._unlock_port()
             if not self._inbox:
                 return None
         event, connection = self._inbox.popleft()
@@ -192,13 +192,13 @@ class PeerPort(Port):
         atexit.unregister(self.close)
 
     def _with_lock(self, call: Callable[..., None], *arguments: Any) -> None:
-        self._enter()
+        self._lock_port()
         try:
             call(*arguments)
         finally:
-            self._leave()
+            self._unlock_port()
 
-    def _enter(self) -> None:
+    def _lock_port(self) -> None:
         """Take the lock, from the port's own thread if that has it."""
         self._visits += 1
         if not self._turn.acquire(blocking=False):
@@ -208,7 +208,7 @@ class PeerPort(Port):
             self._turn.acquire()
             self._claimed = False
 
-    def _leave(self) -> None:
+    def _unlock_port(self) -> None:
         self._visits += 1
         self._turn.release()
 
@@ -253,9 +253,9 @@ class PeerPort(Port):
                     self._serve(math.inf, self._is_asked)
                 finally:
                     self._turn.release()
-        self._release()
+        self._dispose()
 
-    def _release(self) -> None:
+    def _dispose(self) -> None:
         self.shut()
         with self._calling:
             self._is_over = True

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.exporting.table import Names, Table, Values
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
 
 Array = NDArray[np.float64]
@@ -142,7 +142,7 @@ def lay_out_tables(message: wire.TableRows, count: int, *, width: int) -> Piece:
     return Piece(present, who, numbers, entry)
 
 
-def lay_out_awareness(message: awareness_message.Awareness, count: int, *, width: int, covariances: bool) -> Piece:
+def lay_out_awareness(message: others_message.Awareness, count: int, *, width: int, covariances: bool) -> Piece:
     """Convert beliefs about others: a row for each other agent; one without a name for an agent that knows no other.
 
     The numbers are the age, the values, and the covariance by rows. An agent that knows the whole world has no row.

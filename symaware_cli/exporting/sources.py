@@ -15,7 +15,7 @@ from symaware_cli.core import Part, Signal
 from symaware_cli.exporting import entries, row_tables
 from symaware_cli.exporting.log_selection import Selection
 from symaware_cli.exporting.table import ExportColumn, Table, Values
-from symaware_cli.recording import awareness_message, logged_events
+from symaware_cli.recording import logged_events, others_message
 from symaware_cli.recording.fields import column_quantities, signal_of, signal_topic
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.reader import Log
@@ -120,7 +120,7 @@ def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
     for message in log.messages(extents, selection.start, selection.end):
         extent, content = extents[message.channel.topic], message.decode()
         match content:
-            case awareness_message.Awareness():
+            case others_message.Awareness():
                 extent.widths.update(content.columns.tolist() if len(content.entities) else ())
                 extent.covariances |= len(content.covariances) > 0
             case _:

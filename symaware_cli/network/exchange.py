@@ -191,8 +191,8 @@ class MessageExchange:
         """
         self._muted = senders
 
-    def divert(self, outlet: Callable[[MessageBatch], Any], check: Callable[[Mapping[str, Any]], Any]) -> None:
-        """Pass on all messages sent from now on instead of carrying them, as another process does; see `arrive`.
+    def redirect_sent(self, outlet: Callable[[MessageBatch], Any], check: Callable[[Mapping[str, Any]], Any]) -> None:
+        """From now on, give all sent messages to `outlet`, as another process carries them; see `arrive`.
 
         Args:
             outlet: Called with each batch.
@@ -201,8 +201,8 @@ class MessageExchange:
         self._outlet = outlet
         self._check = check
 
-    def forward(self, away: Sequence[str], forward: Callable[[Delivery], Any]) -> None:
-        """Pass on all arrivals for some agents from now on: another process keeps their inboxes."""
+    def redirect_arrivals(self, away: Sequence[str], forward: Callable[[Delivery], Any]) -> None:
+        """From now on, give all arrivals for some agents to `forward`: another process keeps their inboxes."""
         self._away = np.zeros(len(self._ids), bool)
         self._away[[self._known(id) for id in away]] = True
         self._forward = forward

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import awareness_message, png, wire
+from symaware_cli.recording import others_message, png, wire
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.json_text import read_json
 
@@ -68,7 +68,7 @@ def _tables(message: wire.TableRows, channel: ChannelInfo) -> None:
     _require_rows(message.rows, len(lengths), channel)
 
 
-def _others_series(message: awareness_message.OthersSeries, channel: ChannelInfo) -> None:
+def _others_series(message: others_message.OthersSeries, channel: ChannelInfo) -> None:
     known, points, columns = (each.astype(np.int64) for each in (message.lengths, message.points, message.columns))
     if not known.sum() == len(message.entities) == len(points) == len(columns):
         raise ValueError(
@@ -82,7 +82,7 @@ def _others_series(message: awareness_message.OthersSeries, channel: ChannelInfo
     _require_roster(message.entities, channel)
 
 
-def _awareness(message: awareness_message.Awareness, channel: ChannelInfo) -> None:
+def _awareness(message: others_message.Awareness, channel: ChannelInfo) -> None:
     for part in message.series:
         _others_series(part, channel)
     if message.world or (message.series and not message.has_states):

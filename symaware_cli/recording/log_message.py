@@ -8,7 +8,7 @@ from typing import Any
 from google.protobuf.message import DecodeError
 from mcap.opcode import Opcode
 
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording.consistency import require_consistent
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.index import FRAME, LAST_TIME, MESSAGE, ChannelInfo, Unsound, frames
@@ -20,7 +20,7 @@ _DECODERS: dict[str, Callable[[bytes], Any]] = {
     "symaware.v1.Rows": wire.decode_rows,
     "symaware.v1.SeriesRows": wire.decode_series,
     "symaware.v1.TableRows": wire.decode_tables,
-    "symaware.v1.Awareness": awareness_message.decode_awareness,
+    "symaware.v1.Awareness": others_message.decode_awareness,
 }
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import awareness_message
+from symaware_cli.recording import others_message
 from symaware_cli.recording.series import Prediction, Series, row_position
 from symaware_cli.world.motion_layout import motion_quantities
 
@@ -29,7 +29,7 @@ class LoggedBeliefs(Series):
 
 
 def beliefs(
-    entries: Iterable[tuple[int, awareness_message.Awareness]],
+    entries: Iterable[tuple[int, others_message.Awareness]],
     row: int,
     count: int,
     other: int,

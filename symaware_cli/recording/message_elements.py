@@ -8,7 +8,7 @@ from typing import Any
 
 from google.protobuf.message import Message
 
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.shared_channel import entities_of
@@ -45,7 +45,7 @@ def elements(message: LogMessage, log: Log) -> Iterator[Element]:
                 for entry, values in enumerate(content.at(place).tolist()):
                     for column, value in enumerate(values):
                         yield _name(names, row), f"{_name(columns, column)}[{entry}]", value
-        case awareness_message.Awareness():
+        case others_message.Awareness():
             yield from _beliefs(content, names, columns, log)
         case Message():
             yield from _fields(content, names)
@@ -76,7 +76,7 @@ def _points(agent: str, columns: Sequence[str], times: Sequence[int], values: Se
 
 
 def _beliefs(
-    content: awareness_message.Awareness, names: Sequence[str], columns: Sequence[str], log: Log
+    content: others_message.Awareness, names: Sequence[str], columns: Sequence[str], log: Log
 ) -> Iterator[Element]:
     yield "", "world", content.world
     roster: Sequence[str] = log.manifest.get("roster", ())

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
-from symaware_cli.recording import awareness_message
+from symaware_cli.recording import others_message
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.world.time import SECOND
 
@@ -61,7 +61,7 @@ class OthersChannel:
             if tracks is not None:
                 return self._encode_tracks(now, tracks, own) if fresh else _NOTHING
             if world is not None and world.time == now:
-                return count, awareness_message.WHOLE_WORLD
+                return count, others_message.WHOLE_WORLD
         rows = _recorded(range(count), own) if fresh else changed
         if not rows:
             return _NOTHING
@@ -69,7 +69,7 @@ class OthersChannel:
         if tracks is None and all(
             each.world is not None and each.world.time == now and not each.others.places for each in databases
         ):
-            return count, awareness_message.WHOLE_WORLD
+            return count, others_message.WHOLE_WORLD
         return self._encode_rows(now, rows, databases)
 
     def _take_changes(self, part: str, own: list[int] | None) -> list[int]:
@@ -102,7 +102,7 @@ class OthersChannel:
         said.difference_update(rows)
         said.update(row for row in rows if known[row])
         ids, series = [id for row in rows for id in known[row]], [each for row in rows for each in known[row].values()]
-        return len(rows), awareness_message.encode_others_series(
+        return len(rows), others_message.encode_others_series(
             part,
             [len(known[row]) for row in rows],
             [self._roster.index(id) for id in ids],
@@ -119,7 +119,7 @@ def _recorded(rows: Sequence[int], own: list[int] | None) -> list[int]:
 
 
 def _encoded(lengths: NDArray[np.intp], tracks: Tracks, ages: NDArray[np.float64], rows: Sequence[int] | None) -> bytes:
-    return awareness_message.encode_awareness(
+    return others_message.encode_awareness(
         lengths,
         tracks.others,
         [tracks.motions.shape[1]],

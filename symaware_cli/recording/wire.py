@@ -2,7 +2,7 @@
 
 The encoding equals that of the generated classes, byte for byte; a message with a different field layout is decoded
 with the generated class. A packed `repeated double` is a tag, a length and the array's little-endian bytes, so an array
-is written with one copy and read with none. Beliefs about others are in `awareness_message`.
+is written with one copy and read with none. Beliefs about others are in `others_message`.
 
 Rows are indices in a group, ascending; `None` stands for every row in order.
 """

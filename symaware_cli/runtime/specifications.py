@@ -48,14 +48,14 @@ class Specifications:
         """Prepare.
 
         Args:
-            simulation: What runs.
+            simulation: The simulation to monitor.
             specifications: What is to hold.
             triggers: The events with which instances of some begin, by name.
             router: Connects events with what they bring about.
             observer: Watches the run, for what is said of the world.
             recorder: Writes the run down; None where nobody does.
-            decides: Whether this process says what becomes of them. One that does not monitors, for its agents, those
-                that a copy of the world is enough for.
+            decides: Whether this process decides the verdicts. Another process of the same run monitors only what its
+                agents read, and only specifications that can be evaluated on a copy of the world.
             takes_part: Tells whether an agent takes part in the run; None where a log is evaluated.
             period: The time between two looks, in nanoseconds; by default the time step of the world.
         """

@@ -71,7 +71,7 @@ def synthesise(game: Game, cells: Sequence[int], cache: Cache | None = None) -> 
     Args:
         game: The game.
         cells: The cells in which the agent may begin.
-        cache: Where strategies are kept. What is wrong there is made again.
+        cache: Keeps strategies of earlier runs; one that fails the check is synthesised again.
 
     Raises:
         UnrealisableError: There is no strategy.
@@ -93,7 +93,7 @@ def synthesise_anywhere(game: Game, cache: Cache | None = None, budget: int | No
 
     Args:
         game: The game.
-        cache: Where strategies are kept. What is wrong there is made again.
+        cache: Keeps strategies of earlier runs; one that fails the check is synthesised again.
         budget: The greatest effort, as in `Strategy.effort`; None for any. A strategy that was kept counts as much as
             it took to make it, so that the outcome does not depend on the cache.
 

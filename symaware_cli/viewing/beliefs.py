@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import awareness_message
+from symaware_cli.recording import others_message
 from symaware_cli.viewing.views import in_space
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Beliefs:
 
 
 def read_beliefs(
-    entries: Sequence[tuple[int, awareness_message.Awareness]], count: int, wanted: Sequence[int], dimension: int
+    entries: Sequence[tuple[int, others_message.Awareness]], count: int, wanted: Sequence[int], dimension: int
 ) -> Beliefs:
     """Read the messages of one group.
 
@@ -82,7 +82,7 @@ def read_beliefs(
     )
 
 
-def _joined(entries: Sequence[tuple[int, awareness_message.Awareness]], count: int) -> awareness_message.Awareness:
+def _joined(entries: Sequence[tuple[int, others_message.Awareness]], count: int) -> others_message.Awareness:
     """Join messages into one; rows are counted from a first row that is given with each."""
     rows, lengths, columns = [], [], []
     for first, message in entries:
@@ -102,4 +102,4 @@ def _joined(entries: Sequence[tuple[int, awareness_message.Awareness]], count: i
     whole["covariances"] = spreads if any(len(each.covariances) for each in messages) else []
     nothing = np.empty(0, np.int64)
     given: Any = {name: np.concatenate([nothing, *parts]) for name, parts in whole.items()}
-    return awareness_message.Awareness(world=False, **given)
+    return others_message.Awareness(world=False, **given)

@@ -20,12 +20,8 @@ from symaware_cli.viewing.detail import Detail, detail_of
 from symaware_cli.viewing.other_run import OtherRun, other_run
 from symaware_cli.viewing.rerun.output import RerunOutput
 from symaware_cli.viewing.scene import bars
-from symaware_cli.viewing.scene.curves import AwarenessCurves, SeparationCurve
-from symaware_cli.viewing.scene.drawings import SCENE
-from symaware_cli.viewing.scene.risk import RiskCurves
-from symaware_cli.viewing.scene.scene import Drawing, Scene
-from symaware_cli.viewing.scene.specification_curves import SpecificationCurves
-from symaware_cli.viewing.scene.specification_table import SpecificationTable
+from symaware_cli.viewing.scene.drawings import CURVES, SCENE
+from symaware_cli.viewing.scene.scene import Scene
 from symaware_cli.viewing.views import RunView, run_view_of
 
 if TYPE_CHECKING:
@@ -36,16 +32,6 @@ if TYPE_CHECKING:
 _ROOM = 1 << 20
 
 Progress = Callable[[int], None] | None
-
-
-#: The curves of a replay, besides the drawings of the world and of events.
-CURVES: tuple[type[Drawing], ...] = (
-    SpecificationCurves,
-    SpecificationTable,
-    RiskCurves,
-    SeparationCurve,
-    AwarenessCurves,
-)
 
 
 class Replay:

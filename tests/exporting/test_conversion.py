@@ -28,7 +28,7 @@ from symaware_cli.exporting.conversion import export_tables
 from symaware_cli.exporting.log_selection import Selection, select
 from symaware_cli.exporting.parquet import PARQUET
 from symaware_cli.exporting.text import CSV
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import open_log
@@ -349,9 +349,7 @@ def test_beliefs_of_different_length_share_columns(
     entries = [
         (
             0,
-            awareness_message.encode_awareness(
-                [2, 0, 1], [1, 2, 0], [3, 2, 3], [1, 2, 3, 4, 5, 6, 7, 8], ages=[0, 1, 2]
-            ),
+            others_message.encode_awareness([2, 0, 1], [1, 2, 0], [3, 2, 3], [1, 2, 3, 4, 5, 6, 7, 8], ages=[0, 1, 2]),
         )
     ]
     rows = table(write("awareness", "Awareness", entries), "awareness/robot").to_pylist()
@@ -389,7 +387,7 @@ def test_the_name_of_a_group_leads_nowhere_else(write: Callable[..., Path], tmp_
         ("state", "Rows", wire.encode_rows([[1.0, 2.0]], [0])),
         ("state", "Event", v1.Event(name="what is this here")),
         ("intent", "SeriesRows", v1.SeriesRows(columns=1, lengths=[2, 5], times=[1, 2], values=[1, 2])),
-        ("awareness", "Awareness", awareness_message.encode_awareness([1], [7], [1], [1.0], [0])),
+        ("awareness", "Awareness", others_message.encode_awareness([1], [7], [1], [1.0], [0])),
         ("awareness", "Awareness", v1.Awareness(lengths=[1, 1, 9], entities=[0, 1], columns=[1], values=[1.0, 2.0])),
         ("knowledge", "Knowledge", v1.Knowledge(values=["{"])),
         ("knowledge", "Knowledge", v1.Knowledge(rows=[9], values=["{}"])),

@@ -157,7 +157,7 @@ def test_it_is_so_in_the_synchronous_mode_and_in_another_process(
     host = Room(*mix)
     heard: Heard = defaultdict(list)
     told: list[Any] = []
-    host.exchange.forward(host.ids, told.append)
+    host.exchange.redirect_arrivals(host.ids, told.append)
     member = host.opened()
     for step in range(100):
         host.exchange.deliver(step * STEP)

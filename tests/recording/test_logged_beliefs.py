@@ -10,7 +10,7 @@ from simulating import Team, simulate
 
 from symaware_cli import Log
 from symaware_cli.components.perception import OmniscientPerception
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import open_log
@@ -52,11 +52,11 @@ def test_beliefs_are_found_among_those_of_others_with_covariances_and_ages(write
     everything = np.arange(24.0).reshape(4, 6)
     covariances = np.arange(4 * 36.0).reshape(4, 6, 6)
     # robot.0 knows the car and robot.2, robot.1 nobody, robot.2 both other robots.
-    first = awareness_message.encode_awareness(
+    first = others_message.encode_awareness(
         [2, 0, 2], [0, 3, 1, 2], [6], everything, covariances=covariances, ages=[0.0, 0.5, 1.0, 1.5]
     )
     # Then only robot.2 says something: that it knows the car alone.
-    second = awareness_message.encode_awareness([1], [0], [6], [np.arange(6.0)], [2])
+    second = others_message.encode_awareness([1], [0], [6], [np.arange(6.0)], [2])
     log = write([(5, first), (9, second)])
     beliefs = log.beliefs("robot.0", "robot.2")
     assert beliefs.times.tolist() == [5]
@@ -74,7 +74,7 @@ def test_beliefs_are_found_among_those_of_others_with_covariances_and_ages(write
 
 
 def test_others_may_be_known_by_more_or_fewer_numbers(write: Callable[..., Log]) -> None:
-    message = awareness_message.encode_awareness(
+    message = others_message.encode_awareness(
         [2, 0, 1], [0, 3, 2], [3, 4, 4], np.arange(11.0), covariances=np.arange(9 + 16 + 16.0)
     )
     log = write([(0, message)])
@@ -85,7 +85,7 @@ def test_others_may_be_known_by_more_or_fewer_numbers(write: Callable[..., Log])
 
 def test_who_knows_the_world_knows_the_truth_at_that_instant(write: Callable[..., Log]) -> None:
     world = [(time, wire.encode_rows([[time, 0.0, 0.0]])) for time in (2, 4)]
-    beliefs = write([(time, awareness_message.WHOLE_WORLD) for time in (1, 2, 3, 4)], world).beliefs("robot.1", "car")
+    beliefs = write([(time, others_message.WHOLE_WORLD) for time in (1, 2, 3, 4)], world).beliefs("robot.1", "car")
     assert np.array_equal(beliefs.values[:, 0], [np.nan, 2, 2, 4], equal_nan=True)
     assert (beliefs.columns, beliefs.units) == (("x", "y", "vx", "vy"), ("m", "m", "m/s", "m/s"))
     assert np.isnan(beliefs.values[:, 2:]).all()  # what the log does not tell of a unicycle
@@ -109,7 +109,7 @@ def test_columns_have_names_where_the_log_tells_which_they_are(
 ) -> None:
     spread = np.eye(columns) if covariances else ()
     entity = {"car": 0, "robot.1": 2}[other]
-    message = awareness_message.encode_awareness([1], [entity], [columns], np.zeros(columns), [0], covariances=spread)
+    message = others_message.encode_awareness([1], [entity], [columns], np.zeros(columns), [0], covariances=spread)
     assert write([(0, message)]).beliefs("robot.0", other).columns == names
 
 

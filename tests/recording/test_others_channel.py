@@ -9,7 +9,7 @@ from simulating import Team, present, simulate
 from symaware_cli import AwarenessVector, Component, GroupComponent, Log, TimeSeries, open_log
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.components.perception_range import RangePerception
-from symaware_cli.recording import awareness_message
+from symaware_cli.recording import others_message
 from symaware_cli.recording import symaware_v1_pb2 as v1
 
 STEP = 50_000_000
@@ -85,13 +85,13 @@ def test_series_of_others_are_encoded_as_the_generated_classes_write_them() -> N
     )
     series.times.extend(times)
     series.values.extend(values)
-    data = awareness_message.encode_others_series("intent", lengths, entities, columns, points, times, values, [0, 3])
+    data = others_message.encode_others_series("intent", lengths, entities, columns, points, times, values, [0, 3])
     assert data == v1.Awareness(series=[series]).SerializeToString(deterministic=True)
-    for content in (awareness_message.WHOLE_WORLD + data + data, data + awareness_message.WHOLE_WORLD + data):
-        message = awareness_message.decode_awareness(content)
+    for content in (others_message.WHOLE_WORLD + data + data, data + others_message.WHOLE_WORLD + data):
+        message = others_message.decode_awareness(content)
         assert message.world
         assert len(message.series) == 2
         found = [(place, other, t.tolist(), v.tolist()) for place, other, t, v in message.series[1]]
         assert found == [(0, 1, [5, 6], [[1.0, 2.0], [3.0, 4.0]]), (0, 4, [7], [[5.0]])]
-    assert not awareness_message.decode_awareness(data).has_states
-    assert np.array_equal(present(awareness_message.decode_awareness(data).series[0].rows), [0, 3])
+    assert not others_message.decode_awareness(data).has_states
+    assert np.array_equal(present(others_message.decode_awareness(data).series[0].rows), [0, 3])

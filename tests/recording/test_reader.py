@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from sample_log import MANIFEST
 from simulating import untyped
 
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.log_schema import descriptor_set
@@ -88,7 +88,7 @@ def test_every_message_of_ours_decodes(sample: Path) -> None:
         "/agents/robot/control": wire.Rows,
         "/world/robot/control": wire.Rows,
         "/agents/robot/risk": wire.SeriesRows,
-        "/agents/robot/awareness": awareness_message.Awareness,
+        "/agents/robot/awareness": others_message.Awareness,
         "/agents/robot/knowledge": v1.Knowledge,
         "/events": v1.Event,
         "/messages": v1.Message,

@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from simulating import present
 
-from symaware_cli.recording import awareness_message, wire
+from symaware_cli.recording import others_message, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
@@ -118,9 +118,7 @@ def test_awareness_is_written_as_the_generated_class_writes_it(
     squares = 9 * known if uniform else sum(each * each for each in columns)
     spread = data.draw(hnp.arrays(np.float64, data.draw(st.sampled_from([0, squares])), elements=finite))
     ages = data.draw(hnp.arrays(np.float64, data.draw(st.sampled_from([0, known])), elements=finite))
-    written = awareness_message.encode_awareness(
-        lengths, entities, columns, values, rows, covariances=spread, ages=ages
-    )
+    written = others_message.encode_awareness(lengths, entities, columns, values, rows, covariances=spread, ages=ages)
     expected = v1.Awareness(
         rows=rows or [],
         lengths=lengths,
@@ -131,7 +129,7 @@ def test_awareness_is_written_as_the_generated_class_writes_it(
         ages=ages,
     )
     assert written == expected.SerializeToString()
-    decoded = awareness_message.decode_awareness(written)
+    decoded = others_message.decode_awareness(written)
     assert decoded.lengths.tolist() == lengths
     assert decoded.entities.tolist() == entities
     assert decoded.columns.tolist() == columns
@@ -151,7 +149,7 @@ def test_series_of_others_are_written_as_the_generated_class_writes_them(
     entities, columns, points = (drawn(st.integers(0, most), known) for most in (2**32 - 1, 4, 3))
     stamps = drawn(times, sum(points))
     values = drawn(finite, sum(size * count for size, count in zip(columns, points, strict=True)))
-    written = awareness_message.encode_others_series("risk", lengths, entities, columns, points, stamps, values, rows)
+    written = others_message.encode_others_series("risk", lengths, entities, columns, points, stamps, values, rows)
     own: dict[str, Any] = {
         "part": "risk",
         "rows": rows or [],
@@ -164,8 +162,8 @@ def test_series_of_others_are_written_as_the_generated_class_writes_them(
 
 
 def test_knowing_the_whole_world_takes_two_bytes() -> None:
-    assert v1.Awareness(world=True).SerializeToString() == awareness_message.WHOLE_WORLD
-    assert awareness_message.decode_awareness(awareness_message.WHOLE_WORLD).world
+    assert v1.Awareness(world=True).SerializeToString() == others_message.WHOLE_WORLD
+    assert others_message.decode_awareness(others_message.WHOLE_WORLD).world
 
 
 @pytest.mark.parametrize("size", [15, 16, 17, 2047, 2048, 100_000])
@@ -201,12 +199,12 @@ def test_a_message_in_another_layout_is_read_with_the_generated_class() -> None:
     series = v1.SeriesRows(lengths=[1], times=[1]).SerializeToString() + v1.SeriesRows(times=[2]).SerializeToString()
     assert wire.decode_series(series).times.tolist() == [1, 2]
     known = v1.Awareness(entities=[1]).SerializeToString() + v1.Awareness(entities=[2]).SerializeToString()
-    assert awareness_message.decode_awareness(known).entities.tolist() == [1, 2]
+    assert others_message.decode_awareness(known).entities.tolist() == [1, 2]
 
 
 @given(st.binary(max_size=60))
 def test_noise_is_refused_with_a_value_error_or_a_decode_error(noise: bytes) -> None:
-    for decode in (wire.decode_rows, wire.decode_series, awareness_message.decode_awareness):
+    for decode in (wire.decode_rows, wire.decode_series, others_message.decode_awareness):
         with contextlib.suppress(ValueError, DecodeError):
             decode(noise)
 
@@ -218,8 +216,8 @@ def test_noise_is_refused_with_a_value_error_or_a_decode_error(noise: bytes) -> 
         lambda: wire.encode_rows([[1.0]], [1, 2]),
         lambda: wire.encode_series([0, 1], [[[1.0]]]),
         lambda: wire.encode_series([0], [[1.0]], [2]),
-        lambda: awareness_message.encode_awareness([2], [1], [1], [1.0]),
-        lambda: awareness_message.encode_awareness([1], [1], [2], [1.0]),
+        lambda: others_message.encode_awareness([2], [1], [1], [1.0]),
+        lambda: others_message.encode_awareness([1], [1], [2], [1.0]),
     ],
 )
 def test_shapes_that_do_not_fit_are_refused(call: Callable[..., Any]) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from simulating import present
 
-from symaware_cli.recording import awareness_message
+from symaware_cli.recording import others_message
 from symaware_cli.viewing.beliefs import Beliefs, read_beliefs
 from symaware_cli.viewing.views import GroupView, RunView
 
@@ -41,13 +41,13 @@ def message(
     values: ArrayLike,
     rows: Sequence[int] | None = None,
     **more: Any,
-) -> awareness_message.Awareness:
-    return awareness_message.decode_awareness(
-        awareness_message.encode_awareness(lengths, entities, columns, values, rows, **more)
+) -> others_message.Awareness:
+    return others_message.decode_awareness(
+        others_message.encode_awareness(lengths, entities, columns, values, rows, **more)
     )
 
 
-def read(entries: Sequence[tuple[int, awareness_message.Awareness]], count: int, wanted: Sequence[int]) -> Beliefs:
+def read(entries: Sequence[tuple[int, others_message.Awareness]], count: int, wanted: Sequence[int]) -> Beliefs:
     return read_beliefs(entries, count, wanted, 2)
 
 
@@ -72,7 +72,7 @@ def test_whoever_a_message_leaves_out_believes_what_it_believed() -> None:
 def test_who_knows_the_world_has_no_beliefs_that_differ_from_it() -> None:
     entries = [
         (0, message([1], [1], 2, [[1, 1]], [0])),
-        (50, awareness_message.decode_awareness(awareness_message.WHOLE_WORLD)),
+        (50, others_message.decode_awareness(others_message.WHOLE_WORLD)),
     ]
     times, counts, _ = read(entries, 2, [0]).of(0)
     assert (times.tolist(), counts.tolist()) == ([0, 50], [1, 0])

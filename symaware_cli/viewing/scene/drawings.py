@@ -1,4 +1,4 @@
-"""The drawings of the world and of events, which every backend that shows a run has, and those of plots."""
+"""Which drawings there are: of the world and of events for every backend, curves for replays, and those of plots."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from symaware_cli.viewing.scene.bars import Bars
 from symaware_cli.viewing.scene.bodies import Agents
 from symaware_cli.viewing.scene.boxes import Boxes
 from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
-from symaware_cli.viewing.scene.curves import RecordedNumbers
+from symaware_cli.viewing.scene.curves import AwarenessCurves, RecordedNumbers, SeparationCurve
 from symaware_cli.viewing.scene.declared_links import DeclaredLinks
 from symaware_cli.viewing.scene.figures import Appearances
 from symaware_cli.viewing.scene.goals import Goals
@@ -17,10 +17,12 @@ from symaware_cli.viewing.scene.messages import Messages
 from symaware_cli.viewing.scene.others import BeliefsAboutOthers
 from symaware_cli.viewing.scene.points import SignalPoints
 from symaware_cli.viewing.scene.regions_drawing import RegionsDrawing
+from symaware_cli.viewing.scene.risk import RiskCurves
 from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.scene.scenery import SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans
-from symaware_cli.viewing.scene.specification_curves import EverySpecificationCurve, Violations
+from symaware_cli.viewing.scene.specification_curves import EverySpecificationCurve, SpecificationCurves, Violations
+from symaware_cli.viewing.scene.specification_table import SpecificationTable
 from symaware_cli.viewing.scene.trails import Trails
 from symaware_cli.viewing.scene.uncertainties import Uncertainties
 
@@ -47,6 +49,15 @@ SCENE: tuple[type[Drawing], ...] = (
     Violations,
     Events,
     Knowledge,
+)
+
+#: The curves and tables of a replay in Rerun, besides the drawings of the world and of events.
+CURVES: tuple[type[Drawing], ...] = (
+    SpecificationCurves,
+    SpecificationTable,
+    RiskCurves,
+    SeparationCurve,
+    AwarenessCurves,
 )
 
 #: The drawings for plots of a whole run.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import awareness_message
+from symaware_cli.recording import others_message
 from symaware_cli.recording.series import row_position
 from symaware_cli.viewing.beliefs import Beliefs, read_beliefs
 from symaware_cli.viewing.chunk import Chunk
@@ -97,7 +97,7 @@ class BeliefsAboutOthers(Drawing):
             yield Ellipsoids(path=f"as/{agent}/uncertainties", colours=colours, **given)
 
     def _intents(
-        self, part: str, agent: str, row: int, entries: Sequence[tuple[int, awareness_message.Awareness]]
+        self, part: str, agent: str, row: int, entries: Sequence[tuple[int, others_message.Awareness]]
     ) -> Iterator[Lines]:
         """Yield the intended paths of others, as believed by an agent."""
         times, counts = [], []
@@ -131,7 +131,7 @@ class BeliefsAboutOthers(Drawing):
             )
 
     def _regions(
-        self, agent: str, row: int, entries: Sequence[tuple[int, awareness_message.Awareness]]
+        self, agent: str, row: int, entries: Sequence[tuple[int, others_message.Awareness]]
     ) -> Iterator[Rings]:
         """Yield the regions in which an agent expects others, fainter the later; see `uncertainty.conformal`."""
         times, counts = [], []

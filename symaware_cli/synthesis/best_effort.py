@@ -1,4 +1,4 @@
-"""What an agent does that cannot win for certain: it heads for its goals as if the environment helped it."""
+"""Strategies where no strategy wins: the agent heads for its goals as if the environment might let it through."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from symaware_cli.synthesis.move_graph import MoveGraph
 from symaware_cli.synthesis.strategy import Strategy
 
 
-def attempt(game: Game) -> Strategy:
+def best_effort_strategy(game: Game) -> Strategy:
     """Make a strategy that wins from the states from which that is possible, and tries to from the others.
 
     There, the agent prefers a choice after which no answer breaks a guarantee at once, and of those one after which
