@@ -18,7 +18,7 @@ import threading
 import time
 from abc import abstractmethod
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from types import MappingProxyType
 from typing import Any, get_args
@@ -60,7 +60,7 @@ class PeerPort(Port):
         self.parameters = parameters
         self.is_host = host
         self._key = key
-        self.numbers = itertools.count(1)
+        self.numbers: Iterator[int] = itertools.count(1)
         self.links: set[Connection] = set()
         self.selector = selectors.DefaultSelector()
         self.ending = False

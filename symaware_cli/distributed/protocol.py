@@ -15,8 +15,8 @@ import os
 import struct
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import ClassVar, Protocol
 
 from symaware_cli.distributed.authentication import (
     OVERHEAD,
@@ -25,10 +25,7 @@ from symaware_cli.distributed.authentication import (
     Verifier,
     connection_keys,
 )
-from symaware_cli.distributed.transport import PortEvent, Rejection
-
-if TYPE_CHECKING:
-    from symaware_cli.distributed.port import PeerPort
+from symaware_cli.distributed.transport import PortEvent, Rejection, TransportParameters
 
 #: The version of this protocol; both ends must speak the same.
 VERSION = 1
@@ -281,6 +278,34 @@ class PeerProtocol:
             self._ping(now)
 
 
+class ConnectionPort(Protocol):
+    """What a connection calls of its port; `PeerPort` describes it."""
+
+    parameters: TransportParameters
+    is_host: bool
+    numbers: Iterator[int]
+    links: set[Connection]
+
+    def protocol(self) -> PeerProtocol:
+        """Create the protocol of a new connection."""
+        ...
+
+    def call_later(self, delay: float, call: Callable[[], None]) -> None:
+        """Have something called after a delay [s]."""
+
+    def admit(self, connection: Connection) -> None:
+        """Admit a connection after its handshake."""
+
+    def deliver(self, event: PortEvent, connection: Connection) -> None:
+        """Queue an event for the run's thread."""
+
+    def reject(self, rejection: Rejection) -> None:
+        """Count a rejected frame or connection."""
+
+    def leave(self, connection: Connection) -> None:
+        """Remove a connection that has ended."""
+
+
 class Connection(ABC):
     """The connection to one peer: the protocol with it, the frames that wait, and how the connection ends.
 
@@ -304,7 +329,7 @@ class Connection(ABC):
 
     shared: ClassVar[bool] = False
 
-    def __init__(self, port: PeerPort, origin: str = "") -> None:
+    def __init__(self, port: ConnectionPort, origin: str = "") -> None:
         parameters = port.parameters
         self.port = port
         self.peer = next(port.numbers)

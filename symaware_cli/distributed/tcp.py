@@ -141,6 +141,8 @@ class _MemberPort(_TcpPort):
 class _TcpConnection(Connection):
     """A connection over a socket. Each record is preceded by its length, the preamble is not."""
 
+    port: _TcpPort
+
     def __init__(self, port: _TcpPort, opened: socket.socket, origin: str) -> None:
         super().__init__(port, origin)
         self._socket = opened
