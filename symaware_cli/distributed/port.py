@@ -23,8 +23,9 @@ from contextlib import suppress
 from types import MappingProxyType
 from typing import Any, get_args
 
+from symaware_cli.distributed.connection import PARTING, Connection
 from symaware_cli.distributed.frame import CROWDED
-from symaware_cli.distributed.protocol import PARTING, Connection, ConnectionEnded, PeerProtocol
+from symaware_cli.distributed.protocol import ConnectionEnded, PeerProtocol
 from symaware_cli.distributed.transport import Port, PortEvent, Rejection, TransportError, TransportParameters
 
 #: Longest wait for a port to close; what is unfinished then continues in the background [s].

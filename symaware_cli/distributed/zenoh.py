@@ -23,8 +23,9 @@ from queue import SimpleQueue
 from typing import Any
 
 from symaware_cli.distributed.address import address_of, numeric
+from symaware_cli.distributed.connection import FRAMES, PARTING, Connection
 from symaware_cli.distributed.port import PeerPort
-from symaware_cli.distributed.protocol import FRAMES, PARTING, Connection, ConnectionEnded
+from symaware_cli.distributed.protocol import ConnectionEnded
 from symaware_cli.distributed.transport import Port, Transport, TransportError, TransportParameters
 
 #: The prefix of all key expressions, with the version of their use.
