@@ -18,13 +18,14 @@ import threading
 import time
 from abc import abstractmethod
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from types import MappingProxyType
 from typing import Any, get_args
 
+from symaware_cli.distributed.connection import PARTING, Connection
 from symaware_cli.distributed.frame import CROWDED
-from symaware_cli.distributed.protocol import PARTING, Connection, ConnectionEnded, PeerProtocol
+from symaware_cli.distributed.protocol import ConnectionEnded, PeerProtocol
 from symaware_cli.distributed.transport import Port, PortEvent, Rejection, TransportError, TransportParameters
 
 #: Longest wait for a port to close; what is unfinished then continues in the background [s].
@@ -60,7 +61,7 @@ class PeerPort(Port):
         self.parameters = parameters
         self.is_host = host
         self._key = key
-        self.numbers: Iterator[int] = itertools.count(1)
+        self.numbers = itertools.count(1)
         self.links: set[Connection] = set()
         self.selector = selectors.DefaultSelector()
         self.ending = False

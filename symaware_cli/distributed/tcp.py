@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from symaware_cli.distributed.address import address_of, numeric
+from symaware_cli.distributed.connection import Connection
 from symaware_cli.distributed.port import PeerPort
-from symaware_cli.distributed.protocol import PREAMBLE, Connection, ConnectionEnded, may_begin
+from symaware_cli.distributed.protocol import PREAMBLE, ConnectionEnded, may_begin
 from symaware_cli.distributed.transport import Port, Transport, TransportError, TransportParameters
 
 #: The size of the length before each record [bytes].
@@ -141,10 +142,9 @@ class _MemberPort(_TcpPort):
 class _TcpConnection(Connection):
     """A connection over a socket. Each record is preceded by its length, the preamble is not."""
 
-    port: _TcpPort
-
     def __init__(self, port: _TcpPort, opened: socket.socket, origin: str) -> None:
         super().__init__(port, origin)
+        self._home = port
         self._socket = opened
         #: The beginning of a record, and the end of what was to be sent.
         self._arrived, self._left = bytearray(), memoryview(b"")
@@ -162,7 +162,7 @@ class _TcpConnection(Connection):
             return
         events = (0 if self.full else _READS) | (_WRITES if self._left else 0)
         if events != self._events:
-            selector = self.port.selector
+            selector = self._home.selector
             if not self._events:
                 selector.register(self._socket, events, self._on_ready)
             elif not events:
@@ -297,11 +297,11 @@ class _TcpConnection(Connection):
         if self._socket.fileno() < 0:
             return
         if self._events:
-            self.port.selector.unregister(self._socket)
+            self._home.selector.unregister(self._socket)
         self._socket.close()
         self._arrived = bytearray()
         self._left = memoryview(b"")
-        self.port.closed(self)
+        self._home.closed(self)
 
 
 def _watch(connected: socket.socket, timeout: float) -> None:

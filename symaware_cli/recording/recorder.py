@@ -18,7 +18,7 @@ from symaware_cli.recording.json_text import as_json
 from symaware_cli.recording.names import KINDS
 from symaware_cli.recording.specifications import SpecificationRecorder
 from symaware_cli.recording.writer import LogWriter, PaceFigures
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 _LEVELS = {
     Level.DEBUG: v1.Event.DEBUG,

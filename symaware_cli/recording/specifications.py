@@ -16,7 +16,7 @@ from symaware_cli.recording.logged_events import LoggedEvent
 from symaware_cli.recording.wire import FLOAT, INDEX, TIME, packed
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.specification.outcome import REJECTED, Decision, Outcome, outcome_of
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 #: The topic of a specification.
 TOPIC = "/specifications/{}"

@@ -11,7 +11,7 @@ from symaware_cli.core.verdict import OFFERS
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Trigger
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 #: What agents are told of an offer: its formula and risk, when it begins, since and until when it is open [s], and what
 #: comes with it.

@@ -41,7 +41,7 @@ from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.simulation_hooks import SimulationHooks
 from symaware_cli.runtime.specifications import Specifications
 from symaware_cli.runtime.workers import Workers
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder

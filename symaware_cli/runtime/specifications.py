@@ -16,7 +16,8 @@ from symaware_cli.runtime.timing import Trigger
 from symaware_cli.runtime.trigger import concerned
 from symaware_cli.specification.monitor_statuses import MonitorStatuses
 from symaware_cli.specification.outcome import Decision, Outcome
-from symaware_cli.specification.specification import Specification, SpecificationError, SpecificationMonitor
+from symaware_cli.specification.specification import Specification, SpecificationError
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder

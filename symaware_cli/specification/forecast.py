@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from symaware_cli.specification.automaton import AutomatonMonitor
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.monitor import Continuation, Monitor
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 Indices = NDArray[np.intp]
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from symaware_cli.core import Clock
 from symaware_cli.core.verdict import SpecificationStatus
-from symaware_cli.specification.specification import Specification, SpecificationMonitor
+from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 
 class MonitorStatuses:

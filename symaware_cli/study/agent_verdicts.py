@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.specification.outcome import VERDICTS
-from symaware_cli.specification.specification import SpecificationMonitor
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 #: How many agents or pairs a row has at most: the worst ones.
 MOST_AGENTS = 256

@@ -12,7 +12,8 @@ from symaware_cli.core import Agent
 from symaware_cli.specification.formula import horizon
 from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.monitor_statuses import MonitorStatuses
-from symaware_cli.specification.specification import Specification, SpecificationMonitor
+from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 Array = NDArray[np.float64]
 

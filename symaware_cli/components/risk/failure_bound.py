@@ -18,7 +18,8 @@ from symaware_cli.specification.formula import Array
 from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.predicted_scope import PredictedAgentScope
 from symaware_cli.specification.probability import TruthBounds, truth_bounds
-from symaware_cli.specification.specification import Specification, SpecificationMonitor
+from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 from symaware_cli.world.time import SECOND
 
 

@@ -24,7 +24,8 @@ from symaware_cli.specification.monitor_statuses import MonitorStatuses
 from symaware_cli.specification.node import Name, walk
 from symaware_cli.specification.predicted_scope import PredictedAgentScope, PredictedPairScope
 from symaware_cli.specification.scope import Scope
-from symaware_cli.specification.specification import Specification, SpecificationMonitor
+from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 from symaware_cli.world.chance import combined
 from symaware_cli.world.time import SECOND, nanoseconds
 

@@ -17,7 +17,8 @@ from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.formula import Always, And, Eventually, Formula, Not, Or, Predicate
 from symaware_cli.specification.monitor_statuses import MonitorStatuses
 from symaware_cli.specification.predicted_scope import PredictedAgentScope
-from symaware_cli.specification.specification import Specification, SpecificationMonitor
+from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -1,0 +1,345 @@
+"""The monitor of a specification during a run: verdicts, robustness, and the decisions behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.verdict import SpecificationStatus
+from symaware_cli.specification.automaton import AutomatonMonitor
+from symaware_cli.specification.cohort import Cohort, Worst
+from symaware_cli.specification.formula import Array, plain
+from symaware_cli.specification.formulation import subformula
+from symaware_cli.specification.measured import measured
+from symaware_cli.specification.monitor import Monitor
+from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
+from symaware_cli.specification.printing import printed
+from symaware_cli.specification.specification import Specification
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Exact robustness that became known.
+
+    Attributes:
+        times: The instants of the values, in nanoseconds; shape (m,).
+        rows: The indices of the rows; shape (k,).
+        values: The robustness; shape (m, k).
+    """
+
+    times: NDArray[np.int64]
+    rows: NDArray[np.intp]
+    values: Array
+
+
+class SpecificationMonitor:
+    """Monitors a specification during a run.
+
+    The formula must hold for each row from `Specification.start` on, or from when the row becomes present; or from
+    several instants on, the *instances*, of which the worst counts. An offered specification is evaluated for all rows
+    that are present when it begins; it counts for the row that has accepted it, no matter when it did.
+
+    Attributes:
+        specification: The specification.
+        verdicts: 1 (satisfied), -1 (violated) or 0 (undecided) for each row; shape (rows,).
+        lower: Lower bound of the robustness of each row; minus infinity without intervals.
+        upper: Upper bound of the robustness of each row; infinity without intervals.
+        robustness: The exact robustness of each row at the latest instant where it is known; NaN before the first.
+        settled: The exact robustness that the verdict of each row is about; NaN while it is unknown.
+        begun: Which rows count: those that have ever been present, or that have accepted it; shape (rows,).
+        rejection: Why nobody has accepted it; empty if that is open, or if it is not offered.
+        decisions: The decisions in the order in which they were made.
+        begins: Whether evaluation begins by itself, once for each row.
+        cohorts: The rows that are evaluated, by the instant at which their evaluation began.
+        is_over: Whether further values are ignored.
+        is_continued: Whether forecasts are made; to be set before the first value.
+    """
+
+    uncaptured: ClassVar[Sequence[str]] = ("specification",)
+
+    def __init__(self, specification: Specification, time_step: int, begins: bool = True) -> None:
+        """Initialise the monitor.
+
+        Args:
+            specification: The specification to monitor.
+            time_step: The time between two steps, in nanoseconds.
+            begins: Whether evaluation begins by itself, once for each row; otherwise instances begin with `begin`.
+        """
+        count = specification.scope.rows
+        self.specification = specification
+        self.verdicts = np.zeros(count, np.int8)
+        self.lower, self.upper = np.full(count, -np.inf), np.full(count, np.inf)
+        self.robustness = np.full(count, np.nan)
+        self.settled = np.full(count, np.nan)
+        self.begun = np.zeros(count, bool)
+        self.is_over = False
+        self.is_continued = False
+        self._time_step = time_step
+        self._is_offered = specification.offer is not None
+        self.begins = begins and not self._is_offered
+        self.rejection = ""
+        self._now = 0
+        self._due: list[NDArray[np.intp]] = []
+        self.cohorts: list[Cohort] = []
+        self._ended = Worst(count)
+        self._exact: list[Exact] = []
+        self._momentary_agents: dict[int, tuple[str, ...]] = {}
+        self.decisions: list[Decision] = []
+
+    def look(self, now: int) -> Sequence[Decision]:
+        """Evaluate the predicates at the present step, and return the decisions that follow.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
+        specification = self.specification
+        if self.is_over or now < specification.start:
+            return ()
+        if specification.end is not None and now > specification.end:
+            return self.finish()
+        self._now = now
+        present = specification.scope.present
+        decisions: list[Decision] = []
+        if present is not None:
+            self._leave(present, decisions)
+        self._arrive(present, now)
+        if self.cohorts:
+            open_cohorts = [cohort for cohort in self.cohorts if not self._is_complete(cohort)]
+            if open_cohorts:
+                values = specification.values(specification.scope.look_up, specification.scope.rows, present)
+                if agents := specification.scope.momentary_agents:
+                    self._momentary_agents[now] = agents
+            for cohort in open_cohorts:
+                whole = len(cohort.rows) == specification.scope.rows
+                cohort.monitor.update(values if whole else [each[cohort.rows] for each in values])
+            for cohort in self.cohorts:
+                self._take(cohort, decisions)
+            self._combine()
+        return decisions
+
+    def begin(self, rows: Sequence[int]) -> None:
+        """Begin an instance with the next step, for those of the rows that are present then."""
+        self._due.append(np.array(rows, np.intp))
+
+    def accept(self, row: int) -> None:
+        """Let what is offered count for a row, from its beginning."""
+        self.begun[row] = True
+        if not self._due:  # otherwise its evaluation has not begun, and there is nothing to combine
+            self._combine()
+
+    def release(self, row: int) -> None:
+        """Let what is offered no longer count for a row."""
+        self.begun[row] = False
+        self._combine()
+
+    def is_open_to(self, row: int) -> bool:
+        """Whether a row may accept what is offered: it is evaluated, or soon will be, and has not failed it."""
+        present = self.specification.scope.present
+        if self.is_over or (present is not None and not present[row]):
+            return False
+        for cohort in self.cohorts:
+            if len(places := np.flatnonzero(cohort.rows == row)):
+                return bool(cohort.monitor.verdict[places[0]] >= 0)
+        return any(row in rows for rows in self._due)
+
+    def measured(self, row: int, now: int) -> float:
+        """Return the robustness of a row on what was measured from its beginning to an instant; see `measured`.
+
+        Before its beginning, what is measured now counts as its first instant.
+
+        Args:
+            row: The row.
+            now: The present time, in nanoseconds.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
+        specification = self.specification
+        if specification.automaton is not None:
+            return np.nan
+        samples = [np.empty(0) for _ in specification.formulation.atoms]
+        is_known = False
+        for cohort in self.cohorts:
+            monitor = cohort.monitor
+            if isinstance(monitor, Monitor) and row in cohort.rows:
+                samples = [each[:, int(np.searchsorted(cohort.rows, row))] for each in monitor.kept]
+                is_known = self._is_complete(cohort) or now < self._now + self._time_step
+        if not is_known:
+            present = specification.values(specification.scope.look_up, specification.scope.rows, None)
+            samples = [np.append(each, value[row]) for each, value in zip(samples, present, strict=True)]
+        count = len(samples[0]) if samples else 1
+        found = measured(specification.formulation.formula, [each[:, None] for each in samples], count, 1)
+        return float(plain(found[0, 0]))
+
+    @property
+    def awaited(self) -> NDArray[np.bool_]:
+        """Which rows begin with the next step, if they are present then; shape (rows,)."""
+        awaited = ~self.begun if self.begins else np.zeros(len(self.begun), bool)
+        for rows in self._due:
+            awaited[rows] = True
+        return awaited
+
+    def finish(self) -> Sequence[Decision]:
+        """End the evaluation, and return the decisions that follow."""
+        decisions: list[Decision] = []
+        if not self.is_over:
+            self.is_over = True
+            for cohort in self.cohorts:
+                cohort.monitor.finish()
+                self._take(cohort, decisions)
+            self._combine()
+        return decisions
+
+    def take_exact(self) -> Sequence[Exact]:
+        """Return the exact robustness that became known since the last call."""
+        exact, self._exact = self._exact, []
+        return exact
+
+    @property
+    def verdict(self) -> int:
+        """The worst verdict of the rows that were ever present: violated, then undecided, then satisfied."""
+        seen = self.verdicts[self.begun]
+        return int(seen.min()) if len(seen) else 0
+
+    @property
+    def presumptions(self) -> NDArray[np.int8] | None:
+        """The verdict of each row if the run ended now, of linear temporal logic; shape (rows,). None for others."""
+        if self.specification.automaton is None:
+            return None
+        found: NDArray[np.int8] = np.where(self.verdicts == 0, np.int8(1), self.verdicts)
+        for cohort in self.cohorts:
+            if isinstance(cohort.monitor, AutomatonMonitor):
+                found[cohort.rows] = np.minimum(found[cohort.rows], cohort.monitor.presumption)
+        return found
+
+    @property
+    def presumption(self) -> int | None:
+        """The worst verdict if the run ended now, of a formula of linear temporal logic; None for others."""
+        presumptions = self.presumptions
+        return None if presumptions is None or not self.begun.any() else int(presumptions[self.begun].min())
+
+    @property
+    def outcome(self) -> Outcome:
+        """The summary so far."""
+        specification, begun = self.specification, np.flatnonzero(self.begun)
+        outcome = outcome_of(
+            specification.name,
+            specification.text,
+            lambda place: specification.scope.agents(int(begun[place])),
+            self.verdicts[begun],
+            self.settled[begun],
+            self.upper[begun],
+            self.decisions,
+            self.presumption,
+        )
+        return outcome.rejected(self.rejection) if self.rejection else outcome
+
+    def status(self, rows: Sequence[int]) -> SpecificationStatus:
+        """Return the worst status of some rows."""
+        chosen = list(rows)
+        verdict = int(self.verdicts[chosen].min())
+        return SpecificationStatus(
+            verdict=None if verdict == 0 else verdict > 0,
+            robustness=float(np.fmin.reduce(self.robustness[chosen])),
+            interval=(float(self.lower[chosen].min()), float(self.upper[chosen].min())),
+        )
+
+    def _arrive(self, present: NDArray[np.bool_] | None, now: int) -> None:
+        """Begin the evaluation of rows that are due and present."""
+        specification = self.specification
+        if self.begins and not self.begun.all():
+            self._due.append(np.flatnonzero(~self.begun))
+        for due in self._due:
+            rows = due if present is None else due[present[due]]
+            if len(rows):
+                self.begun[rows] |= not self._is_offered
+                monitor = specification.monitor(len(rows), self.is_continued)
+                self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
+        self._due.clear()
+
+    def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
+        """End the evaluation of rows that are no longer present."""
+        remaining: list[Cohort] = []
+        for cohort in self.cohorts:
+            here = present[cohort.rows]
+            if here.any():
+                remaining.append(cohort if here.all() else cohort.select(here))
+            if not here.all():
+                gone = cohort.select(~here) if here.any() else cohort
+                gone.monitor.finish()
+                self._take(gone, decisions)
+                self._ended.add(gone, self.specification.interval)
+        self.cohorts = remaining
+
+    def _take(self, cohort: Cohort, decisions: list[Decision]) -> None:
+        """Read the new results of a monitor."""
+        rows, monitor = cohort.rows, cohort.monitor
+        first, exact = monitor.exact()
+        if len(exact):
+            values, times = plain(exact), cohort.start + (first + np.arange(len(exact))) * self._time_step
+            if not self._is_offered:
+                self._exact.append(Exact(times, rows, values))
+                self.robustness[rows] = values[-1]
+            if first == 0:
+                self.settled[rows] = np.fmin(self.settled[rows], values[0])
+        if self._is_offered:
+            # What is offered is about the instant at which it begins alone.
+            known = rows[self.begun[rows] & np.isnan(self.robustness[rows]) & ~np.isnan(self.settled[rows])]
+            if len(known):
+                self.robustness[known] = self.settled[known]
+                self._exact.append(Exact(np.array([cohort.start]), known, self.settled[known][None]))
+        verdicts = monitor.verdict
+        changed = verdicts != cohort.told
+        if self._is_offered:
+            changed &= self.begun[rows]
+        if changed.any():
+            if self.specification.explains:
+                found = [self._decision(cohort, place) for place in np.flatnonzero(changed).tolist()]
+                decisions += found
+                self.decisions += found
+            cohort.told = np.where(changed, verdicts, cohort.told)
+
+    def _combine(self) -> None:
+        """Combine the results of all instances; decided instances are dropped."""
+        interval = self.specification.interval
+        if not self.begins and not self._is_offered:
+            for cohort in self.cohorts:
+                if cohort.told.all():
+                    self._ended.add(cohort, interval)
+            self.cohorts = [cohort for cohort in self.cohorts if not cohort.told.all()]
+        outcome = self._ended.copy()
+        for cohort in self.cohorts:
+            outcome.add(cohort, interval)
+        self.verdicts = np.where(self.begun, outcome.verdicts, 0).astype(np.int8)
+        if interval:
+            self.lower = np.where(self.begun, outcome.lower, -np.inf)
+            self.upper = np.where(self.begun, outcome.upper, np.inf)
+
+    def _is_complete(self, cohort: Cohort) -> bool:
+        """Whether the verdicts of an offered cohort, and their robustness, are known."""
+        return self._is_offered and isinstance(cohort.monitor, Monitor) and cohort.monitor.is_complete
+
+    def _decision(self, cohort: Cohort, place: int) -> Decision:
+        specification = self.specification
+        reason, tree = cohort.monitor.reason(place), specification.formulation.tree
+        satisfied = bool(cohort.monitor.verdict[place] > 0)
+        agents = specification.scope.agents(int(cohort.rows[place]))
+        if reason is None:
+            # No single sample decides a path through an automaton, and an empty run has none.
+            now = self._now if specification.automaton is not None else None
+            return Decision(specification.name, agents, satisfied, "", specification.text, now, np.inf, satisfied)
+        instant = cohort.start + reason.instant * self._time_step
+        return Decision(
+            specification=specification.name,
+            agents=agents or self._momentary_agents.get(instant, ()),
+            satisfied=satisfied,
+            predicate=specification.formulation.atoms[reason.predicate].text,
+            formula=printed(subformula(tree, reason.path[:-1])),
+            instant=instant,
+            robustness=float(plain(np.asarray(reason.robustness))),
+            holds=reason.robustness > 0.0,
+        )
