@@ -10,8 +10,7 @@ from symaware_cli import open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing.detail import detail_of
-from symaware_cli.viewing.replay_session import CURVES
-from symaware_cli.viewing.scene.drawings import SCENE
+from symaware_cli.viewing.scene.drawings import CURVES, SCENE
 from symaware_cli.viewing.scene.marks import Curves, Mark, Rings, Solid
 from symaware_cli.viewing.scene.scene import Scene
 from symaware_cli.viewing.views import run_view_of
