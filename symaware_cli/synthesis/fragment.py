@@ -79,7 +79,8 @@ def _clauses(node: Node) -> Iterator[Clause]:
         if isinstance(inner, Temporal) and inner.operator == "always":
             raise ExpressionError(
                 "that something holds from some time on is outside GR(1): write `always p` if it can hold from the "
-                "beginning, or `always eventually p`",
+                "beginning, `always eventually p`, or let the strategy choose when it begins, with a product "
+                '(docs/knowledge.md, "From some time on")',
                 node.span,
             )
         _check(inner, ())

@@ -53,6 +53,15 @@ def test_a_body_that_forces_move_skips_no_cell_of_the_strategy(world: str, tmp_p
     assert not events(log, "assumption-broken", "cells-left", "cell-skipped", "touched")
 
 
+def test_a_strategy_chooses_from_when_on_something_holds_for_ever(tmp_path: Path) -> None:
+    log = open_log(run("dock.yaml", tmp_path / "a.mcap"))
+    final = {each.source: each.name for each in log.events() if each.source.startswith("specifications.")}
+    assert final == {"specifications.docked": "satisfied", "specifications.inspected": "satisfied"}
+    settled = load(SCENARIOS / "dock.yaml").knowledge_models()["deciding"].system.labels["settled"]
+    chosen = [int(cell) in settled for cell in log.series("robot", "decide.plan").values[:, 0]]
+    assert chosen == sorted(chosen) and chosen[-1] and not chosen[0]  # once and for all
+
+
 def test_a_door_that_never_opens_is_reported_as_overdue_and_keeps_the_robot_out(tmp_path: Path) -> None:
     log = run("locked.yaml", tmp_path / "a.mcap")
     assert [name for _, name in events(log, "assumption-overdue", "assumption-broken")] == ["assumption-overdue"]
