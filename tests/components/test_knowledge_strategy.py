@@ -59,7 +59,9 @@ def test_a_strategy_chooses_from_when_on_something_holds_for_ever(tmp_path: Path
     assert final == {"specifications.docked": "satisfied", "specifications.inspected": "satisfied"}
     settled = load(SCENARIOS / "dock.yaml").knowledge_models()["deciding"].system.labels["settled"]
     chosen = [int(cell) in settled for cell in log.series("robot", "decide.plan").values[:, 0]]
-    assert chosen == sorted(chosen) and chosen[-1] and not chosen[0]  # once and for all
+    assert chosen == sorted(chosen)
+    assert chosen[-1]
+    assert not chosen[0]
 
 
 def test_a_door_that_never_opens_is_reported_as_overdue_and_keeps_the_robot_out(tmp_path: Path) -> None:
