@@ -1,4 +1,4 @@
-"""What names of specifications stand for, for one row, derived from the recorded states of a log."""
+"""Values of the names in specifications, for one row, computed from the recorded states of a log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the branches of a log have in common: its run up to their instant, made once, from whose state they go on."""
+"""The shared beginning of branches: the run up to their instant, made once; each branch continues from its state."""
 
 from __future__ import annotations
 

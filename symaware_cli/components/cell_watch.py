@@ -1,4 +1,4 @@
-"""Watches whether agents keep to the cells that a strategy chose for them, whoever steers."""
+"""Monitors whether agents keep to the cells that a strategy chose, whichever component steers them."""
 
 from __future__ import annotations
 

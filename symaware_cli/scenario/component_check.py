@@ -1,4 +1,4 @@
-"""Checks that a component can work for a group: that its agents have the knowledge, and that it accepts the rest."""
+"""Checks that a component can work for a group: its agents have the required knowledge, and `check` raises nothing."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Methods of searching for the least value over points between 0 and 1, which look at a batch of points at a time.
+"""Search methods that minimise a function of points between 0 and 1, evaluated one batch at a time.
 
-Which points a batch has depends on the seed and on the values of earlier batches alone, not on who computed them.
+The points of a batch depend only on the seed and on the values of earlier batches, not on where they were computed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What worker processes make: numbered results, each of which depends on its number and on what it is made of alone."""
+"""Numbered work for worker processes: each result depends only on its number and on the definition of the work."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ ResultT_co = TypeVar("ResultT_co", bound="Result", covariant=True)
 
 
 class Result(Protocol):
-    """What came of one number; data that JSON can carry."""
+    """The result of one number, as data that JSON can represent."""
 
     @property
     def index(self) -> int:
-        """Its number."""
+        """The number."""
 
     @property
     def wall_time(self) -> float:
-        """How long it took [s]."""
+        """The wall time that it took [s]."""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -27,12 +27,12 @@ class Result(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Numbers that are given away together.
+    """Numbers that one process takes together.
 
     Attributes:
         indices: The numbers.
         is_recorded: Whether the logs of their runs are written.
-        values: For each of them the values that it is made with, by their paths, if they do not follow from its number.
+        values: For each number, the values of its run by their paths, if these do not follow from the number.
     """
 
     indices: tuple[int, ...]
@@ -41,30 +41,30 @@ class Block:
 
 
 class Work(Protocol[ResultT_co]):
-    """Makes results in the process that it is in; another process makes it again of `to_json`."""
+    """Computes results in the present process; other processes create the same work from `to_json`."""
 
     def open(self) -> None:
-        """Read and import what all results need, before the first one."""
+        """Read and import what all results need; called before the first one."""
 
     def prepare(self) -> None:
-        """Import all that is used for the first result, so that the code of two machines can be compared."""
+        """Import everything that a result uses, so that the code of two machines can be compared."""
 
     def results(self, block: Block) -> Iterator[ResultT_co]:
-        """Make the results of a block, in any order.
+        """Compute the results of a block, in any order.
 
         Raises:
-            KeyboardInterrupt: A signal ended one.
+            KeyboardInterrupt: A signal interrupted the computation.
         """
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data; its ``kind`` is what `pool_worker` knows it by."""
+        """Return the work as plain data; `pool_worker` selects the class by ``kind``."""
 
     def received(self, content: dict[str, Any]) -> ResultT_co:
-        """Return the result of which another process sent `Result.to_json`."""
+        """Return the result that another process sent as `Result.to_json`."""
 
     def lost(self, index: int, why: str) -> ResultT_co:
-        """Return what stands for a result whose process died, or that took too long.
+        """Return the substitute for a result whose process died or exceeded its time.
 
         Raises:
-            SweepError: There is nothing that could stand for it.
+            SweepError: There is no substitute: the work cannot continue without the result.
         """

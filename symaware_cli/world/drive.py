@@ -1,4 +1,4 @@
-"""Drives: how bodies come to have the velocities that their models give them."""
+"""Drives: how the body of an agent follows the velocities of its model."""
 
 from __future__ import annotations
 
