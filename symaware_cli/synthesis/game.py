@@ -138,8 +138,8 @@ class Game:
         The number of states stands for an answer that the environment must not give, and that number plus one for a
         move after which the agent has broken a guarantee, or for a choice that it does not have.
         """
-        cell = _padded(self.vocabulary.cell.following)
-        others = [_padded(each.following) for each in self.vocabulary.environment]
+        cell = padded(self.vocabulary.cell.following)
+        others = [padded(each.following) for each in self.vocabulary.environment]
         slots = list(itertools.product(*(range(each.shape[1]) for each in others)))
         moves = np.empty((cell.shape[1], len(slots), self.size), np.int32)
         for choice in range(cell.shape[1]):
@@ -225,7 +225,7 @@ def _clauses(statements: Sequence[Statement]) -> list[Clause]:
     return [clause for each in statements for clause in each.clauses]
 
 
-def _padded(following: Sequence[Sequence[int]]) -> NDArray[np.intp]:
+def padded(following: Sequence[Sequence[int]]) -> NDArray[np.intp]:
     """Return lists of successors as an array, with -1 where there are no more; shape (n, longest)."""
     table = np.full((len(following), max(map(len, following))), -1, np.intp)
     for row, each in enumerate(following):

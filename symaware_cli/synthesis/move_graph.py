@@ -10,8 +10,8 @@ from symaware_cli.synthesis.game import Game
 Truth = NDArray[np.bool_]
 Indices = NDArray[np.int32]
 
-#: How many states are looked at together, to limit the memory.
-_BLOCK = 200_000
+#: About how many moves are looked at together, to limit the memory.
+_BLOCK = 2**21
 
 
 class BudgetError(Exception):
@@ -77,12 +77,10 @@ class MoveGraph:
         self._spend(len(states))
         extended = np.append(target, [True, False])
         found = []
-        for start in range(0, len(states), _BLOCK):
-            some = states[start : start + _BLOCK]
-            good = np.ones((len(self._moves), len(some)), bool)
-            for option, answers in enumerate(self._moves):
-                for answer in answers:
-                    good[option] &= extended[answer[some]]
+        block = max(1, _BLOCK // self._moves.shape[1])
+        for start in range(0, len(states), block):
+            some = states[start : start + block]
+            good = np.array([extended[answers[:, some]].all(axis=0) for answers in self._moves])
             forced = good.any(axis=0)
             if choices is not None:
                 choices[some[forced]] = self._chosen[some[forced], good[:, forced].argmax(axis=0)]

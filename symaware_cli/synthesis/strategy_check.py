@@ -13,11 +13,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.synthesis.game import Game
+from symaware_cli.synthesis.game import Game, padded
 from symaware_cli.synthesis.vocabulary import CELL
 
 Array = NDArray[np.intp]
 Truth = NDArray[np.bool_]
+
+#: About how many answers of the environment are evaluated at once.
+_AT_ONCE = 2**18
 
 
 class Check:
@@ -87,41 +90,50 @@ class Check:
         if (self._reached[goal, state] & ~self._goal_holds(goal, state)).any():
             raise _FaultError("a goal is given up that is not reached")
         starts, ends, answered = [], [], np.zeros(len(nodes), bool)
-        for after, legal in self._answers(now, chosen):
-            if (legal & ~self._keeps("guaranteed", now, after)).any():
+        for rows, after, legal in self._answers(now, chosen):
+            if (legal & ~self._keeps("guaranteed", {name: each[rows] for name, each in now.items()}, after)).any():
                 raise _FaultError("a step breaks a guarantee")
-            answered |= legal
-            rows = np.flatnonzero(legal)
-            bits = [
-                bit.updated(each[state[rows]], {name: part[rows] for name, part in after.items()})
-                for bit, each in zip(game.bits, game.bit_values, strict=True)
-            ]
-            to = game.index({name: part[rows] for name, part in after.items()}, bits)
+            rows, after = rows[legal], {name: each[legal] for name, each in after.items()}
+            answered[rows] = True
+            bits = [bit.updated(each[state[rows]], after) for bit, each in zip(game.bits, game.bit_values, strict=True)]
             starts.append(nodes[rows])
-            ends.append(goal_after[rows] * game.size + to)
+            ends.append(goal_after[rows] * game.size + game.index(after, bits))
         self._check_answered({name: each[~answered] for name, each in now.items()})
         return np.concatenate(starts), np.concatenate(ends)
 
-    def _answers(self, now: dict[str, Array], chosen: Array) -> Iterator[tuple[dict[str, Array], Truth]]:
-        """Yield the values after each answer of the environment to a choice, and where it keeps the assumptions."""
+    def _answers(self, now: dict[str, Array], chosen: Array) -> Iterator[tuple[Array, dict[str, Array], Truth]]:
+        """Yield the answers of the environment to choices, some at a time.
+
+        Args:
+            now: The values before.
+            chosen: The cells that the agent chooses; shape (n,).
+
+        Yields:
+            The number of the choice that is answered, the values after the answer, and whether the environment keeps
+            the assumptions; shape (m,) each.
+        """
         variables = self._game.vocabulary.environment
         following = [each.following for each in variables]
-        for slot in itertools.product(*(range(max(map(len, each))) for each in following)):
-            after, exists = {CELL: chosen}, np.ones(len(chosen), bool)
-            for variable, lists, option in zip(variables, following, slot, strict=True):
-                table = np.array([each[option] if option < len(each) else -1 for each in lists], np.intp)
-                after[variable.name] = table[now[variable.name]]
+        slots = np.array(list(itertools.product(*(range(max(map(len, each))) for each in following))), np.intp)
+        at_once = max(1, _AT_ONCE // max(1, len(chosen)))
+        for first in range(0, len(slots), at_once):
+            options = slots[first : first + at_once]
+            rows = np.tile(np.arange(len(chosen)), len(options))
+            before = {name: each[rows] for name, each in now.items()}
+            after, exists = {CELL: chosen[rows]}, np.ones(len(rows), bool)
+            for place, (variable, lists) in enumerate(zip(variables, following, strict=True)):
+                option = np.repeat(options[:, place], len(chosen))
+                after[variable.name] = padded(lists)[before[variable.name], option]
                 exists &= after[variable.name] >= 0
-            yield after, exists & self._keeps("assumed", now, after)
+            yield rows, after, exists & self._keeps("assumed", before, after)
 
     def _check_answered(self, now: dict[str, Array]) -> None:
         """Check that whatever was chosen where the environment has no answer, it has none to any other choice."""
-        own = self._game.vocabulary.cell.following
-        for option in range(max(map(len, own))):
-            lists = np.array([each[option] if option < len(each) else -1 for each in own], np.intp)
-            chosen = lists[now[CELL]]
-            for _, legal in self._answers(now, np.maximum(chosen, 0)):
-                if (legal & (chosen >= 0)).any():
+        lists = padded(self._game.vocabulary.cell.following)
+        for option in range(lists.shape[1]):
+            chosen = lists[now[CELL], option]
+            for rows, _, legal in self._answers(now, np.maximum(chosen, 0)):
+                if (legal & (chosen[rows] >= 0)).any():
                     raise _FaultError("a choice makes it impossible for the environment to keep the assumptions")
 
     def _goal_holds(self, goal: Array, state: Array) -> Truth:
