@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from symaware_cli.core import AgentGroup
 from symaware_cli.core.component import BaseComponent
-from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.parts import name_columns
 from symaware_cli.scenario.plugin_factory import words
-from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
+from symaware_cli.scenario.problem import dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.timing_check import expression_problem
 from symaware_cli.specification.token import ExpressionError
 from symaware_cli.world.plugin import ParameterError
 
@@ -20,22 +19,9 @@ from symaware_cli.world.plugin import ParameterError
 class ComponentCheck:
     """Checks whether components can work, and reports problems at the sections that they are written in."""
 
-    def __init__(
-        self,
-        composition: Composition,
-        report: Callable[..., None],
-        report_all: Callable[[Sequence[Problem]], None],
-    ) -> None:
-        """Prepare.
-
-        Args:
-            composition: The composed document.
-            report: Takes the code and the message of a problem, the path, and hints.
-            report_all: Takes problems.
-        """
-        self._composition = composition
-        self._report = report
-        self._report_all = report_all
+    def __init__(self, diagnosis: Diagnosis) -> None:
+        self._diagnosis = diagnosis
+        self._report = diagnosis.report
 
     def knows(self, component: BaseComponent[Any], known: object, path: Path, group: str, use: str) -> bool:
         """Check that the agents have all the knowledge that a component needs.
@@ -83,7 +69,7 @@ class ComponentCheck:
             if error.is_consequence:
                 return False
             if isinstance(error.__cause__, ExpressionError):
-                self._report_all([expression_problem(self._composition, str(error), where, error.__cause__)])
+                self._diagnosis.report_expression(str(error), where, error.__cause__)
             else:
                 self._report("unsuitable", f"{quoted(use)} cannot work here: {error}", where)
                 for place, said in error.related:

@@ -25,6 +25,7 @@ from symaware_cli.scenario.section import (
     TriggerSection,
     Use,
 )
+from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specification_section import SpecificationUse
 
 #: The version of the format that this package reads.
@@ -51,10 +52,7 @@ class ComponentUse(Use):
     )
     offset: float = Field(0.0, ge=0, le=1e9, description="Time of the first turn [s].")
     jitter: float = Field(
-        0.0,
-        ge=0,
-        le=1e9,
-        description="Greatest delay of each turn, drawn uniformly [s]; less than the period.",
+        0.0, ge=0, le=1e9, description="Greatest delay of each turn, drawn uniformly [s]; less than the period."
     )
     trigger: TriggerSection | None = Field(None, description="An event that triggers a turn.")
     condition: str | None = Field(
@@ -291,6 +289,11 @@ class ScenarioDocument(Section):
     )
     specifications: dict[Name, SpecificationUse] = Field(default_factory=dict, description="What is to hold, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="The content of the log.")
+
+    def key_path(self, group: str, component: str, key: str) -> Path:
+        """The path of a key of a component, or of the component if the scenario does not write the key."""
+        path: Path = ("agents", group, "components", component)
+        return (*path, key) if key in self.agents[group].components[component].model_fields_set else path
 
     @model_validator(mode="after")
     def _is_about_something(self) -> Self:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -13,11 +13,11 @@ from symaware_cli.core import AgentGroup, Entity, Model, Plugin, Quantity
 from symaware_cli.models.conformity import faults_of
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.component_check import ComponentCheck
-from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.parts import declared_parts, declared_signals
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping
-from symaware_cli.scenario.problem import Problem, quoted
+from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
 
@@ -34,34 +34,22 @@ class GroupBuilder:
     """
 
     def __init__(
-        self,
-        composition: Composition,
-        report: Callable[..., None],
-        report_all: Callable[[Sequence[Problem]], None],
-        factory: PluginFactory,
-        document: ScenarioDocument | None,
-        found: Sequence[Problem],
-        folder: FilePath,
+        self, diagnosis: Diagnosis, factory: PluginFactory, document: ScenarioDocument | None, folder: FilePath
     ) -> None:
         """Prepare.
 
         Args:
-            composition: The composed document.
-            report: Takes the code and the message of a problem, the path, and hints.
-            report_all: Takes problems.
+            diagnosis: Takes problems; no groups are created if there are earlier ones.
             factory: Creates models and components.
             document: The validated document; None if it is invalid.
-            found: Problems with single values that are already known; no groups are created if there are any.
             folder: The folder of the scenario.
         """
-        self._composition = composition
-        self._report = report
-        self._report_all = report_all
+        self._diagnosis = diagnosis
+        self._report = diagnosis.report
         self._factory = factory
         self._document = document
-        self._found = found
         self._folder = folder
-        self._check = ComponentCheck(composition, report, report_all)
+        self._check = ComponentCheck(diagnosis)
         self.uses: dict[str, dict[str, Any]] = {}
         self.declared: set[str] = set()
         self.knowledge_models: Mapping[str, Plugin | None] = {}
@@ -86,9 +74,9 @@ class GroupBuilder:
             if made and self._check.knows(made[0], known, (*path, "components", component), name, uses[component])
         ]
         declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
-        parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
+        parts, signals = declared_parts(declaring, self._diagnosis), declared_signals(declaring, self._diagnosis)
         self.declared.update(each.name for each in (*parts, *signals.values()))
-        if model is None or initial is None or self._found:
+        if model is None or initial is None or self._diagnosis.earlier:
             return None, []
         states, knowledge = initial
         body = self._document.agents[name].entity if self._document else Entity()
@@ -118,10 +106,12 @@ class GroupBuilder:
         # Even if the model's parameters are invalid, its class declares the columns of the state.
         kind = self._factory.plugins.get((*path, "model"))
         described = model or (kind if kind is not None and _fault_of(kind) is None else None)
-        sampler = Sampler(self._composition, self._document.seed if self._document else 0, ids, indexed, described)
+        sampler = Sampler(
+            self._diagnosis.composition, self._document.seed if self._document else 0, ids, indexed, described
+        )
         states = sampler.states(entry.get("state"), (*path, "state"))
         knowledge = sampler.known(mapping(entry.get("knowledge")), (*path, "knowledge"))
-        self._report_all(sampler.problems)
+        self._diagnosis.problems += sampler.problems
         return ids, None if sampler.problems else (states, knowledge)
 
     def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
