@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -16,10 +16,8 @@ from symaware_cli.distributed.transport import Transport
 from symaware_cli.network.network import Network
 from symaware_cli.network.topology.topology import Topology
 from symaware_cli.runtime.failure import RunError
-from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.timing import PresenceInterval, Trigger
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.cell_certificate import check_cells
@@ -43,7 +41,6 @@ from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specifications import SpecificationBuilder, check_named, check_values
 from symaware_cli.scenario.timing_check import TimingCheck
 from symaware_cli.scenario.validation import validate
-from symaware_cli.specification.specification import Specification
 
 #: The greatest number of steps; more are taken for a mistake: at a million steps per second they take 17 minutes.
 _MOST_STEPS = 10**9
@@ -242,28 +239,21 @@ class _SimulationBuilder:
             kind, path = type(component_entry.components[0]), component_entry.section
             component_entry.timing = check.timing(use, component_entry.group, kind, path)
         check.triggers(component_entries)
-        run, until = document.run, check.until(document.run, groups)
-        faults: Sequence[Fault] = ()
-        presence: Mapping[str, Sequence[PresenceInterval]] = {}
-        specifications: Sequence[Specification] = ()
-        instances: Mapping[str, Trigger] = {}
-        if len(groups) == len(document.agents):
-            faults = FaultBuilder(check, environment, groups, component_entries, document, self._factory).build()
-            members = PresenceBuilder(check, environment, document.environment.use, component_entries)
-            presence = members.build(groups, document.agents)
-            statements = SpecificationBuilder(check, environment, groups, component_entries)
-            specifications = statements.build(document)
-            instances = statements.triggers
-        return RunOptions(
-            mode=run.mode,
-            until=until,
-            pace=run.pace,
-            turn_limit=run.turn_limit,
-            workers=run.workers,
+        run = document.run
+        options = RunOptions(
+            mode=run.mode, until=check.until(run, groups), pace=run.pace, turn_limit=run.turn_limit, workers=run.workers
+        )
+        if len(groups) < len(document.agents):
+            return options
+        faults = FaultBuilder(check, environment, groups, component_entries, document, self._factory).build()
+        members = PresenceBuilder(check, environment, document.environment.use, component_entries)
+        statements = SpecificationBuilder(check, environment, groups, component_entries)
+        return replace(
+            options,
             faults=tuple(faults),
-            presence=presence,
-            specifications=specifications,
-            instances=instances,
+            presence=members.build(groups, document.agents),
+            specifications=statements.build(document),
+            instances=statements.triggers,
         )
 
     def _network(

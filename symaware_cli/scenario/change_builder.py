@@ -12,11 +12,11 @@ from symaware_cli.core.component import BaseComponent
 from symaware_cli.runtime.faults import ComponentSelection, Effect
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timed_changes import Inform, Reconfigure, Replace
-from symaware_cli.scenario.component_check import ComponentCheck
 from symaware_cli.scenario.diagnosis import Diagnosis, ReportedError
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.fault_section import FaultUse, Information, Reconfiguration
 from symaware_cli.scenario.fault_targets import FaultTargets
+from symaware_cli.scenario.group_builder import ComponentCheck
 from symaware_cli.scenario.parts import declared_signals
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.scenario.problem import nearest, quoted

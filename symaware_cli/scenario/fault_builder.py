@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,13 @@ from symaware_cli.scenario.plugin_factory import PluginFactory
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing_check import TimingCheck, duration_of, trigger_of
+
+#: The faults that need nothing but the components that they concern.
+_ON_COMPONENTS: Mapping[str, Callable[[Sequence[ComponentSelection]], Effect]] = {
+    "restart": Restart,
+    "freeze": Freeze,
+    "blind": Blind,
+}
 
 
 class FaultBuilder:
@@ -108,15 +115,10 @@ class FaultBuilder:
         """The path of a fault's targets, a description for people, and the effect."""
         if use.stop:
             return f"agents.{use.stop}", f"stops {use.stop}", Stop(self._targets.agents(use.stop, (*path, "stop")))
-        if use.restart:
-            components = self._targets.components(use.restart, (*path, "restart"))
-            return f"agents.{use.restart}", f"restarts {use.restart}", Restart(components)
-        if use.freeze:
-            components = self._targets.components(use.freeze, (*path, "freeze"))
-            return f"agents.{use.freeze}", f"freezes {use.freeze}", Freeze(components)
-        if use.blind:
-            components = self._targets.components(use.blind, (*path, "blind"))
-            return f"agents.{use.blind}", f"blinds {use.blind}", Blind(components)
+        for key, effect in _ON_COMPONENTS.items():
+            if target := getattr(use, key):
+                components = self._targets.components(target, (*path, key))
+                return f"agents.{target}", f"{key}s {target}", effect(components)
         if use.slow:
             components = self._targets.components(use.slow.of, (*path, "slow", "of"))
             return f"agents.{use.slow.of}", f"slows {use.slow.of}", Slow(components, duration_of(use.slow.latency))
