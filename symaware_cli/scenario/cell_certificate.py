@@ -53,7 +53,7 @@ class _CellCheck:
     def __init__(
         self, document: ScenarioDocument, environment: Environment, entry: ComponentEntry, diagnosis: Diagnosis
     ) -> None:
-        self._key_path = partial(document.key_path, entry.group.name, entry.name)
+        self._key_path = partial(document.key_path, entry.section)
         self._environment = environment
         self._entry = entry
         self._report = diagnosis.report

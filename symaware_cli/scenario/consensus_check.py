@@ -123,23 +123,13 @@ def _check_turns(
     for key, one, two in (("period", period, other), ("offset", own.offset, wanted.offset)):
         if one != two:
             said = f"{_NEEDED}: the {key} is {seconds(one):g} s here, and {seconds(two):g} s for {_named(first)}"
-            diagnosis.report(
-                "unsuitable",
-                said,
-                document.key_path(entry.group.name, entry.name, key),
-                key=True,
-                expected=f"{seconds(two):g} [s]",
-            )
+            where = document.key_path(entry.section, key)
+            diagnosis.report("unsuitable", said, where, key=True, expected=f"{seconds(two):g} [s]")
     for key in ("trigger", "latency"):
         if getattr(own, key) != getattr(wanted, key):
             said = f"{_NEEDED}: the {key} is not that of {_named(first)}"
-            diagnosis.report(
-                "unsuitable",
-                said,
-                document.key_path(entry.group.name, entry.name, key),
-                key=True,
-                expected=f"the same {key} for both",
-            )
+            where = document.key_path(entry.section, key)
+            diagnosis.report("unsuitable", said, where, key=True, expected=f"the same {key} for both")
 
 
 def _check_order(document: ScenarioDocument, entry: ComponentEntry, diagnosis: Diagnosis) -> None:
@@ -153,13 +143,8 @@ def _check_order(document: ScenarioDocument, entry: ComponentEntry, diagnosis: D
     ):
         if is_uncertain:
             said = f"{_NEEDED} in all groups, but a {quoted(key)} acts on each separately"
-            diagnosis.report(
-                "unsuitable",
-                said,
-                document.key_path(entry.group.name, entry.name, key),
-                key=True,
-                expected="a period alone",
-            )
+            where = document.key_path(entry.section, key)
+            diagnosis.report("unsuitable", said, where, key=True, expected="a period alone")
 
 
 def _named(entry: ComponentEntry) -> str:

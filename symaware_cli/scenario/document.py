@@ -290,10 +290,11 @@ class ScenarioDocument(Section):
     specifications: dict[Name, SpecificationUse] = Field(default_factory=dict, description="What is to hold, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="The content of the log.")
 
-    def key_path(self, group: str, component: str, key: str) -> Path:
-        """The path of a key of a component, or of the component if the scenario does not write the key."""
-        path: Path = ("agents", group, "components", component)
-        return (*path, key) if key in self.agents[group].components[component].model_fields_set else path
+    def key_path(self, section: Path, key: str) -> Path:
+        """The path of a key in the section of a component, or of the section if the scenario does not write the key."""
+        _, group, _, component = section
+        use = self.agents[str(group)].components[str(component)]
+        return (*section, key) if key in use.model_fields_set else section
 
     @model_validator(mode="after")
     def _is_about_something(self) -> Self:
