@@ -104,15 +104,6 @@ class ChangeBuilder:
         self._diagnosis.refuse("invalid-value", message, path, **hints)
 
 
-def _kind(value: Any) -> object:
-    """What kind of knowledge a value is: numbers of a shape, a list of other things or of nothing, or another class."""
-    try:
-        numbers = np.asarray(value, float)
-    except (TypeError, ValueError):
-        return Sequence if isinstance(value, list | tuple) else type(value)
-    return numbers.shape if numbers.shape != (0,) else Sequence
-
-
 class ReplacementBuilder:
     """Builds replacements of components."""
 
@@ -127,12 +118,9 @@ class ReplacementBuilder:
         """Prepare.
 
         Args:
-            composition: The composed document.
-            report: Takes the code and the message of a problem, the path, and hints.
             factory: Creates components.
             targets: Finds the components to replace.
-            timing_check: Checks the times of turns.
-            component_check: Checks components.
+            timing_check: Checks the times of turns, and takes problems.
             document: The validated document.
             entries: All component entries, with their timing; `build` adds each substitute after what it replaces.
         """
@@ -246,3 +234,12 @@ class ReplacementBuilder:
 
     def _refuse(self, message: str, path: Path, **hints: Any) -> NoReturn:
         self._diagnosis.refuse("unsuitable", message, path, **hints)
+
+
+def _kind(value: Any) -> object:
+    """What kind of knowledge a value is: numbers of a shape, a list of other things or of nothing, or another class."""
+    try:
+        numbers = np.asarray(value, float)
+    except (TypeError, ValueError):
+        return Sequence if isinstance(value, list | tuple) else type(value)
+    return numbers.shape if numbers.shape != (0,) else Sequence
