@@ -20,8 +20,7 @@ from symaware_cli.api.recorded_names import RecordedNames
 from symaware_cli.api.recorded_specifications import RecordedSpecifications
 from symaware_cli.core import Event
 from symaware_cli.runtime.scope import STATUS_NAMES
-from symaware_cli.runtime.timing import Trigger
-from symaware_cli.runtime.trigger import concerned
+from symaware_cli.runtime.timing import Trigger, concerned
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.specification.formula import Array, plain
 from symaware_cli.specification.node import Name, walk

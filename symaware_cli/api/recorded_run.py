@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.awareness.column import Column, SeriesColumn
-from symaware_cli.awareness.table_column import TableColumn
+from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core import AgentGroup, Contact, Event, Level, TimeSeries
 from symaware_cli.environments.recorded import RecordedEnvironment

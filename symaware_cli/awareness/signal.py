@@ -1,4 +1,4 @@
-"""Signals: quantities that a component records in addition to awareness, declared as data, each on its own channel."""
+"""Signals, which components publish, and parts, the quantities that agents are aware of: both declared as data."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 
-from symaware_cli.awareness.column import Column, SeriesColumn
-from symaware_cli.awareness.table_column import TableColumn
+from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
 from symaware_cli.world.model import Quantity
 
 Kind = Literal["vector", "series", "table"]
 Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links", "boxes"]
+Merge = Literal["latest", "seen-first"]
 SignalColumn: TypeAlias = "Column | SeriesColumn | TableColumn"
 
 MEASUREMENT = "measurement"
@@ -63,10 +63,7 @@ class Signal:
         what = f"the {self.what} `{self.name}`"
         if not self.name.isidentifier() or self.name != self.name.lower():
             raise ValueError(f"the name of a {self.what} is an identifier in lower case, not {self.name!r}")
-        for key, given, known in (
-            ("kind", self.kind, get_args(Kind)),
-            ("drawn", self.drawn, (*get_args(Drawn), None)),
-        ):
+        for key, given, known in (("kind", self.kind, get_args(Kind)), ("drawn", self.drawn, (*get_args(Drawn), None))):
             if given not in known:
                 listed = ", ".join(str(each) for each in known)
                 raise ValueError(f"`{key}` of {what} is one of {listed}, not {given!r}")
@@ -127,3 +124,39 @@ class Signal:
     def of(self, columns: Sequence[Quantity]) -> Self:
         """Return a copy with these columns; None for undefined columns."""
         return replace(self, columns=tuple(columns) or None)
+
+
+@dataclass(frozen=True, slots=True)
+class Part(Signal):
+    """A part of awareness: unlike a signal, it belongs to the agent, can be sent to others, and is known to conditions.
+
+    Its name is used in the topic ``/agents/<group>/<name>`` and in expressions. It is a vector or a series. The columns
+    of a series may be defined by components (`BaseComponent.series_quantities`).
+
+    Attributes:
+        merge: Which of two sources is used for another agent's part: the ``latest``, or with ``seen-first`` the values
+            that an agent's own components wrote, and received values only if there are none.
+    """
+
+    what: ClassVar = "part"
+
+    merge: Merge = "seen-first"
+
+    def __post_init__(self) -> None:
+        Signal.__post_init__(self)
+        if self.merge not in get_args(Merge):
+            listed = ", ".join(get_args(Merge))
+            raise ValueError(f"`merge` of the part `{self.name}` is one of {listed}, not {self.merge!r}")
+        if self.kind == "table":
+            raise ValueError(f"the part `{self.name}` is a table, and only a signal can be one")
+
+
+STATE = Part("state", "vector", merge="latest", description="as believed")
+INTENT = Part("intent", "series", drawn="path", description="what the agent means to do at that time")
+UNCERTAINTY = Part(
+    "uncertainty", "series", merge="latest", drawn="ellipse", description="what the agent is not sure of at that time"
+)
+RISK = Part("risk", "series", description="how much at risk the agent deems itself at that time")
+
+#: The parts that every group has.
+PARTS = (STATE, INTENT, UNCERTAINTY, RISK)

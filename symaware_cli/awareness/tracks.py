@@ -121,20 +121,13 @@ class Tracks:
     @classmethod
     def joined(cls, time: int, parts: Sequence[Tracks]) -> Tracks:
         """Concatenate the tracks of several agents, all of the same instant."""
-        covariances = None
-        if any(each.covariances is not None for each in parts):
-            # Zeros stand for unknown covariances.
-            size = 2 * parts[0].positions.shape[1]
-            covariances = np.concatenate(
-                [np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in parts]
-            )
         return cls(
             time,
             np.cumsum([0, *(len(each) for each in parts)]),
             np.concatenate([each.others for each in parts]),
             np.concatenate([each.positions for each in parts]),
             np.concatenate([each.velocities for each in parts]),
-            covariances=covariances,
+            covariances=joined_covariances(parts),
             ages=np.concatenate([each.ages for each in parts]),
         )
 
@@ -207,13 +200,7 @@ class Tracks:
         first = np.ones(len(order), bool)
         first[1:] = (np.diff(observers[order]) != 0) | (np.diff(others[order]) != 0)
         chosen = order[first]
-        covariances = None
-        if any(each.covariances is not None for each in parts):
-            # Measurements without error need no covariance.
-            size = 2 * self.positions.shape[1]
-            covariances = np.concatenate(
-                [np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in parts]
-            )[chosen]
+        covariances = joined_covariances(parts)
         return Tracks.of(
             time,
             len(self.pointers) - 1,
@@ -221,6 +208,19 @@ class Tracks:
             others[chosen],
             np.concatenate([each.positions for each in parts])[chosen],
             np.concatenate([each.velocities for each in parts])[chosen],
-            covariances=covariances,
+            covariances=None if covariances is None else covariances[chosen],
             ages=np.concatenate([each.ages for each in parts])[chosen],
         )
+
+
+def joined_covariances(parts: Sequence[Tracks]) -> Array | None:
+    """Return the covariances of several tracks one after another; None if none of them has any.
+
+    Zeros stand for covariances that are unknown, or that measurements without error do not need.
+    """
+    if all(each.covariances is None for each in parts):
+        return None
+    size = 2 * parts[0].positions.shape[1]
+    return np.concatenate(
+        [np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in parts]
+    )

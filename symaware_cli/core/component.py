@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.database import AwarenessDatabase
 from symaware_cli.awareness.knowledge import KnowledgeDatabase
-from symaware_cli.awareness.part import Part
-from symaware_cli.awareness.signal import Signal
+from symaware_cli.awareness.signal import Part, Signal
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
@@ -488,3 +487,9 @@ def _accept(group: AgentGroup, specification: str, agent: str, path: str) -> boo
     if group.offers is None:
         raise ValueError(f"no specification `{specification}` is offered in this scenario")
     return group.offers.accept(specification, agent, path)
+
+
+def may_wait(kind: type[BaseComponent[Any]]) -> bool:
+    """Whether components of a class may wait within their turns, which are then coroutines."""
+    methods = ("_async_compute", "_async_update", "async_compute_and_update")
+    return any(getattr(kind, name) is not getattr(Component, name) for name in methods)

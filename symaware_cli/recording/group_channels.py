@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
 from symaware_cli.awareness.signal import MEASUREMENT, SignalColumn
-from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -288,8 +287,7 @@ class GroupChannels:
             if not rows:
                 return 0
         record = v1.Knowledge(
-            rows=[] if len(rows) == self._count else rows,
-            values=[as_json(self._group.knowledge[row]) for row in rows],
+            rows=[] if len(rows) == self._count else rows, values=[as_json(self._group.knowledge[row]) for row in rows]
         )
         for row in rows:
             self._group.knowledge[row].changed = False

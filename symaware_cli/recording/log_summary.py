@@ -3,7 +3,8 @@
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, fields
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
@@ -53,17 +54,7 @@ class LogSummary:
 
     def copied(self) -> "LogSummary":
         """Return an independent copy."""
-        return LogSummary(
-            dict(self.schemas),
-            list(self.channels),
-            dict(self.counts),
-            list(self.attachments),
-            list(self.metadata),
-            self.start_time,
-            self.end_time,
-            self.chunk_count,
-            bytearray(self._chunks),
-        )
+        return LogSummary(**{each.name: copy(getattr(self, each.name)) for each in fields(self)})
 
     def add_attachment(self, attachment: Attachment, offset: int, length: int) -> None:
         """Add an attachment.

@@ -177,8 +177,8 @@ class McapFile:
         spans = [span for span in self.index.spans if span.start < end and span.end >= start and span.channels & wanted]
         with self.opened() as file:
             batches = (self._read(file, span, wanted, start, end) for span in spans)
-            ordered = self._in_file_order(batches) if self._in_order else self._sorted(file, spans, wanted, start, end)
-            for raw in ordered:
+            in_file_order = itertools.chain.from_iterable(batches)
+            for raw in in_file_order if self._in_order else self._sorted(file, spans, wanted, start, end):
                 yield LogMessage(self._channels[raw.channel_id], raw.time, raw.sequence, raw.data, self.path)
 
     def json_metadata(self, name: str, check: Callable[[dict[str, Any]], object]) -> dict[str, Any] | None:
@@ -209,11 +209,6 @@ class McapFile:
         spans = self.index.spans
         ours = (self.header.profile, self.header.library) == (PROFILE, LIBRARY)
         return ours and all(one.end <= other.start for one, other in itertools.pairwise(spans))
-
-    @staticmethod
-    def _in_file_order(batches: Iterable[list[RawMessage]]) -> Iterator[RawMessage]:
-        for batch in batches:
-            yield from batch
 
     def _sorted(
         self, file: BinaryIO, spans: list[MessageRange], wanted: set[int], start: int, end: int

@@ -15,8 +15,8 @@ from symaware_cli.recording.wire import (
     INDEX,
     TIME,
     array_of,
-    fields_of,
     indices_of,
+    message_fields,
     packed,
     rows_field,
     text_field,
@@ -256,13 +256,7 @@ def encode_others_series(
 
 def decode_awareness(data: bytes) -> Awareness:
     """Decode an `Awareness` message."""
-    fields = fields_of(data, several=9)
-    if fields is None:
-        message = v1.Awareness.FromString(data)
-        fields = {1: message.world, 2: message.rows, 3: message.lengths}
-        fields |= {4: message.entities, 5: message.columns, 6: message.values}
-        fields |= {7: message.covariances, 8: message.ages}
-        fields[9] = [each.SerializeToString() for each in message.series]
+    fields = message_fields(data, v1.Awareness, several=9)
     lengths, entities, columns = (array_of(fields, number, INDEX) for number in (3, 4, 5))
     values, covariances, ages = (array_of(fields, number, FLOAT) for number in (6, 7, 8))
     series = tuple(_others_series(each) for each in fields.get(9, ()))
@@ -270,13 +264,11 @@ def decode_awareness(data: bytes) -> Awareness:
     return Awareness(world, indices_of(fields, 2), lengths, entities, columns, values, covariances, ages, series)
 
 
-def _others_series(data: bytes | memoryview) -> OthersSeries:
-    fields = fields_of(data, first=BYTES)
-    if fields is None:
-        message = v1.OthersSeries.FromString(bytes(data))
-        fields = {1: message.part.encode(), 2: message.rows, 3: message.lengths, 4: message.entities}
-        fields |= {5: message.columns, 6: message.points, 7: message.times, 8: message.values}
+def _others_series(data: bytes | memoryview | v1.OthersSeries) -> OthersSeries:
+    content = data.SerializeToString() if isinstance(data, v1.OthersSeries) else data
+    fields = message_fields(content, v1.OthersSeries, first=BYTES)
     lengths, entities, columns, points = (array_of(fields, number, INDEX) for number in (3, 4, 5, 6))
-    part = bytes(fields.get(1, b"")).decode()
+    part = fields.get(1, "")
+    part = part if isinstance(part, str) else bytes(part).decode()
     times, values = array_of(fields, 7, TIME), array_of(fields, 8, FLOAT)
     return OthersSeries(part, indices_of(fields, 2), lengths, entities, columns, points, times, values)

@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level
+from symaware_cli.core import AgentGroup, Contact, Environment, Event, EventBus
+from symaware_cli.core.event import RECURRING
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -20,24 +21,11 @@ from symaware_cli.recording.specifications import SpecificationRecorder
 from symaware_cli.recording.writer import LogWriter, PaceFigures
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
-_LEVELS = {
-    Level.DEBUG: v1.Event.DEBUG,
-    Level.INFO: v1.Event.INFO,
-    Level.WARNING: v1.Event.WARNING,
-    Level.ERROR: v1.Event.ERROR,
-}
-
 #: Which events to record.
 EventKinds = Literal["all", "notable", "none"]
 
 #: Which messages between agents to record.
 MessageKinds = Literal["all", "dropped", "none"]
-
-_STAGES = {
-    "sent": v1.Message.SENT,
-    "delivered": v1.Message.DELIVERED,
-    "dropped": v1.Message.DROPPED,
-}
 
 #: The events that end a run.
 ENDINGS = frozenset({"failed", "finished", "interrupted"})
@@ -110,11 +98,6 @@ class Recorder:
         self._postures = [posture for posture in postures if posture.has_channels]
         writer.flush_in_background()
 
-    @property
-    def wants_recurring(self) -> bool:
-        """Whether to record events that recur with every step, turn or message."""
-        return self._recurring is not None
-
     def record(self, now: int, steps: int) -> None:
         """Record the changes.
 
@@ -136,13 +119,37 @@ class Recorder:
             self._timing_due = monotonic + 1.0
             self._record_timing(now, steps, monotonic)
 
+    def follow(
+        self,
+        events: EventBus,
+        shielded: Callable[[Callable[[Event], Any]], Callable[[Event], None]],
+        elsewhere: object | None = None,
+    ) -> None:
+        """Record the events of a run.
+
+        Args:
+            events: The bus of the run.
+            shielded: Wraps what is called for an event, so that no signal interrupts it.
+            elsewhere: The subject of events that other processes record.
+        """
+        for name, record in (
+            ("*", lambda event: None if elsewhere and event.subject is elsewhere else self.event(event)),
+            ("contact", lambda event: self.contact(event.subject, event.time)),
+            ("traffic", lambda event: self.traffic(event.subject, event.time)),
+        ):
+            events.subscribe(name, shielded(record))
+        if self._recurring is not None:
+            for name in sorted(RECURRING - {"traffic"}):
+                events.subscribe(name, shielded(self.recurring))
+
     def event(self, event: Event) -> None:
         """Record an event if it is selected; events of membership and of the end of a run always are."""
         if self._kinds == "none" and event.name not in ENDINGS | MEMBERSHIP:
             return
         self._write_recurring(event.time)
         data = as_json(event.data) if event.data else ""
-        record = v1.Event(name=event.name, source=event.source, level=_LEVELS[event.level], text=event.text, data=data)
+        level = event.level.name
+        record = v1.Event(name=event.name, source=event.source, level=level, text=event.text, data=data)
         self.writer.add(self._events, event.time, record.SerializeToString(deterministic=True))
 
     def recurring(self, event: Event) -> None:
@@ -185,7 +192,7 @@ class Recorder:
         if traffic.stage not in self._stages:
             return
         delivery, batch = traffic.delivery, traffic.delivery.batch
-        record = v1.MessageColumns(stage=_STAGES[traffic.stage], kind=batch.kind, sent_time=delivery.sent_time)
+        record = v1.MessageColumns(stage=traffic.stage.upper(), kind=batch.kind, sent_time=delivery.sent_time)
         reason = sizes = says = rows = None
         if len(np.unique(traffic.sizes)) == 1:
             record.size = int(traffic.sizes[0])

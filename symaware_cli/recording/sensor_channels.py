@@ -23,10 +23,7 @@ SCAN, IMAGE = "scan", "image"
 """Names of the kinds of readings in topics: ``/agents/<group>/scan/<sensor>``."""
 
 #: For each kind of reading: its name in topics, and its message type.
-_TOPICS: dict[type, tuple[str, str]] = {
-    Scan: (SCAN, "Scan"),
-    Frame: (IMAGE, "Image"),
-}
+_TOPICS: dict[type, tuple[str, str]] = {Scan: (SCAN, "Scan"), Frame: (IMAGE, "Image")}
 
 
 def sensors(topics: Iterable[str], group: str, word: str) -> dict[str, str]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from google.protobuf.message import Message
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
@@ -104,6 +105,17 @@ def fields_of(data: bytes | memoryview, first: int = VARINT, several: int = 0) -
                 position += number
     except IndexError:
         return None
+    return fields
+
+
+def message_fields(
+    data: bytes | memoryview, kind: type[Message], first: int = VARINT, several: int = 0
+) -> dict[int, Any]:
+    """As `fields_of`; a message with another layout is decoded by protobuf, and has the values of a ``kind``."""
+    fields = fields_of(data, first, several)
+    if fields is None:
+        message = kind.FromString(bytes(data))
+        fields = {field.number: getattr(message, field.name) for field in kind.DESCRIPTOR.fields}
     return fields
 
 
@@ -285,20 +297,14 @@ def encode_tables(values: ArrayLike, lengths: ArrayLike, rows: ArrayLike | None 
 
 def decode_rows(data: bytes) -> Rows:
     """Decode a `Rows` message; its arrays are read-only views of the data where possible."""
-    fields = fields_of(data)
-    if fields is None:
-        message = v1.Rows.FromString(data)
-        fields = {1: message.columns, 2: message.rows, 3: message.values}
+    fields = message_fields(data, v1.Rows)
     columns = fields.get(1, 0)
     return Rows(indices_of(fields, 2), array_of(fields, 3, FLOAT, columns))
 
 
 def decode_series(data: bytes) -> SeriesRows:
     """Decode a `SeriesRows` message."""
-    fields = fields_of(data)
-    if fields is None:
-        message = v1.SeriesRows.FromString(data)
-        fields = {1: message.columns, 2: message.rows, 3: message.lengths, 4: message.times, 5: message.values}
+    fields = message_fields(data, v1.SeriesRows)
     return SeriesRows(
         indices_of(fields, 2),
         array_of(fields, 3, INDEX),
@@ -309,10 +315,7 @@ def decode_series(data: bytes) -> SeriesRows:
 
 def decode_tables(data: bytes) -> TableRows:
     """Decode a `TableRows` message."""
-    fields = fields_of(data)
-    if fields is None:
-        message = v1.TableRows.FromString(data)
-        fields = {1: message.columns, 2: message.rows, 3: message.lengths, 4: message.values}
+    fields = message_fields(data, v1.TableRows)
     return TableRows(indices_of(fields, 2), array_of(fields, 3, INDEX), array_of(fields, 4, FLOAT, fields.get(1, 0)))
 
 

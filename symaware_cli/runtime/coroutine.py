@@ -13,21 +13,11 @@ from symaware_cli.runtime.guard import FAILED, Guard
 from symaware_cli.runtime.interruption import Interrupted
 from symaware_cli.runtime.queue import Queue
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.turn import computed_at, in_turn
-from symaware_cli.runtime.turns_in_progress import TurnsInProgress
+from symaware_cli.runtime.turn import TurnsInProgress, computed_at, in_turn
 from symaware_cli.world.chance import Turn
 
 #: The outcome of a coroutine that is done.
 _DONE = object()
-
-
-def is_coroutine(component: Component | GroupComponent) -> bool:
-    """Whether a component overrides the asynchronous methods, so that its turns may wait."""
-    kind, base = type(component), Component
-    return any(
-        getattr(kind, name) is not getattr(base, name)
-        for name in ("_async_compute", "_async_update", "async_compute_and_update")
-    )
 
 
 class CoroutineTurns:

@@ -9,8 +9,7 @@ from symaware_cli.core import Event, Level
 from symaware_cli.runtime.guard import FAILED, Guard
 from symaware_cli.runtime.queue import Phase, Queue
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.turn import computed_at, in_turn
-from symaware_cli.runtime.turns_in_progress import TurnsInProgress
+from symaware_cli.runtime.turn import TurnsInProgress, computed_at, in_turn
 from symaware_cli.runtime.workers import Computed, WorkerError, Workers
 from symaware_cli.world.chance import Turn
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NoReturn
 
 import numpy as np
 
 from symaware_cli.awareness.column import Array
 from symaware_cli.core import AgentGroup, Event, Level
-from symaware_cli.runtime.failure import RunError, describe
+from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.world.arrays import FARTHEST, is_within, said_of
@@ -36,7 +35,7 @@ class EnvironmentStepper:
         except Interrupted:
             raise
         except BaseException as error:
-            self._raise_run_error(error)
+            raise self._simulation.environment_failure(error) from error
         finally:
             interruption.shield()
 
@@ -51,7 +50,7 @@ class EnvironmentStepper:
         try:
             self._environment.push(group, rows, change)
         except BaseException as error:
-            self._raise_run_error(error)
+            raise self._simulation.environment_failure(error) from error
 
     def check(self) -> None:
         """Check that true states are finite and bounded, and that `applied_input` has the right shape.
@@ -67,7 +66,7 @@ class EnvironmentStepper:
                     shapes = f"{np.shape(applied)} instead of {group.control_input.shape}"
                     raise ValueError(f"`applied_input` of {group.name} has the shape {shapes}")
             except BaseException as error:
-                self._raise_run_error(error)
+                raise self._simulation.environment_failure(error) from error
             if not is_within(truth, FARTHEST):
                 row = next(row for row, state in enumerate(truth) if not is_within(state, FARTHEST))
                 problem = f"the state of {group.ids[row]} {said_of(truth[row])}"
@@ -83,14 +82,10 @@ class EnvironmentStepper:
         try:
             contacts = self._environment.contacts()
         except BaseException as error:
-            self._raise_run_error(error)
+            raise self._simulation.environment_failure(error) from error
         for contact in contacts:
             verb = "touch" if contact.begins else "part"
             text = f"{contact.first} and {contact.second} {verb}"
             data = {"first": contact.first, "second": contact.second, "begins": contact.begins}
             event = Event("contact", "environment", now, Level.WARNING, text, data, contact)
             self._simulation.events.fire(event)
-
-    def _raise_run_error(self, error: BaseException) -> NoReturn:
-        use, now = self._simulation.environment_use, self._simulation.clock.now
-        raise RunError("environment", use, now, describe(error), error) from error

@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, NoReturn
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from symaware_cli.awareness.column import Array, Column, SeriesColumn
-from symaware_cli.awareness.table_column import TableColumn
+from symaware_cli.awareness.column import Array, Column, SeriesColumn, TableColumn
 from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
 from symaware_cli.runtime.event_router import EventRouter
-from symaware_cli.runtime.failure import RunError, describe
-from symaware_cli.runtime.presence import Moment, PresenceInterval
+from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.run_summary import Observer
 from symaware_cli.runtime.scope import ConditionScope, WorldScope
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.timing import Coast, Trigger
-from symaware_cli.runtime.trigger import concerned
+from symaware_cli.runtime.timing import Coast, Moment, PresenceInterval, Trigger, concerned
 from symaware_cli.specification.expression import EvaluationError, Expression, Lookup
 from symaware_cli.world.arrays import is_finite
 
@@ -187,12 +184,8 @@ class Membership:
         try:
             (environment.admit if present else environment.dismiss)(group, rows)
         except BaseException as error:
-            self._raise_run_error(error)
+            raise self._simulation.environment_failure(error) from error
         simulation.exchange.present = environment.present
-
-    def _raise_run_error(self, error: BaseException) -> NoReturn:
-        use, now = self._simulation.environment_use, self._simulation.clock.now
-        raise RunError("environment", use, now, describe(error), error) from error
 
     def _schedulers_of(self, group: AgentGroup) -> list[TurnScheduler]:
         return [scheduler for scheduler in self._schedulers if scheduler.entry.group is group]

@@ -10,8 +10,7 @@ from symaware_cli.specification.expression import Expression
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.faults import Fault
-    from symaware_cli.runtime.presence import PresenceInterval
-    from symaware_cli.runtime.timing import Trigger
+    from symaware_cli.runtime.timing import PresenceInterval, Trigger
     from symaware_cli.specification.specification import Specification
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.awareness.column import Column, SeriesColumn
-from symaware_cli.awareness.table_column import TableColumn
+from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
 from symaware_cli.awareness.time_series import TimeSeries
+from symaware_cli.awareness.tracks import joined_covariances
 from symaware_cli.core import AgentGroup, Tracks
 from symaware_cli.world.time import SECOND
 
@@ -81,14 +81,7 @@ def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> T
     since = (tracks.time - then.time) / SECOND
     observers = np.concatenate([now.observers, then.observers])
     order = np.argsort(observers, kind="stable")
-    covariances = None
-    if any(len(each) and each.covariances is not None for each in (now, then)):
-        # If only one of the two has covariances, the other is filled with zeros.
-        size = 2 * tracks.positions.shape[1]
-        parts = [
-            np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in (now, then)
-        ]
-        covariances = np.concatenate(parts)[order]
+    covariances = joined_covariances([each for each in (now, then) if len(each)])
     return Tracks.of(
         tracks.time,
         len(held),
@@ -96,6 +89,6 @@ def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> T
         np.concatenate([now.others, then.others])[order],
         np.concatenate([now.positions, then.positions])[order],
         np.concatenate([now.velocities, then.velocities])[order],
-        covariances=covariances,
+        covariances=None if covariances is None else covariances[order],
         ages=np.concatenate([now.ages, then.ages + since])[order],
     )

@@ -258,11 +258,7 @@ class Replica:
         self._sent: dict[int, bytes] = {}
 
     def compute(
-        self,
-        now: int,
-        knowledge: bytes | None,
-        surroundings: bytes | None,
-        rows: list[tuple[int, Turn, bytes | None]],
+        self, now: int, knowledge: bytes | None, surroundings: bytes | None, rows: list[tuple[int, Turn, bytes | None]]
     ) -> list[ComputationResult]:
         """Compute for some rows.
 

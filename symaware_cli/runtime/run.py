@@ -16,14 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Array
-from symaware_cli.core import AgentGroup, Level, SubscriberError
+from symaware_cli.core import AgentGroup, Level, SubscriberError, seconds
+from symaware_cli.core.component import may_wait
 from symaware_cli.core.stateful import StateError
 from symaware_cli.recording.error import LogError
-from symaware_cli.runtime.attribution import attribute_livelock, attribute_subscriber_error
 from symaware_cli.runtime.awaiting import Awaiter
-from symaware_cli.runtime.coroutine import is_coroutine
 from symaware_cli.runtime.environment_stepper import EnvironmentStepper
-from symaware_cli.runtime.event_recorder import record_events
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.fault_scheduler import FaultScheduler
@@ -34,7 +32,7 @@ from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.pacer import Pacer
 from symaware_cli.runtime.process_exit import deadline, end_process, exits_refused
 from symaware_cli.runtime.queue import LivelockError, Queue
-from symaware_cli.runtime.run_summary import Observer, RunSummary, summarise
+from symaware_cli.runtime.run_summary import Observer, RunSummary
 from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.shared import Shared, Sharing
 from symaware_cli.runtime.simulation import Simulation
@@ -132,12 +130,12 @@ class Run:
             simulation, [entry for entry in simulation.entries if entry.timing.in_process], options.workers
         )
         if recorder:
-            record_events(recorder, simulation, self._interruption, participant)
+            recorder.follow(simulation.events, self._interruption.shielded, participant)
             if self._pacer:
                 recorder.pace = self._pacer.kept.figures
         components = [each for entry in simulation.entries for each in entry.components]
         self._bridge: AsyncioBridge | None = None
-        if is_asynchronous and self._pacer and any(is_coroutine(each) for each in components):
+        if is_asynchronous and self._pacer and any(may_wait(type(each)) for each in components):
             # Importing asyncio takes as long as a short run.
             from symaware_cli.runtime.asyncio_bridge import AsyncioBridge
 
@@ -294,20 +292,30 @@ class Run:
     @property
     def summary(self) -> RunSummary:
         """The figures of the run so far."""
-        return summarise(
-            self.simulation,
-            self._observer,
-            self.recorder,
+        simulation, observer, recorder, failure = self.simulation, self._observer, self.recorder, self.failure
+        return RunSummary(
+            name=simulation.name,
+            seed=simulation.seed,
             status=self.status or "interrupted",
-            agents=self.simulation.agent_count - len(self.membership.waiting),
+            agents=simulation.agent_count - len(self.membership.waiting),
+            steps=self.done,
+            simulated_time=seconds(simulation.clock.now),
+            wall_time=self._elapsed - self._waiting_time,
+            updates=recorder.updates if recorder else 0,
+            contacts=observer.contacts,
+            minimum_separation=observer.minimum_separation,
+            highest_risk=observer.highest_risk,
+            goals_reached=tuple(sorted(observer.goals)),
+            log=str(recorder.writer.path) if recorder else None,
+            log_size=recorder.writer.size if recorder else None,
+            failure=str(failure) if failure else None,
+            traceback=failure.trace or None if failure else None,
             turns=sum(each.turns for each in self.schedulers),
             overruns=sum(each.overruns for each in self.schedulers),
             failures=sum(each.failures for each in self.schedulers),
-            steps=self.done,
-            began=self.kernel.began,
-            wall_time=self._elapsed - self._waiting_time,
+            warnings=dict(sorted(observer.warnings.items())),
             pace=self._pacer.kept if self._pacer else None,
-            failure=self.failure,
+            began=seconds(self.kernel.began),
             specifications=self._specifications.outcomes(),
         )
 
@@ -406,9 +414,9 @@ class Run:
             simulation.announce("finished", "run", reason, level=Level.WARNING if waiting else Level.INFO, **data)
             return reason
         except SubscriberError as error:
-            raise attribute_subscriber_error(simulation, error) from error
+            raise simulation.subscriber_failure(error) from error
         except LivelockError as error:
-            raise attribute_livelock(simulation, error) from error
+            raise simulation.livelock_failure(error) from error
         except (RunError, LogError, Interrupted, GeneratorExit):
             raise
         except BaseException as error:

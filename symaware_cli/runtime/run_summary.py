@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,6 @@ from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.runtime.pacer import Pace
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.specification.outcome import Outcome
-
-if TYPE_CHECKING:
-    from symaware_cli.recording.recorder import Recorder
-    from symaware_cli.runtime.failure import RunError
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,65 +202,3 @@ class Observer:
 def _agent(event: Event) -> str:
     """The id of the agent whose component fired an event."""
     return event.source.removeprefix("agents.").rpartition(".")[0]
-
-
-def summarise(
-    simulation: Simulation,
-    observer: Observer,
-    recorder: Recorder | None,
-    *,
-    status: str,
-    agents: int,
-    turns: int,
-    overruns: int,
-    failures: int,
-    steps: int,
-    began: int,
-    wall_time: float,
-    pace: Pace | None = None,
-    failure: RunError | None = None,
-    specifications: tuple[Outcome, ...] = (),
-) -> RunSummary:
-    """Create the summary of a run.
-
-    Args:
-        simulation: The simulation.
-        observer: The figures collected during the run.
-        recorder: The recorder of the log, if there is one.
-        status: See `RunSummary`.
-        agents: The number of agents that were ever in the world.
-        turns: See `RunSummary`.
-        overruns: See `RunSummary`.
-        failures: See `RunSummary`.
-        steps: See `RunSummary`.
-        began: The first instant, in nanoseconds.
-        wall_time: The duration of the run [s].
-        pace: See `RunSummary`.
-        failure: Why the run failed, if it did.
-        specifications: See `RunSummary`.
-    """
-    return RunSummary(
-        name=simulation.name,
-        seed=simulation.seed,
-        status=status,
-        agents=agents,
-        steps=steps,
-        simulated_time=seconds(simulation.clock.now),
-        wall_time=wall_time,
-        updates=recorder.updates if recorder else 0,
-        contacts=observer.contacts,
-        minimum_separation=observer.minimum_separation,
-        highest_risk=observer.highest_risk,
-        goals_reached=tuple(sorted(observer.goals)),
-        log=str(recorder.writer.path) if recorder else None,
-        log_size=recorder.writer.size if recorder else None,
-        failure=str(failure) if failure else None,
-        traceback=failure.trace or None if failure else None,
-        turns=turns,
-        overruns=overruns,
-        failures=failures,
-        warnings=dict(sorted(observer.warnings.items())),
-        pace=pace,
-        began=seconds(began),
-        specifications=specifications,
-    )

@@ -8,8 +8,9 @@ from functools import partial
 from typing import Any
 
 from symaware_cli.core import Event, GroupComponent, Level, SubscriberError
+from symaware_cli.core.component import may_wait
 from symaware_cli.runtime.awaiting import Awaiter
-from symaware_cli.runtime.coroutine import CoroutineTurns, is_coroutine
+from symaware_cli.runtime.coroutine import CoroutineTurns
 from symaware_cli.runtime.delayed import DelayedTurns
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import describe
@@ -19,10 +20,8 @@ from symaware_cli.runtime.queue import Phase, Queue
 from symaware_cli.runtime.scope import ConditionScope
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.supervision import Supervision
-from symaware_cli.runtime.timing import Timetable
-from symaware_cli.runtime.trigger import concerned
-from symaware_cli.runtime.turn import in_turn
-from symaware_cli.runtime.turns_in_progress import TurnsInProgress
+from symaware_cli.runtime.timing import Timetable, concerned
+from symaware_cli.runtime.turn import TurnsInProgress, in_turn
 from symaware_cli.runtime.workers import Workers
 from symaware_cli.specification.expression import EvaluationError
 from symaware_cli.world.chance import key_of
@@ -101,7 +100,7 @@ class TurnScheduler:
         common = simulation, entry, place, queue, self._guard, self._progress
         self._delayed = DelayedTurns(*common, workers, self._on_turn_done)
         self._coroutines: CoroutineTurns | None = None
-        if awaiter is not None and any(is_coroutine(each) for each in entry.components):
+        if awaiter is not None and any(may_wait(type(each)) for each in entry.components):
             self._coroutines = CoroutineTurns(*common, awaiter, self._on_turn_done)
         queue.register(place, {"period": self._on_period, "trigger": self._on_triggered_turn, "again": self._on_again})
         self._timetables: dict[int, Timetable] = {}

@@ -28,6 +28,7 @@ from symaware_cli.network.network import Change, Network, TopologyPhase
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
+from symaware_cli.runtime.queue import LivelockError
 from symaware_cli.runtime.timing import STEADY, Timing
 from symaware_cli.runtime.turn import in_turn
 from symaware_cli.world.chance import Turn
@@ -197,7 +198,7 @@ class Simulation:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            raise RunError("environment", environment_use, 0, describe(error), error) from error
+            raise self.environment_failure(error) from error
         for group in self.groups:
             with suppress(WorldError):
                 group.drive = environment.drive(group)
@@ -250,6 +251,28 @@ class Simulation:
         """Fire an event on behalf of the run; a recurring event only if it has subscribers."""
         if name in self.events.wanted or name not in RECURRING:
             self.events.fire(Event(name, source, self.clock.now, level, text, data, self, self.agent_of(source)))
+
+    def environment_failure(self, error: BaseException) -> RunError:
+        """Return the failure of the world that an exception of its is."""
+        return RunError("environment", self.environment_use, self.clock.now, describe(error), error)
+
+    def livelock_failure(self, error: LivelockError) -> RunError:
+        """Return the failure of the components that take turn after turn at one instant."""
+        entries = [self.entries[place] for place in error.places if place >= 0]
+        names = ", ".join(f"`{entry.path}`" for entry in entries)
+        problem = f"no time passes any more: {names} take turn after turn at one instant"
+        source, plugin = (entries[0].path, entries[0].use) if entries else ("run", "symaware")
+        return RunError(source, plugin, self.clock.now, problem)
+
+    def subscriber_failure(self, error: SubscriberError) -> RunError:
+        """Return the failure of a subscriber; it is that of its component if it is a method of one."""
+        cause = error.__cause__ or error
+        problem = f"{error}: {describe(cause)}"
+        owner = getattr(error.subscriber, "__self__", None)
+        source, plugin = error.event.source, "subscriber"
+        if isinstance(owner, Component | GroupComponent):
+            source, plugin = owner.path, owner.use
+        return RunError(source, plugin, self.clock.now, problem, cause)
 
     def agent_of(self, source: str) -> str | None:
         """The id of the agent that a path denotes, or whose component it denotes; None for other paths."""

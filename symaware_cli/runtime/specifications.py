@@ -12,8 +12,7 @@ from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.offers import Offers
 from symaware_cli.runtime.scope import WorldColumns, WorldScope
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.timing import Trigger
-from symaware_cli.runtime.trigger import concerned
+from symaware_cli.runtime.timing import Trigger, concerned
 from symaware_cli.specification.monitor_statuses import MonitorStatuses
 from symaware_cli.specification.outcome import Decision, Outcome
 from symaware_cli.specification.specification import Specification, SpecificationError

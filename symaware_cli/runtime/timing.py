@@ -1,14 +1,16 @@
-"""The timing of a component: period, offset, jitter, trigger, condition, latency, overruns and handling of failures."""
+"""When something happens: the timing of a component's turns, the agents that an event triggers, and their presence."""
 
 from __future__ import annotations
 
+import fnmatch
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 
-from symaware_cli.core import nanoseconds
+from symaware_cli.core import Contact, Event, nanoseconds
 from symaware_cli.specification.expression import Expression
 from symaware_cli.world.chance import uniform
 
@@ -175,3 +177,67 @@ class Timetable:
             drawn = uniform(instants, np.zeros_like(instants), self._key, 1)[:, 0]
             self._delays = np.rint(drawn * self._jitter).astype(np.int64).tolist()
         return self._delays[place]
+
+
+def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The rows of the agents of a group that an event concerns.
+
+    Args:
+        event: The event.
+        trigger: The trigger of the agents' components.
+        group: The group's name.
+        rows: The row of each of its agents, by id.
+    """
+    if trigger.source is not None:
+        contact = event.subject
+        if isinstance(contact, Contact):
+            return [rows[id] for id in (contact.first, contact.second) if id in rows]
+        return rows.values()
+    path = event.source.removeprefix("agents.")
+    owner, _, component = path.rpartition(".")
+    if path in rows and trigger.component is None:
+        return [rows[path]]
+    if event.name in ("fault", "fault-over"):
+        return _fault_targets(path, trigger, group, rows)
+    if trigger.component not in (None, component):
+        return []
+    if owner in rows:
+        return [rows[owner]]
+    return rows.values() if owner == group else []
+
+
+def _fault_targets(path: str, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The agents of a group that a fault affects: it names agents or their components by patterns."""
+    owner, _, component = path.rpartition(".")
+    if trigger.component is None:
+        return _matching(path, group, rows) or _matching(owner, group, rows)
+    return _matching(owner, group, rows) if fnmatch.fnmatchcase(trigger.component, component) else []
+
+
+def _matching(pattern: str, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The agents of a group that match a pattern: all if the group's name matches, otherwise by their ids."""
+    if fnmatch.fnmatchcase(group, pattern):
+        return rows.values()
+    return [row for id, row in rows.items() if fnmatch.fnmatchcase(id, pattern)]
+
+
+#: An instant in nanoseconds, a condition, or an event.
+Moment = int | Expression | Trigger
+
+
+@dataclass(frozen=True, slots=True)
+class PresenceInterval:
+    """The interval in which an agent is in the world.
+
+    Attributes:
+        begin: When it enters; a condition is evaluated in the scope of the world. None for the start of the run.
+        end: When it leaves; a condition is evaluated in the scope of the agent. None for never.
+    """
+
+    begin: Moment | None = None
+    end: Moment | None = None
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the agent is absent when the run begins."""
+        return self.begin is not None and self.begin != 0

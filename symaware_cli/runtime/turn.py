@@ -1,7 +1,8 @@
-"""Identifies the turns of components, by their instant and their count at that instant."""
+"""Identifies the turns of components, by their instant and their count at that instant, and notes unfinished ones."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 
 from symaware_cli.core import Component, GroupComponent
@@ -57,3 +58,41 @@ def computed_at(component: Component | GroupComponent, instant: int) -> Abstract
         instant: The time of the computation in nanoseconds.
     """
     return _TemporaryAttribute(component, "_computed_at", instant)
+
+
+class TurnsInProgress(Turns):
+    """The unfinished turns of the components of one entry, by row."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._busy: dict[int, object] = {}
+
+    def __contains__(self, row: int) -> bool:
+        return row in self._busy
+
+    def __iter__(self) -> Iterator[object]:
+        return iter(self._busy.values())
+
+    @property
+    def rows(self) -> list[int]:
+        """The rows with an unfinished turn, in the order in which the turns began."""
+        return list(self._busy)
+
+    def of(self, row: int) -> object | None:
+        """The unfinished turn of a component, if it has one."""
+        return self._busy.get(row)
+
+    def add(self, row: int, turn: object) -> None:
+        """Register a turn that may take simulated time."""
+        self._busy[row] = turn
+
+    def remove(self, row: int, turn: object) -> bool:
+        """Remove a finished turn; return False if it was cancelled before."""
+        if self._busy.get(row) != turn:
+            return False
+        del self._busy[row]
+        return True
+
+    def pop(self, row: int) -> object | None:
+        """Remove and return the unfinished turn of a component, if it has one."""
+        return self._busy.pop(row, None)

@@ -98,9 +98,5 @@ def main(incoming: int, outgoing: int, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if not end_with(parent):
         return
-    with (
-        os.fdopen(incoming, "rb") as requests,
-        os.fdopen(outgoing, "wb") as answers,
-        suppress(BrokenPipeError),
-    ):
+    with os.fdopen(incoming, "rb") as requests, os.fdopen(outgoing, "wb") as answers, suppress(BrokenPipeError):
         serve(requests, answers)

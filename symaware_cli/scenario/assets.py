@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path as FilePath
 
 from symaware_cli.core import Entity, Environment, Mesh, Obstacle, Urdf, WorldError
 from symaware_cli.environments import asset
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.section import Use
 from symaware_cli.scenario.source import Path
 
 
-def check_assets(
-    document: ScenarioDocument, environment: Environment, folder: FilePath, report: Callable[..., None]
-) -> None:
+def check_assets(document: ScenarioDocument, environment: Environment, folder: FilePath, diagnosis: Diagnosis) -> None:
     """Report every missing or invalid file, even if the world does not use it.
 
     Args:
         document: The validated document.
         environment: The environment, not initialised yet.
         folder: The scenario's folder.
-        report: Takes the code and the message of a problem, and the path.
+        diagnosis: Takes problems.
     """
     for path, name, body in _named(document):
         if body is not None and asset.is_packaged(name) and "vehicles" not in environment.provides:
@@ -30,13 +29,13 @@ def check_assets(
         try:
             file = asset.find(name, folder)
         except WorldError as error:
-            report("missing-file", str(error), path)
+            diagnosis.report("missing-file", str(error), path)
             continue
         try:
             if isinstance(body, Urdf):
                 asset.check_description(file, name, folder)
         except WorldError as error:
-            report("unsuitable", str(error), path)
+            diagnosis.report("unsuitable", str(error), path)
 
 
 def assets(document: ScenarioDocument, folder: FilePath) -> dict[str, bytes]:

@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Environment, Links, WorldError, nanoseconds
 from symaware_cli.distributed.transport import Transport
 from symaware_cli.network.network import Network
 from symaware_cli.network.topology.topology import Topology
 from symaware_cli.runtime.failure import RunError
-from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.options import RunOptions
-from symaware_cli.runtime.presence import PresenceInterval
-from symaware_cli.runtime.scope import further_parts
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.timing import Trigger
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.cell_certificate import check_cells
 from symaware_cli.scenario.circular_assumptions import check_circular_assumptions
-from symaware_cli.scenario.component_check import ComponentCheck
 from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument, TopologyUse
 from symaware_cli.scenario.fault_builder import FaultBuilder
 from symaware_cli.scenario.group_builder import GroupBuilder
@@ -40,24 +34,19 @@ from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parts import check_omitted
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, topologies, words
 from symaware_cli.scenario.presence_builder import PresenceBuilder
-from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, quoted
+from symaware_cli.scenario.problem import Problem, ScenarioError, quoted
 from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specifications import SpecificationBuilder, check_named, check_values
 from symaware_cli.scenario.timing_check import TimingCheck
 from symaware_cli.scenario.validation import validate
-from symaware_cli.specification.specification import Specification
-
-Array = NDArray[np.float64]
 
 #: The greatest number of steps; more are taken for a mistake: at a million steps per second they take 17 minutes.
 _MOST_STEPS = 10**9
 
 #: Sections in which an entry can be checked where another one is wrong.
 _INDEPENDENT = ("faults", "specifications")
-
-_REFERENCES = {"bad-reference", "cyclic-parameter", "undefined-parameter"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +155,9 @@ class _SimulationBuilder:
         self._composition = composition
         self._folder = folder
         self._world = world
-        self._found = tuple(found)
-        self._problems: list[Problem] = []
-        self._factory = PluginFactory(composition, catalogue, self._report, self._problems.extend)
+        self._diagnosis = Diagnosis(composition, found)
+        self._problems, self._report = self._diagnosis.problems, self._diagnosis.report
+        self._factory = PluginFactory(self._diagnosis, catalogue)
 
     def build(self) -> Built:
         data = self._composition.data
@@ -178,18 +167,16 @@ class _SimulationBuilder:
             if any(problem.code == "wrong-version" for problem in document):
                 # Other problems are meaningless in another version of the format.
                 raise ScenarioError([problem for problem in document if problem.code == "wrong-version"])
-            self._problems += document
+            self._problems.extend(document)
             document = self._sound_part(data, document)
         # Objects are created even if the document has problems elsewhere, so that one pass reports everything.
         valid = document if isinstance(document, ScenarioDocument) else None
         environment = self._environment(mapping(data.get("environment")))
-        maker = GroupBuilder(
-            self._composition, self._report, self._problems.extend, self._factory, valid, self._found, self._folder
-        )
+        maker = GroupBuilder(self._diagnosis, self._factory, valid, self._folder)
         models = mapping(data.get("knowledge_models"))
         maker.knowledge_models = dict.fromkeys(models)
         if valid is not None:
-            modeller = KnowledgeModelBuilder(self._report, self._factory, self._folder, valid.regions)
+            modeller = KnowledgeModelBuilder(self._diagnosis, self._factory, self._folder, valid.regions)
             maker.knowledge_models = modeller.build(models)
         groups, component_entries = [], []
         for name, entry in mapping(data.get("agents")).items():
@@ -200,26 +187,26 @@ class _SimulationBuilder:
         steps = self._steps(mapping(data.get("run")).get("duration"), environment)
         networks = self._topologies(data.get("topology"))
         transport = next(iter(self._factory.make(mapping(data.get("transport")), ("transport",))), None)
-        check_omitted(mapping(data.get("recording")).get("omit"), maker.declared, self._report)
+        check_omitted(mapping(data.get("recording")).get("omit"), maker.declared, self._diagnosis)
         options, network, links = RunOptions(), None, None
         if isinstance(document, ScenarioDocument) and environment is not None:
             options = self._options(document, environment, groups, component_entries)
-            check_requirements(document, environment, groups, component_entries, self._report)
-            check_assets(document, environment, self._folder, self._report)
-            check_consensus(document, environment.time_step, component_entries, self._report)
-            check_circular_assumptions(component_entries, self._report)
+            check_requirements(document, environment, groups, component_entries, self._diagnosis)
+            check_assets(document, environment, self._folder, self._diagnosis)
+            check_consensus(document, environment.time_step, component_entries, self._diagnosis)
+            check_circular_assumptions(component_entries, self._diagnosis)
             if document.topology is not None and len(groups) == len(document.agents):
                 network, links = self._network(
                     document.topology, networks, document, environment, groups, component_entries
                 )
             if not self._problems:
-                check_named(options.specifications, component_entries, groups, links, self._report)
-        if self._problems or self._found or isinstance(document, list) or environment is None:
-            raise ScenarioError([*self._found, *filter(self._is_independent, self._problems)])
+                check_named(options.specifications, component_entries, groups, links, self._diagnosis)
+        if self._problems or self._diagnosis.earlier or isinstance(document, list) or environment is None:
+            self._diagnosis.raise_problems()
         simulation = self._simulation(document, environment, groups, component_entries)
-        check_values(options.specifications, self._report)
+        check_values(options.specifications, self._diagnosis)
         if self._world is None:
-            check_cells(document, environment, component_entries, self._report)
+            check_cells(document, environment, component_entries, self._diagnosis)
         if self._problems:
             raise ScenarioError(self._problems)
         if network is not None:
@@ -245,59 +232,28 @@ class _SimulationBuilder:
         component_entries: list[ComponentEntry],
     ) -> RunOptions:
         """Build the options of the run, set the timing of the components, and add those that replace others."""
-        check = TimingCheck(
-            self._composition,
-            environment,
-            self._problems.append,
-            document.regions,
-            mapping(self._composition.data.get("specifications")),
-        )
+        named = mapping(self._composition.data.get("specifications"))
+        check = TimingCheck(self._diagnosis, environment, document.regions, named)
         for component_entry in component_entries:
             use = document.agents[component_entry.group.name].components[component_entry.name]
-            path: Path = ("agents", component_entry.group.name, "components", component_entry.name)
-            component_entry.timing = check.timing(use, component_entry.group, type(component_entry.components[0]), path)
+            kind, path = type(component_entry.components[0]), component_entry.section
+            component_entry.timing = check.timing(use, component_entry.group, kind, path)
         check.triggers(component_entries)
-        run, until = document.run, check.until(document.run, groups)
-        faults: Sequence[Fault] = ()
-        presence: Mapping[str, Sequence[PresenceInterval]] = {}
-        specifications: Sequence[Specification] = ()
-        instances: Mapping[str, Trigger] = {}
-        if len(groups) == len(document.agents):
-            builder = FaultBuilder(
-                self._composition,
-                self._report,
-                check,
-                environment,
-                groups,
-                component_entries,
-                document,
-                self._factory,
-                ComponentCheck(self._composition, self._report, self._problems.extend),
-            )
-            faults = builder.build()
-            members = PresenceBuilder(self._report, check, environment, document.environment.use, component_entries)
-            presence = members.build(groups, document.agents)
-            statements = SpecificationBuilder(
-                self._report,
-                check,
-                environment,
-                environment.time_step,
-                groups,
-                component_entries,
-                further_parts(groups),
-            )
-            specifications = statements.build(document)
-            instances = statements.triggers
-        return RunOptions(
-            mode=run.mode,
-            until=until,
-            pace=run.pace,
-            turn_limit=run.turn_limit,
-            workers=run.workers,
+        run = document.run
+        options = RunOptions(
+            mode=run.mode, until=check.until(run, groups), pace=run.pace, turn_limit=run.turn_limit, workers=run.workers
+        )
+        if len(groups) < len(document.agents):
+            return options
+        faults = FaultBuilder(check, environment, groups, component_entries, document, self._factory).build()
+        members = PresenceBuilder(check, environment, document.environment.use, component_entries)
+        statements = SpecificationBuilder(check, environment, groups, component_entries)
+        return replace(
+            options,
             faults=tuple(faults),
-            presence=presence,
-            specifications=specifications,
-            instances=instances,
+            presence=members.build(groups, document.agents),
+            specifications=statements.build(document),
+            instances=statements.triggers,
         )
 
     def _network(
@@ -310,32 +266,15 @@ class _SimulationBuilder:
         component_entries: Sequence[ComponentEntry],
     ) -> tuple[Network | None, Links | None]:
         """Return the network, None after a problem; and its links if they are fixed."""
-        builder = NetworkBuilder(self._report, environment, groups, document.seed)
+        builder = NetworkBuilder(self._diagnosis, environment, groups, document.seed)
         narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
         network = builder.build(use, topologies, narrowed=narrowed)
         if network is None:
             return None, None
         is_fixed = not use.changes and not network.phase(0).topology.changes
         links = builder.links(network) if is_fixed else None
-        check_metropolis(use, network, builder.links, component_entries, self._report)
+        check_metropolis(use, network, builder.links, component_entries, self._diagnosis)
         return network, links
-
-    def _is_independent(self, problem: Problem) -> bool:
-        """Whether a problem is more than a consequence of a value that is invalid, which is already reported."""
-        if any(problem.span == known.span for known in self._found):
-            return False
-        return not any(f"{problem.path}.".startswith(f"{path}.") for path in self._invalid_paths)
-
-    @cached_property
-    def _invalid_paths(self) -> set[str]:
-        """The paths of invalid values, and of texts with references that could not be resolved."""
-        paths = {known.path for known in self._found}
-        if any(known.code in _REFERENCES for known in self._found):
-            paths |= {dotted(path) for path in _unresolved(self._composition.data, ())}
-        return paths
-
-    def _report(self, code: str, message: str, path: Path, **hints: Any) -> None:
-        self._problems.append(self._composition.problem(code, message, path, **hints))
 
     def _environment(self, entry: Mapping[str, Any]) -> Environment | None:
         made = self._factory.make(entry, ("environment",))
@@ -395,14 +334,3 @@ class _SimulationBuilder:
                 said = f"{quoted(error.plugin)} cannot set up the world: {error.problem}"
                 self._report("unsuitable", said, ("environment",))
             raise ScenarioError(self._problems) from error
-
-
-def _unresolved(value: Any, path: Path) -> Iterator[Path]:
-    """Yield the path of each text that still contains a reference."""
-    if isinstance(value, str):
-        if "${" in value:
-            yield path
-        return
-    items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
-    for key, each in items:
-        yield from _unresolved(each, (*path, key))

@@ -6,7 +6,8 @@ docs/decisions/0051-certified-cells.md has the proof whose premises are checked 
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,9 @@ from symaware_cli.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.core import AgentGroup, Environment, WorldError, seconds
 from symaware_cli.geometry.pieces import Pieces, separation
 from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.problem import quoted
-from symaware_cli.scenario.source import Path
 
 #: The controller that is checked; to import its class would slow down every run.
 _CONTROLLER = "control.cells"
@@ -29,7 +30,7 @@ _OTHERWISE = "or `certified: false`"
 
 
 def check_cells(
-    document: ScenarioDocument, environment: Environment, entries: Sequence[ComponentEntry], report: Callable[..., None]
+    document: ScenarioDocument, environment: Environment, entries: Sequence[ComponentEntry], diagnosis: Diagnosis
 ) -> None:
     """Report whatever makes it uncertain that an agent keeps to its cells.
 
@@ -37,11 +38,11 @@ def check_cells(
         document: The validated document.
         environment: The environment, initialised.
         entries: All component entries.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
     """
     for entry in entries:
         if entry.use == _CONTROLLER and entry.components[0].parameters.certified:
-            _CellCheck(document, environment, entry, report).check(
+            _CellCheck(document, environment, entry, diagnosis).check(
                 [each for each in entries if each.group is entry.group]
             )
 
@@ -50,17 +51,13 @@ class _CellCheck:
     """Checks one controller."""
 
     def __init__(
-        self,
-        document: ScenarioDocument,
-        environment: Environment,
-        entry: ComponentEntry,
-        report: Callable[..., None],
+        self, document: ScenarioDocument, environment: Environment, entry: ComponentEntry, diagnosis: Diagnosis
     ) -> None:
-        self._document = document
+        self._key_path = partial(document.key_path, entry.section)
         self._environment = environment
         self._entry = entry
-        self._report = report
-        self._path: Path = ("agents", entry.group.name, "components", entry.name)
+        self._report = diagnosis.report
+        self._path = entry.section
         self._step = environment.time_step
         #: Time between two turns [ns].
         self._period = self._step if entry.timing.period is None else entry.timing.period
@@ -95,17 +92,13 @@ class _CellCheck:
             ("latency", not timing.latency.is_zero, "an input is for where the agent was when it was computed"),
         ):
             if is_wrong:
-                self._uncertain(why, self._key(key), f"no {key}")
+                self._uncertain(why, self._key_path(key), f"no {key}")
         for key, value in (("period", self._period), ("offset", timing.offset)):
             if value % self._step or (key == "period" and not value):
                 why = (
                     f"{'an input' if key == 'period' else 'the first'} is held for a part of a time step of {step:g} s"
                 )
-                self._uncertain(why, self._key(key), f"a whole multiple of {step:g} [s]")
-
-    def _key(self, key: str) -> Path:
-        use = self._document.agents[self._entry.group.name].components[self._entry.name]
-        return (*self._path, key) if key in use.model_fields_set else self._path
+                self._uncertain(why, self._key_path(key), f"a whole multiple of {step:g} [s]")
 
     def _check_perception(self, own: Sequence[ComponentEntry]) -> None:
         """Check that the agent knows its own state exactly at each turn."""

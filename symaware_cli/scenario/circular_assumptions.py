@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
 
 
-def check_circular_assumptions(entries: Sequence[ComponentEntry], report: Callable[..., None]) -> None:
+def check_circular_assumptions(entries: Sequence[ComponentEntry], diagnosis: Diagnosis) -> None:
     """Report each assumption that something happens again and again which closes a circle of such assumptions.
 
     From safety that agents assume of each other the safety of all follows, step by step (Abadi and Lamport, Conjoining
@@ -17,7 +18,7 @@ def check_circular_assumptions(entries: Sequence[ComponentEntry], report: Callab
 
     Args:
         entries: All component entries.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
     """
     waits: dict[str, dict[Path, set[str]]] = {}
     group_of = {agent: entry.group.name for entry in entries for agent in entry.group.ids}
@@ -33,7 +34,7 @@ def check_circular_assumptions(entries: Sequence[ComponentEntry], report: Callab
             circle = next((each for each in sorted(others) if group in _reachable(each, after)), None)
             if circle is None:
                 continue
-            report(
+            diagnosis.report(
                 "circular-assumptions",
                 f"{quoted(group)} waits for {quoted(circle)}, and that waits for {quoted(group)}: "
                 "they might wait for each other for ever",

@@ -58,7 +58,7 @@ class Composition:
         """Returns the same document with a copy of its data, which may be changed."""
         return type(self)(self.name, self._root, self.files, self._sources)
 
-    def span(self, path: Path, key: bool = False) -> TextSpan | None:
+    def span(self, path: Path, key: bool = False) -> TextSpan:
         """Returns the position of the value (or the key) at a path, or of its nearest existing ancestor."""
         return self._root.nearest_span(path, key=key)
 
@@ -83,7 +83,7 @@ class Composition:
     ) -> Problem:
         """Returns a problem with the value (or the key) at a path, including its position."""
         span = self.span(path, key)
-        line = self.line_text(span) if span else None
+        line = self.line_text(span)
         return Problem(code, message, span, dotted(path), expected, suggestion, line)
 
 

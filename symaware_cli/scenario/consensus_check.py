@@ -10,15 +10,15 @@ from symaware_cli.components.communication.consensus import Consensus
 from symaware_cli.core import Links, seconds
 from symaware_cli.network.network import Network
 from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument, TopologyUse
 from symaware_cli.scenario.problem import quoted
-from symaware_cli.scenario.source import Path
 
 _NEEDED = "a consensus needs turns at the same times"
 
 
 def check_consensus(
-    document: ScenarioDocument, time_step: int, entries: Sequence[ComponentEntry], report: Callable[..., None]
+    document: ScenarioDocument, time_step: int, entries: Sequence[ComponentEntry], diagnosis: Diagnosis
 ) -> None:
     """Report each consensus that is incompatible with that of another group on the same name.
 
@@ -26,7 +26,7 @@ def check_consensus(
         document: The validated document.
         time_step: The world's time step, in nanoseconds.
         entries: All component entries.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
     """
     by_name: dict[str, list[ComponentEntry]] = {}
     for entry in entries:
@@ -38,13 +38,13 @@ def check_consensus(
             same = groups.setdefault(entry.group.name, entry)
             if same is not entry:
                 message = f"{_named(same)} has a consensus on {quoted(name)} already"
-                report("unsuitable", message, entry.section, key=True, expected="one for each name")
+                diagnosis.report("unsuitable", message, entry.section, key=True, expected="one for each name")
                 continue
-            _check_shape(name, entry, first, report)
-            _check_turns(document, time_step, entry, first, report)
-            _check_weights(entry, first, report)
+            _check_shape(name, entry, first, diagnosis)
+            _check_turns(document, time_step, entry, first, diagnosis)
+            _check_weights(entry, first, diagnosis)
         for entry in groups.values() if len(groups) > 1 else ():
-            _check_order(document, entry, report)
+            _check_order(document, entry, diagnosis)
 
 
 def check_metropolis(
@@ -52,7 +52,7 @@ def check_metropolis(
     network: Network,
     links_of: Callable[[Network], Links | None],
     entries: Sequence[ComponentEntry],
-    report: Callable[..., None],
+    diagnosis: Diagnosis,
 ) -> None:
     """Report each consensus with Metropolis weights on links that change or are directed.
 
@@ -61,7 +61,7 @@ def check_metropolis(
         network: The network built from it.
         links_of: Returns the links of a fixed topology; None after a problem that it reported.
         entries: All component entries.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
     """
     concerned = [entry for entry in entries if _has_metropolis(entry)]
     if not concerned:
@@ -76,7 +76,9 @@ def check_metropolis(
         return
     for entry in concerned:
         message = f"Metropolis weights preserve the mean only if links {wrong}"
-        report("unsuitable", message, (*entry.section, "with", "weights"), expected="uniform, or another topology")
+        diagnosis.report(
+            "unsuitable", message, (*entry.section, "with", "weights"), expected="uniform, or another topology"
+        )
 
 
 def _are_symmetric(links: Links) -> bool:
@@ -89,7 +91,7 @@ def _has_metropolis(entry: ComponentEntry) -> bool:
     return isinstance(component, Consensus) and component.parameters.weights == "metropolis"
 
 
-def _check_weights(entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]) -> None:
+def _check_weights(entry: ComponentEntry, first: ComponentEntry, diagnosis: Diagnosis) -> None:
     """Report weights, and with Metropolis weights gains, that differ from those of another group."""
     own, wanted = entry.components[0], first.components[0]
     assert isinstance(own, Consensus)
@@ -99,25 +101,21 @@ def _check_weights(entry: ComponentEntry, first: ComponentEntry, report: Callabl
         if one != two and "metropolis" in kinds:
             where = (*entry.section, *(("with", key) if key in own.parameters.model_fields_set else ()))
             said = f"both ends of a link need the same {key}: {one} here, and {two} for {_named(first)}"
-            report("unsuitable", said, where, expected=str(two))
+            diagnosis.report("unsuitable", said, where, expected=str(two))
             return
 
 
-def _check_shape(name: str, entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]) -> None:
+def _check_shape(name: str, entry: ComponentEntry, first: ComponentEntry, diagnosis: Diagnosis) -> None:
     """Report a value whose shape differs from that in another group."""
     shape, wanted = (each.group.known(name).shape[1:] for each in (entry, first))
     if shape != wanted:
         message = f"{_named(first)} has a consensus on {quoted(name)} that is {_form(wanted)}, and here it is "
         where = ("agents", entry.group.name, "knowledge", name)
-        report("unsuitable", message + _form(shape), where, key=True, expected=_form(wanted))
+        diagnosis.report("unsuitable", message + _form(shape), where, key=True, expected=_form(wanted))
 
 
 def _check_turns(
-    document: ScenarioDocument,
-    time_step: int,
-    entry: ComponentEntry,
-    first: ComponentEntry,
-    report: Callable[..., None],
+    document: ScenarioDocument, time_step: int, entry: ComponentEntry, first: ComponentEntry, diagnosis: Diagnosis
 ) -> None:
     """Report turns at other times than those of another group."""
     own, wanted = entry.timing, first.timing
@@ -125,14 +123,16 @@ def _check_turns(
     for key, one, two in (("period", period, other), ("offset", own.offset, wanted.offset)):
         if one != two:
             said = f"{_NEEDED}: the {key} is {seconds(one):g} s here, and {seconds(two):g} s for {_named(first)}"
-            report("unsuitable", said, _key_path(document, entry, key), key=True, expected=f"{seconds(two):g} [s]")
+            where = document.key_path(entry.section, key)
+            diagnosis.report("unsuitable", said, where, key=True, expected=f"{seconds(two):g} [s]")
     for key in ("trigger", "latency"):
         if getattr(own, key) != getattr(wanted, key):
             said = f"{_NEEDED}: the {key} is not that of {_named(first)}"
-            report("unsuitable", said, _key_path(document, entry, key), key=True, expected=f"the same {key} for both")
+            where = document.key_path(entry.section, key)
+            diagnosis.report("unsuitable", said, where, key=True, expected=f"the same {key} for both")
 
 
-def _check_order(document: ScenarioDocument, entry: ComponentEntry, report: Callable[..., None]) -> None:
+def _check_order(document: ScenarioDocument, entry: ComponentEntry, diagnosis: Diagnosis) -> None:
     """Report turns that may be at other times than those of other groups."""
     timing = entry.timing
     for key, is_uncertain in (
@@ -143,18 +143,12 @@ def _check_order(document: ScenarioDocument, entry: ComponentEntry, report: Call
     ):
         if is_uncertain:
             said = f"{_NEEDED} in all groups, but a {quoted(key)} acts on each separately"
-            report("unsuitable", said, _key_path(document, entry, key), key=True, expected="a period alone")
+            where = document.key_path(entry.section, key)
+            diagnosis.report("unsuitable", said, where, key=True, expected="a period alone")
 
 
 def _named(entry: ComponentEntry) -> str:
     return quoted(f"{entry.group.name}.{entry.name}")
-
-
-def _key_path(document: ScenarioDocument, entry: ComponentEntry, key: str) -> Path:
-    """The path of a key of a component, or of the component if the key is not given."""
-    use = document.agents[entry.group.name].components[entry.name]
-    path: Path = ("agents", entry.group.name, "components", entry.name)
-    return (*path, key) if key in use.model_fields_set else path
 
 
 def _form(shape: tuple[int, ...]) -> str:

@@ -25,6 +25,7 @@ from symaware_cli.scenario.section import (
     TriggerSection,
     Use,
 )
+from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specification_section import SpecificationUse
 
 #: The version of the format that this package reads.
@@ -51,10 +52,7 @@ class ComponentUse(Use):
     )
     offset: float = Field(0.0, ge=0, le=1e9, description="Time of the first turn [s].")
     jitter: float = Field(
-        0.0,
-        ge=0,
-        le=1e9,
-        description="Greatest delay of each turn, drawn uniformly [s]; less than the period.",
+        0.0, ge=0, le=1e9, description="Greatest delay of each turn, drawn uniformly [s]; less than the period."
     )
     trigger: TriggerSection | None = Field(None, description="An event that triggers a turn.")
     condition: str | None = Field(
@@ -291,6 +289,12 @@ class ScenarioDocument(Section):
     )
     specifications: dict[Name, SpecificationUse] = Field(default_factory=dict, description="What is to hold, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="The content of the log.")
+
+    def key_path(self, section: Path, key: str) -> Path:
+        """The path of a key in the section of a component, or of the section if the scenario does not write the key."""
+        _, group, _, component = section
+        use = self.agents[str(group)].components[str(component)]
+        return (*section, key) if key in use.model_fields_set else section
 
     @model_validator(mode="after")
     def _is_about_something(self) -> Self:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,25 +25,22 @@ from symaware_cli.runtime.faults import (
 )
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timed_changes import SetState
-from symaware_cli.scenario.change_builder import ChangeBuilder
-from symaware_cli.scenario.component_check import ComponentCheck
-from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.change_builder import ChangeBuilder, ReplacementBuilder
+from symaware_cli.scenario.diagnosis import ReportedError
 from symaware_cli.scenario.document import ScenarioDocument
-from symaware_cli.scenario.fault_section import (
-    INSTANTANEOUS,
-    Degradation,
-    Delay,
-    FaultUse,
-    Loss,
-    Placement,
-    Shove,
-)
-from symaware_cli.scenario.fault_targets import FaultTargets, ReportedError
+from symaware_cli.scenario.fault_section import INSTANTANEOUS, Degradation, Delay, FaultUse, Loss, Placement, Shove
+from symaware_cli.scenario.fault_targets import FaultTargets
 from symaware_cli.scenario.plugin_factory import PluginFactory
 from symaware_cli.scenario.problem import quoted
-from symaware_cli.scenario.replacement_builder import ReplacementBuilder
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing_check import TimingCheck, duration_of, trigger_of
+
+#: The faults that need nothing but the components that they concern.
+_ON_COMPONENTS: Mapping[str, Callable[[Sequence[ComponentSelection]], Effect]] = {
+    "restart": Restart,
+    "freeze": Freeze,
+    "blind": Blind,
+}
 
 
 class FaultBuilder:
@@ -51,41 +48,34 @@ class FaultBuilder:
 
     def __init__(
         self,
-        composition: Composition,
-        report: Callable[..., None],
         check: TimingCheck,
         environment: Environment,
         groups: Sequence[AgentGroup],
         entries: list[ComponentEntry],
         document: ScenarioDocument,
         factory: PluginFactory,
-        component_check: ComponentCheck,
     ) -> None:
         """Prepare.
 
         Args:
-            composition: The composed document.
-            report: Takes the code and the message of a problem, the path, and hints.
-            check: Checks times and events.
+            check: Checks times and events, and takes problems.
             environment: The environment, not initialised yet.
             groups: All groups.
             entries: All component entries, with their timing; `build` adds substitutes.
             document: The validated document.
             factory: Creates components.
-            component_check: Checks components.
         """
-        self._composition = composition
-        self._report = report
+        diagnosis = check.diagnosis
+        self._data = diagnosis.composition.data
+        self._report, self._refuse = diagnosis.report, diagnosis.refuse
         self._check = check
         self._environment = environment
         self._groups = groups
         self._entries = entries
         self._uses = document.faults
-        self._targets = FaultTargets(report, groups, entries)
-        self._changes = ChangeBuilder(composition, report, factory, self._targets)
-        self._replacements = ReplacementBuilder(
-            composition, report, factory, self._targets, check, component_check, document, entries
-        )
+        self._targets = FaultTargets(diagnosis, groups, entries)
+        self._changes = ChangeBuilder(diagnosis, factory, self._targets)
+        self._replacements = ReplacementBuilder(factory, self._targets, check, document, entries)
 
     def build(self) -> Sequence[Fault]:
         """Build the faults that are sound, in the order of the document; the others are reported."""
@@ -125,15 +115,10 @@ class FaultBuilder:
         """The path of a fault's targets, a description for people, and the effect."""
         if use.stop:
             return f"agents.{use.stop}", f"stops {use.stop}", Stop(self._targets.agents(use.stop, (*path, "stop")))
-        if use.restart:
-            components = self._targets.components(use.restart, (*path, "restart"))
-            return f"agents.{use.restart}", f"restarts {use.restart}", Restart(components)
-        if use.freeze:
-            components = self._targets.components(use.freeze, (*path, "freeze"))
-            return f"agents.{use.freeze}", f"freezes {use.freeze}", Freeze(components)
-        if use.blind:
-            components = self._targets.components(use.blind, (*path, "blind"))
-            return f"agents.{use.blind}", f"blinds {use.blind}", Blind(components)
+        for key, effect in _ON_COMPONENTS.items():
+            if target := getattr(use, key):
+                components = self._targets.components(target, (*path, key))
+                return f"agents.{target}", f"{key}s {target}", effect(components)
         if use.slow:
             components = self._targets.components(use.slow.of, (*path, "slow", "of"))
             return f"agents.{use.slow.of}", f"slows {use.slow.of}", Slow(components, duration_of(use.slow.latency))
@@ -200,11 +185,7 @@ class FaultBuilder:
         """Check that there can be a link between two sets of agents."""
         if len(one | other) < 2:
             (who,) = one
-            self._report_invalid(f"{quoted(who)} has no link with itself", path)
-
-    def _report_invalid(self, message: str, path: Path, expected: str | None = None) -> None:
-        self._report("invalid-value", message, path, expected=expected)
-        raise ReportedError
+            self._refuse("invalid-value", f"{quoted(who)} has no link with itself", path)
 
     def _measurement_error(
         self, of: str, values: Sequence[float], path: Path, key: str
@@ -215,18 +196,18 @@ class FaultBuilder:
     def _restore(self, fault: str, path: Path) -> tuple[str, str, Effect]:
         known = [name for name in self._uses if name != path[-1]]
         if fault not in known:
-            self._targets.report_unknown(fault, (*path, "restore"), "no other fault", known)
+            self._targets.refuse_unknown("other fault", fault, (*path, "restore"), known)
         at, use = self._uses[str(path[-1])].at, self._uses[fault]
         if any(getattr(use, kind) for kind in INSTANTANEOUS):
-            self._report_invalid(
-                f"{quoted(fault)} is instantaneous and cannot be restored", (*path, "restore"), "a fault that lasts"
-            )
+            said, expected = f"{quoted(fault)} is instantaneous and cannot be restored", "a fault that lasts"
+            self._refuse("invalid-value", said, (*path, "restore"), expected=expected)
         if at is not None and use.at is not None:
             begin, now = nanoseconds(use.at), nanoseconds(at)
             end = math.inf if use.for_ is None else begin + nanoseconds(use.for_)
             if not begin < now < end:
                 when = f"begins at {begin / 1e9:g} s" if now <= begin else f"is over at {end / 1e9:g} s"
-                self._report_invalid(f"at {at:g} s there is nothing to restore: {quoted(fault)} {when}", (*path, "at"))
+                said = f"at {at:g} s there is nothing to restore: {quoted(fault)} {when}"
+                self._refuse("invalid-value", said, (*path, "at"))
         return "faults", f"ends {fault}", Restore(fault)
 
     def _partition(self, sets: Sequence[Sequence[str]], path: Path) -> tuple[str, str, Effect]:
@@ -239,12 +220,11 @@ class FaultBuilder:
             )
             twice = [id for id in all_ids if id in members and any(id in part for part in parts)]
             if twice:
-                self._report("invalid-value", f"{quoted(twice[0])} is in two sets", (*path, number))
-                raise ReportedError
+                self._refuse("invalid-value", f"{quoted(twice[0])} is in two sets", (*path, number))
             parts.append(members)
         rest = frozenset(all_ids).difference(*parts)
         if len(parts) + bool(rest) < 2:
-            self._report_invalid("all agents are in one set, so the partition has no effect", path)
+            self._refuse("invalid-value", "all agents are in one set, so the partition has no effect", path)
         ways = [(part, frozenset(all_ids) - part) for part in (*parts, rest) if part]
         text = f"parts {', '.join('+'.join(each) for each in sets)} from each other and from all others"
         return "exchange", text, Cut(ways, loss=1.0)
@@ -264,6 +244,5 @@ class FaultBuilder:
     def _require_pushes(self, path: Path) -> None:
         """Check that the world supports sudden changes of states."""
         if type(self._environment).push is Environment.push:
-            world = quoted(self._composition.data["environment"]["use"])
-            self._report("unsuitable", f"the world {world} does not support sudden changes of states", path, key=True)
-            raise ReportedError
+            world = quoted(self._data["environment"]["use"])
+            self._refuse("unsuitable", f"the world {world} does not support sudden changes of states", path, key=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +12,15 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup
 from symaware_cli.runtime.faults import AgentSelection, ComponentSelection
 from symaware_cli.runtime.simulation import ComponentEntry
-from symaware_cli.scenario.problem import nearest, quoted
+from symaware_cli.scenario.diagnosis import Diagnosis, ReportedError
 from symaware_cli.scenario.source import Path
-
-
-class ReportedError(Exception):
-    """A fault cannot be built; the problem is already reported."""
 
 
 class FaultTargets:
     """Finds agents and components; a problem is reported, and a `ReportedError` raised."""
 
-    def __init__(
-        self, report: Callable[..., None], groups: Sequence[AgentGroup], entries: Sequence[ComponentEntry]
-    ) -> None:
-        self._report = report
+    def __init__(self, diagnosis: Diagnosis, groups: Sequence[AgentGroup], entries: Sequence[ComponentEntry]) -> None:
+        self._diagnosis = diagnosis
         self._groups = groups
         self._entries = entries
 
@@ -38,7 +33,7 @@ class FaultTargets:
         found = [AgentSelection(group, rows) for group in self._groups if (rows := _rows(group, pattern))]
         if not found:
             known = [*(group.name for group in self._groups), *(id for group in self._groups for id in group.ids)]
-            self.report_unknown(pattern, path, "no agent or group", known)
+            self.refuse_unknown("agent or group", pattern, path, known)
         return found
 
     def components(self, pattern: str, path: Path) -> list[ComponentSelection]:
@@ -51,24 +46,16 @@ class FaultTargets:
         ]
         if not found:
             owners = [(owner, entry.name) for entry in self._entries for owner in (entry.group.name, *entry.group.ids)]
-            self.report_unknown(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
+            self.refuse_unknown("component", pattern, path, [f"{owner}.{each}" for owner, each in owners])
         return found
 
     def own_components(self, pattern: str, path: Path) -> list[ComponentSelection]:
         """The components that match a pattern, without those that other faults bring in."""
         return [each for each in self.components(pattern, path) if not each.entry.is_substitute]
 
-    def report_unknown(self, pattern: str, path: Path, what: str, known: Sequence[str]) -> None:
-        """Report that nothing matches a pattern, with what there is."""
-        names = list(dict.fromkeys(known))
-        listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-        self._report(
-            "unknown-target",
-            f"there is {what} {quoted(pattern)}",
-            path,
-            expected=f"one of {listed}" if names else None,
-            suggestion=nearest(pattern, names),
-        )
+    def refuse_unknown(self, kind: str, pattern: str, path: Path, known: Sequence[str]) -> NoReturn:
+        """Report that nothing matches a pattern, with what there is, and raise a `ReportedError`."""
+        self._diagnosis.report_unknown(kind, pattern, path, known)
         raise ReportedError
 
     def vector(self, values: Sequence[float], groups: Sequence[AgentGroup], path: Path) -> NDArray[np.float64]:
@@ -78,8 +65,7 @@ class FaultTargets:
             if len(values) != width:
                 names = ", ".join(quantity.name for quantity in group.model.state)
                 message = f"there are {len(values)} numbers for a state of {width}"
-                self._report("wrong-length", message, path, expected=f"{width}: {names}")
-                raise ReportedError
+                self._diagnosis.refuse("wrong-length", message, path, expected=f"{width}: {names}")
         return np.array(values, float)
 
 

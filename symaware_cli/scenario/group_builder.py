@@ -1,8 +1,8 @@
-"""Builds the groups of a scenario: their models, initial states, knowledge and components, with checks."""
+"""Builds the groups of a scenario: models, initial states, knowledge and components, and checks that these can work."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -10,18 +10,105 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Entity, Model, Plugin, Quantity
+from symaware_cli.core.component import BaseComponent
 from symaware_cli.models.conformity import faults_of
 from symaware_cli.runtime.simulation import ComponentEntry
-from symaware_cli.scenario.component_check import ComponentCheck
-from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument
-from symaware_cli.scenario.parts import declared_parts, declared_signals
-from symaware_cli.scenario.plugin_factory import PluginFactory, mapping
-from symaware_cli.scenario.problem import Problem, quoted
+from symaware_cli.scenario.parts import declared_parts, declared_signals, name_columns
+from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, words
+from symaware_cli.scenario.problem import dotted, nearest, quoted
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
+from symaware_cli.specification.token import ExpressionError
+from symaware_cli.world.plugin import ParameterError
 
 Array = NDArray[np.float64]
+
+
+class ComponentCheck:
+    """Checks whether components can work, and reports problems at the sections that they are written in."""
+
+    def __init__(self, diagnosis: Diagnosis) -> None:
+        self._diagnosis = diagnosis
+        self._report = diagnosis.report
+
+    def knows(self, component: BaseComponent[Any], known: object, path: Path, group: str, use: str) -> bool:
+        """Check that the agents have all the knowledge that a component needs.
+
+        Args:
+            component: The component.
+            known: The section of the group's knowledge.
+            path: The path of the component's section.
+            group: The name of the group.
+            use: Its entry-point name.
+        """
+        if not isinstance(known, Mapping):
+            return False
+        owner: Path = ("agents", group, "knowledge")
+        for name, meaning in component.knowledge.items():
+            if name in known:
+                continue
+            meant = nearest(name, known)
+            self._report(
+                "missing-knowledge",
+                f"{quoted(use)} needs the knowledge {quoted(name)}" + (f", not {quoted(meant)}" if meant else ""),
+                (*owner, meant) if meant else path,
+                key=True,
+                expected=f"{quoted(name)} under {quoted(dotted(owner))}: {meaning}",
+            )
+        return set(component.knowledge) <= set(known)
+
+    def can_work(self, group: AgentGroup, component: BaseComponent[Any], path: Path, use: str) -> bool:
+        """Check that a component can work for a group, as far as that is known before the run.
+
+        Args:
+            group: The group.
+            component: The component; it has the knowledge that it needs.
+            path: The path of its section.
+            use: Its entry-point name.
+        """
+        try:
+            component.check(group)
+            # If several components set a series, the columns of the last one apply.
+            name_columns(group, component)
+        except KeyboardInterrupt:
+            raise
+        except ParameterError as error:
+            where = (*path, "with", *error.place)
+            if error.is_consequence:
+                return False
+            if isinstance(error.__cause__, ExpressionError):
+                self._diagnosis.report_expression(str(error), where, error.__cause__)
+            else:
+                self._report("unsuitable", f"{quoted(use)} cannot work here: {error}", where)
+                for place, said in error.related:
+                    self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", (*path, "with", *place))
+            return False
+        except BaseException as error:
+            said = words(error)
+            for name in component.knowledge:
+                where = ("agents", group.name, "knowledge", name)
+                if not _is_numeric(group, name):
+                    said = f"the knowledge {quoted(name)} is not made of numbers, as many for each agent"
+                if f"`{name}`" in said:
+                    self._report(
+                        "unsuitable",
+                        f"{quoted(use)} cannot work with this: {said}",
+                        where,
+                        expected=component.knowledge[name],
+                    )
+                    return False
+            self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", path, key=True)
+            return False
+        return True
+
+
+def _is_numeric(group: AgentGroup, name: str) -> bool:
+    try:
+        return group.known(name).dtype == float
+    except (TypeError, ValueError):
+        return False
 
 
 class GroupBuilder:
@@ -34,34 +121,22 @@ class GroupBuilder:
     """
 
     def __init__(
-        self,
-        composition: Composition,
-        report: Callable[..., None],
-        report_all: Callable[[Sequence[Problem]], None],
-        factory: PluginFactory,
-        document: ScenarioDocument | None,
-        found: Sequence[Problem],
-        folder: FilePath,
+        self, diagnosis: Diagnosis, factory: PluginFactory, document: ScenarioDocument | None, folder: FilePath
     ) -> None:
         """Prepare.
 
         Args:
-            composition: The composed document.
-            report: Takes the code and the message of a problem, the path, and hints.
-            report_all: Takes problems.
+            diagnosis: Takes problems; no groups are created if there are earlier ones.
             factory: Creates models and components.
             document: The validated document; None if it is invalid.
-            found: Problems with single values that are already known; no groups are created if there are any.
             folder: The folder of the scenario.
         """
-        self._composition = composition
-        self._report = report
-        self._report_all = report_all
+        self._diagnosis = diagnosis
+        self._report = diagnosis.report
         self._factory = factory
         self._document = document
-        self._found = found
         self._folder = folder
-        self._check = ComponentCheck(composition, report, report_all)
+        self._check = ComponentCheck(diagnosis)
         self.uses: dict[str, dict[str, Any]] = {}
         self.declared: set[str] = set()
         self.knowledge_models: Mapping[str, Plugin | None] = {}
@@ -86,9 +161,9 @@ class GroupBuilder:
             if made and self._check.knows(made[0], known, (*path, "components", component), name, uses[component])
         ]
         declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
-        parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
+        parts, signals = declared_parts(declaring, self._diagnosis), declared_signals(declaring, self._diagnosis)
         self.declared.update(each.name for each in (*parts, *signals.values()))
-        if model is None or initial is None or self._found:
+        if model is None or initial is None or self._diagnosis.earlier:
             return None, []
         states, knowledge = initial
         body = self._document.agents[name].entity if self._document else Entity()
@@ -118,10 +193,12 @@ class GroupBuilder:
         # Even if the model's parameters are invalid, its class declares the columns of the state.
         kind = self._factory.plugins.get((*path, "model"))
         described = model or (kind if kind is not None and _fault_of(kind) is None else None)
-        sampler = Sampler(self._composition, self._document.seed if self._document else 0, ids, indexed, described)
+        sampler = Sampler(
+            self._diagnosis.composition, self._document.seed if self._document else 0, ids, indexed, described
+        )
         states = sampler.states(entry.get("state"), (*path, "state"))
         knowledge = sampler.known(mapping(entry.get("knowledge")), (*path, "knowledge"))
-        self._report_all(sampler.problems)
+        self._diagnosis.problems += sampler.problems
         return ids, None if sampler.problems else (states, knowledge)
 
     def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
 from symaware_cli.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.geometry.region import Region
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.source import Path
@@ -18,21 +19,17 @@ class KnowledgeModelBuilder:
     """Makes the knowledge models of a scenario, and reports those that cannot be made."""
 
     def __init__(
-        self,
-        report: Callable[..., None],
-        factory: PluginFactory,
-        folder: FilePath,
-        regions: Mapping[str, Region],
+        self, diagnosis: Diagnosis, factory: PluginFactory, folder: FilePath, regions: Mapping[str, Region]
     ) -> None:
         """Prepare.
 
         Args:
-            report: Reports a problem: its code, the message, the path in the document and hints.
+            diagnosis: Takes problems.
             factory: Makes plugins.
             folder: The scenario's folder.
             regions: The regions of the scenario, by name.
         """
-        self._report = report
+        self._report = diagnosis.report
         self._factory = factory
         self._folder = folder
         self._regions = regions

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,9 +10,10 @@ from symaware_cli.core import AgentGroup, Environment, Links, Roster, Unsupporte
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase, links_of
 from symaware_cli.network.topology.topology import Topology, TopologyError
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import LinkUse, TopologyUse
 from symaware_cli.scenario.plugin_factory import words
-from symaware_cli.scenario.problem import dotted, nearest, quoted
+from symaware_cli.scenario.problem import dotted, listed, nearest, quoted
 from symaware_cli.scenario.source import Path
 
 _SECTION: Path = ("topology",)
@@ -28,10 +29,8 @@ _NEEDS = (
 class NetworkBuilder:
     """Builds the network of a scenario and reports problems with it."""
 
-    def __init__(
-        self, report: Callable[..., None], environment: Environment, groups: Sequence[AgentGroup], seed: int
-    ) -> None:
-        self._report = report
+    def __init__(self, diagnosis: Diagnosis, environment: Environment, groups: Sequence[AgentGroup], seed: int) -> None:
+        self._report = diagnosis.report
         self._environment = environment
         self._seed = seed
         # Equal to the roster that the environment will have once it is initialised.
@@ -131,12 +130,11 @@ class NetworkBuilder:
         self._report("broken-plugin", f"{quoted(phase.use)} cannot compute its links: {words(error)}", (*path, "use"))
 
     def _report_topology_error(self, error: UnsupportedError, path: Path) -> None:
-        listed = ", ".join(error.names[:6]) + (", ..." if len(error.names) > 6 else "")
         self._report(
             "unknown-target" if error.name is not None else "invalid-value",
             str(error),
             path,
-            expected=f"one of {listed}" if error.names else None,
+            expected=f"one of {listed(error.names)}" if error.names else None,
             suggestion=nearest(error.name, error.names) if error.name is not None else None,
         )
 
@@ -212,8 +210,7 @@ class NetworkBuilder:
             parts = [[self._roster.ids[index] for index in members[numbers == number]] for number in np.unique(numbers)]
             if len(parts) > 1:
                 small = min(parts, key=len)
-                who = ", ".join(small[:4]) + (", ..." if len(small) > 4 else "")
-                message = f"the graph is not connected: it has {len(parts)} parts; one of them is {who}"
+                message = f"the graph is not connected: it has {len(parts)} parts; one of them is {listed(small, 4)}"
                 self._report(
                     "disconnected",
                     message,
@@ -247,5 +244,4 @@ def _overlap(one: ChannelOverride | None, other: ChannelOverride | None) -> bool
 
 
 def _named(roster: Roster, agents: frozenset[int]) -> str:
-    ids = [roster.ids[index] for index in sorted(agents)]
-    return ", ".join(ids[:4]) + (", ..." if len(ids) > 4 else "")
+    return listed([roster.ids[index] for index in sorted(agents)], 4)

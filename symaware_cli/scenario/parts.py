@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from symaware_cli.awareness.signal import MEASUREMENT
@@ -10,6 +10,7 @@ from symaware_cli.core import PARTS, AgentGroup, Part, Quantity, Signal
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.recording.names import FIELDS, KINDS, TABLES
 from symaware_cli.runtime.scope import AGENT_NAMES
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.problem import dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import FUNCTIONS
@@ -32,14 +33,12 @@ def _checked_list(declared: Any, kind: type) -> Sequence[Any] | None:
     return declared if isinstance(declared, Sequence) and all(isinstance(each, kind) for each in declared) else None
 
 
-def declared_parts(
-    components: Iterable[tuple[BaseComponent[Any], str, Path]], report: Callable[..., None]
-) -> Sequence[Part]:
+def declared_parts(components: Iterable[tuple[BaseComponent[Any], str, Path]], diagnosis: Diagnosis) -> Sequence[Part]:
     """Collect the parts that the components of a group declare, besides those of every group.
 
     Args:
         components: Each component with its entry-point name and its path.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
 
     Returns:
         The valid parts; problems with all others are reported.
@@ -48,33 +47,35 @@ def declared_parts(
     for component, use, path in components:
         parts = _checked_list(component.parts, Part)
         if parts is None:
-            report("broken-plugin", f"the `parts` of {quoted(use)} are not a list of `Part`", path, key=True)
+            diagnosis.report("broken-plugin", f"the `parts` of {quoted(use)} are not a list of `Part`", path, key=True)
             continue
         for part in parts:
             other, by = known.get(part.name, (part, ""))
             if other != part:
                 whose = quoted(by) if by else "every agent"
                 message = f"{quoted(use)} and {whose} declare different parts {quoted(part.name)}"
-                report("unsuitable", message, path, key=True, expected="one of the two components, or another name")
+                diagnosis.report(
+                    "unsuitable", message, path, key=True, expected="one of the two components, or another name"
+                )
             elif part.name not in known and part.name in _TAKEN:
                 message = f"{quoted(use)} declares a part {quoted(part.name)}, a name that has another meaning"
-                report("broken-plugin", message, path, key=True)
+                diagnosis.report("broken-plugin", message, path, key=True)
             elif part.kind == "vector" and part.columns is None and part.name not in known:
                 message = f"{quoted(use)} declares a part {quoted(part.name)}, a vector, without columns"
-                report("broken-plugin", message, path, key=True)
+                diagnosis.report("broken-plugin", message, path, key=True)
             else:
                 known.setdefault(part.name, (part, use))
     return [part for part, use in known.values() if use]
 
 
 def declared_signals(
-    components: Iterable[tuple[BaseComponent[Any], str, Path]], report: Callable[..., None]
+    components: Iterable[tuple[BaseComponent[Any], str, Path]], diagnosis: Diagnosis
 ) -> dict[str, Signal]:
     """Collect the signals that the components of a group declare.
 
     Args:
         components: Each component with its entry-point name and its path, which ends with the component's name.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
 
     Returns:
         The valid signals, by component and name; problems with all others are reported.
@@ -83,7 +84,9 @@ def declared_signals(
     for component, use, path in components:
         signals = _checked_list(component.signals, Signal)
         if signals is None or any(isinstance(signal, Part) for signal in signals):
-            report("broken-plugin", f"the `signals` of {quoted(use)} are not a list of `Signal`", path, key=True)
+            diagnosis.report(
+                "broken-plugin", f"the `signals` of {quoted(use)} are not a list of `Signal`", path, key=True
+            )
             continue
         for signal in signals:
             field = signal.field(str(path[-1]))
@@ -96,7 +99,7 @@ def declared_signals(
             else:
                 found[field] = signal
                 continue
-            report("broken-plugin", message, path, key=True)
+            diagnosis.report("broken-plugin", message, path, key=True)
     return found
 
 
@@ -122,19 +125,19 @@ def name_columns(group: AgentGroup, component: BaseComponent[Any]) -> None:
         parts[name] = part.of(columns)
 
 
-def check_omitted(omit: Any, declared: Iterable[str], report: Callable[..., None]) -> None:
+def check_omitted(omit: Any, declared: Iterable[str], diagnosis: Diagnosis) -> None:
     """Report unknown names in `recording.omit`.
 
     Args:
         omit: The value of `recording.omit`.
         declared: The names of the parts and signals that components declare.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
     """
     known = omittable(declared)
     for place, name in enumerate(omit if isinstance(omit, list) else ()):
         if isinstance(name, str) and name not in known:
             where: Path = ("recording", "omit", place)
-            report(
+            diagnosis.report(
                 "invalid-value",
                 f"{quoted(dotted(where))} is the text {quoted(name)}",
                 where,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from symaware_cli.core import GroupComponent, Plugin
 from symaware_cli.runtime.failure import describe
 from symaware_cli.scenario.catalogue import Catalogue, PluginError, code_position
-from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.diagnosis import Diagnosis, leaves_of
 from symaware_cli.scenario.problem import Problem, dotted, quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.validation import validate
@@ -25,27 +25,13 @@ class PluginFactory:
         parameters: The paths of all parameters that are valid under ``with``.
     """
 
-    def __init__(
-        self,
-        composition: Composition,
-        catalogue: Catalogue,
-        report: Callable[..., None],
-        add: Callable[[Iterable[Problem]], None],
-    ) -> None:
-        """Prepare.
-
-        Args:
-            composition: The document.
-            catalogue: The installed plugins.
-            report: Takes the code and the message of a problem, the path, and hints.
-            add: Adds problems that were found elsewhere.
-        """
+    def __init__(self, diagnosis: Diagnosis, catalogue: Catalogue) -> None:
         self.plugins: dict[Path, Any] = {}
         self.parameters: list[Path] = []
-        self._composition = composition
         self._catalogue = catalogue
-        self._report = report
-        self._add = add
+        self._composition = diagnosis.composition
+        self._problems = diagnosis.problems
+        self._report = diagnosis.report
 
     def load(self, data: Mapping[str, Any]) -> None:
         """Import every plugin that the document names."""
@@ -90,7 +76,7 @@ class PluginFactory:
             return []
         if isinstance(parameters, list):
             # A parameter written beside `with` is reported as misplaced, not as missing as well.
-            self._add(
+            self._problems += (
                 problem
                 for problem in parameters
                 if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
@@ -117,7 +103,7 @@ class PluginFactory:
         use = entry["use"]
         parameters = self._validated(plugin, use, {**mapping(entry.get("with")), **changed}, where)
         if not isinstance(parameters, BaseModel):
-            self._add(parameters or ())
+            self._problems += parameters or ()
             return []
         return self._instances(plugin, use, parameters, count, where, where)
 
@@ -150,7 +136,8 @@ class PluginFactory:
         Returns:
             The parameters, or every problem with them; None after a problem that is already reported.
         """
-        far = [each for each in _numbers(given, where) if not abs(each[1]) <= FARTHEST]
+        leaves = leaves_of(given, where)
+        far = [(place, each) for place, each in leaves if isinstance(each, float) and not abs(each) <= FARTHEST]
         for place, number in far:
             said, expected = f"{quoted(dotted(place))} is {number:g}", f"a number from {-FARTHEST:g} to {FARTHEST:g}"
             self._report("out-of-range", said, place, expected=expected)
@@ -185,15 +172,6 @@ class PluginFactory:
             raise
         except BaseException:
             return []
-
-
-def _numbers(value: Any, path: Path) -> Iterator[tuple[Path, float]]:
-    """Yield each float in plain data, with its path."""
-    if isinstance(value, float):
-        yield path, value
-    items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
-    for key, each in items:
-        yield from _numbers(each, (*path, key))
 
 
 def topologies(entry: Any) -> Iterator[tuple[Path, Mapping[str, Any]]]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
-from symaware_cli.runtime.presence import Moment, PresenceInterval
 from symaware_cli.runtime.scope import WORLD_NAMES, ConditionScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.runtime.timing import Moment, PresenceInterval
 from symaware_cli.scenario.document import GroupSection, Presence
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.section import TriggerSection
@@ -23,23 +23,17 @@ class PresenceBuilder:
     """Builds the presence intervals of agents, and reports problems with them."""
 
     def __init__(
-        self,
-        report: Callable[..., None],
-        check: TimingCheck,
-        environment: Environment,
-        use: str,
-        entries: Sequence[ComponentEntry],
+        self, check: TimingCheck, environment: Environment, use: str, entries: Sequence[ComponentEntry]
     ) -> None:
         """Prepare.
 
         Args:
-            report: Takes the code and the message of a problem, the path, and hints.
-            check: Parses conditions and checks events.
+            check: Parses conditions and checks events, and takes problems.
             environment: The environment.
             use: Its entry-point name.
             entries: All component entries.
         """
-        self._report = report
+        self._report = check.diagnosis.report
         self._check = check
         self._environment = environment
         self._use = use

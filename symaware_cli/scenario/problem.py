@@ -94,6 +94,11 @@ def dotted(path: Iterable[str | int]) -> str:
     return ".".join(str(part) for part in path)
 
 
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """Return names as a text, those beyond the first ones as dots."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+
+
 def to_json(problems: Iterable[Problem]) -> list[dict[str, object]]:
     """Returns the problems as plain data for tools."""
     return [asdict(problem) | {"source_line": _short(problem.source_line)} for problem in problems]

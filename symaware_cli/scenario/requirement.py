@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from symaware_cli.components.sensor import Sensor
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording.names import FIELDS
 from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument
-from symaware_cli.scenario.problem import nearest, quoted
-from symaware_cli.scenario.source import Path
-
-#: The greatest number of names that a message lists.
-_LISTED = 6
+from symaware_cli.scenario.problem import quoted
 
 
 def check_requirements(
@@ -22,7 +19,7 @@ def check_requirements(
     environment: Environment,
     groups: Sequence[AgentGroup],
     entries: Sequence[ComponentEntry],
-    report: Callable[..., None],
+    diagnosis: Diagnosis,
 ) -> None:
     """Report each model and component that cannot work in its world.
 
@@ -31,7 +28,7 @@ def check_requirements(
         environment: The environment, not initialised yet.
         groups: The groups that could be built.
         entries: Their component entries.
-        report: Takes the code and the message of a problem, the path, and hints.
+        diagnosis: Takes problems.
     """
     agents = [id for group in groups for id in group.ids]
     names = {
@@ -42,21 +39,21 @@ def check_requirements(
     names["agents or entities"] = [*names["agents"], *document.environment.entities]
     complete = len(groups) == len(document.agents)
     for group in groups:
-        _check_model(document, environment, group, report)
+        _check_model(document, environment, group, diagnosis)
     for entry in entries:
         component, path = entry.components[0], entry.section
         measures = isinstance(component, Sensor) or entry.name in entry.group.awareness.signals
         if measures and entry.name in (*FIELDS, *entry.group.awareness.parts):
             message = f"a sensor cannot be called {quoted(entry.name)}, the name of another series in the log"
-            report("bad-name", message, path, key=True, expected=f"none of {', '.join(sorted(FIELDS))}")
+            diagnosis.report("bad-name", message, path, key=True, expected=f"none of {', '.join(sorted(FIELDS))}")
         for name, where in component.requires.items():
             if name not in environment.provides:
                 world = quoted(document.environment.use)
                 message = f"{quoted(entry.use)} needs {name}, and the world {world} has none"
-                report("unsuitable", message, path, key=True, expected=where)
+                diagnosis.report("unsuitable", message, path, key=True, expected=where)
         for parameter, kind in component.bodies.items() if complete else ():
             if kind not in names or not hasattr(component.parameters, parameter):
-                report(
+                diagnosis.report(
                     "broken-plugin", f"{quoted(entry.use)} has no parameter `{parameter}` that names an {kind}", path
                 )
                 continue
@@ -65,20 +62,12 @@ def check_requirements(
                 for number, pattern in enumerate(named):
                     if not any(fnmatch.fnmatchcase(name, pattern) for name in known):
                         what = "agent or group" if kind == "agents" else "agent, group or entity"
-                        _report_unknown(what, pattern, known, (*path, "with", parameter, number), report)
+                        diagnosis.report_unknown(what, pattern, (*path, "with", parameter, number), known)
             elif isinstance(named, str) and named not in known:
-                _report_unknown(kind, named, known, (*path, "with", parameter), report)
+                diagnosis.report_unknown(kind, named, (*path, "with", parameter), known)
 
 
-def _report_unknown(kind: str, name: str, known: Sequence[str], path: Path, report: Callable[..., None]) -> None:
-    listed = ", ".join(known[:_LISTED]) + (", ..." if len(known) > _LISTED else "")
-    message = f"there is no {kind} {quoted(name)}"
-    report("unknown-target", message, path, expected=f"one of {listed}", suggestion=nearest(name, known))
-
-
-def _check_model(
-    document: ScenarioDocument, environment: Environment, group: AgentGroup, report: Callable[..., None]
-) -> None:
+def _check_model(document: ScenarioDocument, environment: Environment, group: AgentGroup, diagnosis: Diagnosis) -> None:
     """Report parameters without effect: of vehicles in worlds without them, and of entities with a built-in body."""
     agents, model, path = document.agents[group.name], group.model, ("agents", group.name)
     for name in model.needs_vehicle:
@@ -87,8 +76,8 @@ def _check_model(
             message = (
                 f"{quoted(agents.model.use)} has {quoted(name)} only in worlds with vehicles, and {world} has none"
             )
-            report("unsuitable", message, (*path, "model", "with", name), expected="`pybullet`, or false")
+            diagnosis.report("unsuitable", message, (*path, "model", "with", name), expected="`pybullet`, or false")
     for name in sorted(agents.entity.model_fields_set - {"shape"}) if model.body else ():
         message = f"{quoted(agents.model.use)} has a built-in body, whose {quoted(name)} cannot be set"
         expected = "only a `shape`, which other agents keep clear of"
-        report("unsuitable", message, (*path, "entity", name), key=True, expected=expected)
+        diagnosis.report("unsuitable", message, (*path, "entity", name), key=True, expected=expected)

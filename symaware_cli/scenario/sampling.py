@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import Model
 from symaware_cli.geometry.shape import LARGEST
 from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.diagnosis import leaves_of
 from symaware_cli.scenario.placement import PLACEMENTS
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
@@ -417,12 +418,12 @@ def contains(value: Any, forms: Sequence[str]) -> bool:
     return isinstance(value, list) and any(contains(each, forms) for each in value)
 
 
-def _first_excessive(value: Any, inner: Path = ()) -> tuple[Path, float] | None:
+def _first_excessive(known: Any) -> tuple[Path, float] | None:
     """Return the first float in a value that is too large, with its path; integers fit in 64 bits anyway."""
-    if isinstance(value, float):
-        return None if abs(value) <= FARTHEST else (inner, value)
-    items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
-    return next((found for key, one in items if (found := _first_excessive(one, (*inner, key))) is not None), None)
+    leaves = leaves_of(known)
+    return next(
+        ((inner, value) for inner, value in leaves if isinstance(value, float) and not abs(value) <= FARTHEST), None
+    )
 
 
 def _is_array(value: Any) -> bool:

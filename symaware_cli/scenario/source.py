@@ -83,8 +83,18 @@ class SourceNode:
         return self.value
 
     def nearest_span(self, path: Path, *, key: bool = False) -> TextSpan:
-        """Returns the span of the value (or the key) at a path, or of the nearest ancestor that exists."""
+        """Returns the position of the value (or the key) at a path, or of its nearest existing ancestor."""
+        *_, (node, key_span) = self._along(path)
+        return key_span if key else node.span
+
+    def has(self, path: Path) -> bool:
+        """Whether there is a value at a path."""
+        return len(list(self._along(path))) > len(path)
+
+    def _along(self, path: Path) -> "Iterator[tuple[SourceNode, TextSpan]]":
+        """Yield this node and those along a path, as far as they exist, each with the position of its key."""
         node, key_span = self, self.span
+        yield node, key_span
         for part in path:
             if isinstance(node.value, dict) and isinstance(part, str) and part in node.value:
                 entry = node.value[part]
@@ -93,20 +103,8 @@ class SourceNode:
                 node = node.value[part]
                 key_span = node.span
             else:
-                break
-        return key_span if key else node.span
-
-    def has(self, path: Path) -> bool:
-        """Returns whether there is a value at a path."""
-        node = self
-        for part in path:
-            if isinstance(node.value, dict) and isinstance(part, str) and part in node.value:
-                node = node.value[part].node
-            elif isinstance(node.value, list) and isinstance(part, int) and 0 <= part < len(node.value):
-                node = node.value[part]
-            else:
-                return False
-        return True
+                return
+            yield node, key_span
 
 
 class Source:

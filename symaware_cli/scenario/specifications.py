@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations, islice, product
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Links, nanoseconds
+from symaware_cli.core import AgentGroup, Environment, Links, nanoseconds
 from symaware_cli.core.verdict import OFFERS
 from symaware_cli.geometry.region import Region
-from symaware_cli.runtime.scope import WorldColumns
+from symaware_cli.runtime.scope import WorldColumns, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Trigger
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.section import TriggerSection
@@ -25,11 +26,10 @@ from symaware_cli.specification.columns import COLUMN_FUNCTIONS, KindError
 from symaware_cli.specification.expression import FUNCTIONS
 from symaware_cli.specification.formulation import Formulation, formulate
 from symaware_cli.specification.node import Name, Node, walk
-from symaware_cli.specification.offer import Offer
 from symaware_cli.specification.parser import RESERVED, parse
 from symaware_cli.specification.region import RegionError, check_names
-from symaware_cli.specification.scope import AgentScope, BeliefScope, PairScope, Scope, World
-from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.scope import AgentScope, BeliefScope, PairScope, Scope
+from symaware_cli.specification.specification import Offer, Specification
 from symaware_cli.specification.token import ExpressionError
 from symaware_cli.specification.units import check_units
 
@@ -42,32 +42,25 @@ class SpecificationBuilder:
 
     def __init__(
         self,
-        report: Callable[..., None],
         check: TimingCheck,
-        world: World,
-        time_step: int,
+        environment: Environment,
         groups: Sequence[AgentGroup],
         entries: Sequence[ComponentEntry],
-        parts: Sequence[str],
     ) -> None:
         """Prepare.
 
         Args:
-            report: Reports a problem: its code, a message, and the path of what it is about.
-            check: Understands expressions and events.
-            world: The world.
-            time_step: The time between two steps, in nanoseconds.
+            check: Understands expressions and events, and takes problems.
+            environment: The world.
             groups: All groups.
             entries: All components.
-            parts: The names of the parts of awareness that components declare.
         """
-        self._report = report
+        self._report = check.diagnosis.report
+        self._report_expression = check.diagnosis.report_expression
         self._check = check
-        self._world = world
-        self._time_step = time_step
+        self._world = environment
         self._groups = {group.name: group for group in groups}
         self._entries = entries
-        self._parts = parts
         self._ids = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
         self._regions: Mapping[str, Region] = {}
         #: The events with which instances of specifications begin, by name.
@@ -217,7 +210,7 @@ class SpecificationBuilder:
             kind = BeliefScope if use.of == "belief" else AgentScope
             return kind(self._groups[use.each], self._world, groups, self._regions)
         if use.pairs is None:
-            return WorldColumns(self._world, groups, self._regions, self._parts)
+            return WorldColumns(self._world, groups, self._regions, further_parts(groups))
         return self._pair_scope(use.pairs, (*path, "pairs"))
 
     def _pair_scope(self, said: str | Sequence[tuple[str, str]], path: Path) -> Scope | None:
@@ -284,7 +277,7 @@ class SpecificationBuilder:
             try:
                 check_least(found[0])
             except ExpressionError as error:
-                self._check.expression_problem(use.formula, (*path, "formula"), error)
+                self._report_expression(use.formula, (*path, "formula"), error)
                 return None
         return None if found is None else found[1]
 
@@ -295,17 +288,17 @@ class SpecificationBuilder:
         try:
             tree = parse(text, scope.names, functions, definitions)
         except ExpressionError as error:
-            self._check.expression_problem(text, path, error, "a formula such as `always risk < 0.2`")
+            self._report_expression(text, path, error, "a formula such as `always risk < 0.2`")
             return None
         try:
             for node in walk(tree):
                 if isinstance(node, Name) and node.name in scope.ambiguous:
                     said = f"`{node.name}` is {scope.ambiguous[node.name]}; rename one of them"
                     raise ExpressionError(said, node.span)
-            formulation = formulate(tree, self._time_step)
+            formulation = formulate(tree, self._world.time_step)
             check_units(tree, scope.units)
         except ExpressionError as error:
-            self._check.expression_problem(text, path, error)
+            self._report_expression(text, path, error)
             return None
         return tree, formulation
 
@@ -330,7 +323,7 @@ def check_named(
     entries: Sequence[ComponentEntry],
     groups: Sequence[AgentGroup],
     links: Links | None,
-    report: Callable[..., None],
+    diagnosis: Diagnosis,
 ) -> None:
     """Report components that cannot work with all the specifications that they name, together with the links."""
     every, ordered = {each.name: each for each in specifications}, sorted(groups, key=lambda group: group.name)
@@ -344,10 +337,10 @@ def check_named(
             component.check_specifications({name: every[name] for name in names}, ordered, links)
         except ValueError as error:
             place = next((place for place, name in enumerate(names) if f"`{name}`" in str(error)), None)
-            report("unsuitable", str(error), path if place is None else (*path, place))
+            diagnosis.report("unsuitable", str(error), path if place is None else (*path, place))
 
 
-def check_values(specifications: Sequence[Specification], report: Callable[..., None]) -> None:
+def check_values(specifications: Sequence[Specification], diagnosis: Diagnosis) -> None:
     """Evaluate the predicates of specifications once, and report those that have no value at the beginning."""
     for specification in specifications:
         if isinstance(specification.scope, WorldColumns):
@@ -359,4 +352,6 @@ def check_values(specifications: Sequence[Specification], report: Callable[..., 
                     atom.robustness(specification.scope.look_up)
             except (KindError, ValueError, TypeError, KeyError, IndexError, ArithmeticError) as error:
                 said = str(error).strip("'\"")
-                report("bad-expression", f"{quoted(specification.name)}: `{atom.text}` has no value: {said}", path)
+                diagnosis.report(
+                    "bad-expression", f"{quoted(specification.name)}: `{atom.text}` has no value: {said}", path
+                )

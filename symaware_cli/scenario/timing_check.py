@@ -5,24 +5,22 @@ from __future__ import annotations
 import fnmatch
 import pickle
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Environment, nanoseconds
-from symaware_cli.core.component import BaseComponent
+from symaware_cli.core.component import BaseComponent, may_wait
 from symaware_cli.core.event import RECURRING, TURNS
 from symaware_cli.runtime.scope import STATUS_NAMES, WORLD_NAMES, ConditionScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
-from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.document import ComponentUse, RunSection
-from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
+from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.section import Drawn
 from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import Expression, ExpressionError
 from symaware_cli.specification.node import Element, Name, walk
-from symaware_cli.specification.parser import RESERVED
 
 #: Events of the targets of faults.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})
@@ -46,30 +44,25 @@ SPECIFICATION_EVENTS = frozenset({"satisfied", "violated", "offered", "accepted"
 #: Events of the topology.
 TOPOLOGY_EVENTS = frozenset({"links-changed"})
 
-Report = Callable[[Problem], None]
-
-
-def _may_wait(component: type[BaseComponent[Any]]) -> bool:
-    """Whether the turns of a component may wait."""
-    halves = ("_async_compute", "_async_update", "async_compute_and_update")
-    return any(getattr(component, name) is not getattr(Component, name) for name in halves)
-
 
 class TimingCheck:
-    """Converts the timing sections of a scenario, and reports problems with them."""
+    """Converts the timing sections of a scenario, and reports problems with them.
+
+    Attributes:
+        diagnosis: Takes the problems.
+    """
 
     def __init__(
         self,
-        composition: Composition,
+        diagnosis: Diagnosis,
         environment: Environment,
-        report: Report,
         regions: Collection[str] = (),
         specifications: Collection[str] = (),
     ) -> None:
-        self._composition = composition
+        self.diagnosis = diagnosis
         self._environment = environment
         self._time_step = environment.time_step
-        self._report = report
+        self._report = diagnosis.report
         self._regions = regions
         self._specifications = specifications
 
@@ -81,7 +74,7 @@ class TimingCheck:
             return expression
         except ExpressionError as error:
             example = "highest_risk < 0.2" if path[0] == "run" else "risk > 0.2"
-            self.expression_problem(text, path, error, f"a comparison such as `{example}`")
+            self.diagnosis.report_expression(text, path, error, f"a comparison such as `{example}`")
             return None
 
     def _require_specifications(self, expression: Expression) -> None:
@@ -96,17 +89,6 @@ class TimingCheck:
                     if key not in self._specifications:
                         said = f"there is no specification `{key}`"
                         raise ExpressionError(said, node.span, str(key), self._specifications)
-
-    def expression_problem(self, text: str, path: Path, error: ExpressionError, expected: str | None = None) -> None:
-        """Report a problem with an expression, at its position in the file.
-
-        Args:
-            text: The expression.
-            path: The path of the expression.
-            error: The error.
-            expected: What is valid there, if the error does not state it.
-        """
-        self._report(expression_problem(self._composition, text, path, error, expected))
 
     def until(self, run: RunSection, groups: Sequence[AgentGroup]) -> Expression | None:
         """The condition that ends a run; None without one, or after a problem."""
@@ -138,7 +120,7 @@ class TimingCheck:
             )
         if use.run_in == "process":
             self._check_run_in(use, component, path)
-        if period == 0 and latency.is_zero and use.condition is None and not _may_wait(component):
+        if period == 0 and latency.is_zero and use.condition is None and not may_wait(component):
             said = f"{quoted(use.use)} takes no simulated time, so its turns would repeat endlessly at one instant"
             self._wrong(path, "period", said, "a period above 0, or a `latency`")
         condition = None
@@ -162,7 +144,7 @@ class TimingCheck:
         """Check that a component can compute in a worker process."""
         problem = None
         if component.sees_world and not self._environment.is_shared:
-            world = quoted(self._composition.data["environment"]["use"])
+            world = quoted(self.diagnosis.composition.data["environment"]["use"])
             problem = f"reads the world, and {world} cannot be copied to worker processes"
         elif component.specifications is not None and use.with_.get(component.specifications):
             problem = "continues the monitors of specifications, which worker processes do not have"
@@ -185,8 +167,7 @@ class TimingCheck:
         for entry in entries:
             trigger = entry.timing.trigger
             if trigger is not None:
-                path: Path = ("agents", entry.group.name, "components", entry.name, "trigger")
-                self.source(trigger, entry.group.name, entries, path)
+                self.source(trigger, entry.group.name, entries, (*entry.section, "trigger"))
 
     def source(self, trigger: Trigger, group: str | None, entries: Sequence[ComponentEntry], path: Path) -> None:
         """Check that an event is fired by its source, and report it if not.
@@ -207,7 +188,7 @@ class TimingCheck:
         if fired is None:
             message = f"there is no source {quoted(str(trigger.source))}"
             expected = "`environment`, or the path of a component such as `agents.robot.*.steer`"
-            self._report(self._composition.problem("unknown-source", message, (*path, "of"), expected=expected))
+            self._report("unknown-source", message, (*path, "of"), expected=expected)
         elif trigger.event not in fired and trigger.event != "*":
             who = quoted(trigger.component or trigger.source or str(group))
             message = f"{who} fires no event {quoted(trigger.event)}"
@@ -244,17 +225,15 @@ class TimingCheck:
     def _unknown(self, message: str, path: Path, known: Collection[str], suggestion: str | None) -> None:
         listed = sorted(name for name in known if name not in RECURRING) or sorted(known)
         self._report(
-            self._composition.problem(
-                "unknown-event" if path[-1] == "event" else "unknown-source",
-                message,
-                path,
-                expected=f"one of {', '.join(listed)}",
-                suggestion=suggestion,
-            )
+            "unknown-event" if path[-1] == "event" else "unknown-source",
+            message,
+            path,
+            expected=f"one of {', '.join(listed)}",
+            suggestion=suggestion,
         )
 
     def _wrong(self, path: Path, key: str, message: str, expected: str) -> None:
-        self._report(self._composition.problem("invalid-value", message, (*path, key), expected=expected))
+        self._report("invalid-value", message, (*path, key), expected=expected)
 
 
 def _events(entry: ComponentEntry) -> Collection[str]:
@@ -278,39 +257,3 @@ def duration_of(latency: float | Drawn) -> Duration:
         return Duration("uniform", *latency.uniform)
     assert latency.normal is not None
     return Duration("normal", *latency.normal)
-
-
-def expression_problem(
-    composition: Composition, text: str, path: Path, error: ExpressionError, expected: str | None = None
-) -> Problem:
-    """Return the problem with an expression, at its position in the file.
-
-    Args:
-        composition: The document.
-        text: The expression.
-        path: The path of the expression.
-        error: The error.
-        expected: What is valid there, if the error does not state it.
-    """
-    suggestion = nearest(error.name, {*error.names, *RESERVED}) if error.name else None
-    problem = composition.problem(
-        "bad-expression",
-        f"{quoted(dotted(path))}: {error.problem}",
-        path,
-        expected=f"one of {', '.join(error.names)}" if error.names else expected,
-        suggestion=suggestion,
-    )
-    return _with_position(problem, text, error)
-
-
-def _with_position(problem: Problem, text: str, error: ExpressionError) -> Problem:
-    """Narrow the span of a problem to the wrong part of an expression, if the file contains its text unchanged."""
-    span, line = problem.span, problem.source_line
-    if span is None or line is None:
-        return problem
-    written = line[span.column - 1 : span.end_column - 1]
-    shift = 1 if written[:1] in ("'", '"') and written[1:-1] == text else 0
-    if not shift and written != text:
-        return problem
-    start = span.column + shift
-    return replace(problem, span=replace(span, column=start + error.start, end_column=start + error.end))

@@ -17,17 +17,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry.vectors import lengths
 from symaware_cli.specification.formula import Array, encoded, plain
-from symaware_cli.specification.node import (
-    Arithmetic,
-    Call,
-    Comparison,
-    Constant,
-    Element,
-    Name,
-    Node,
-    Sign,
-    Vector,
-)
+from symaware_cli.specification.node import Arithmetic, Call, Comparison, Constant, Element, Name, Node, Sign, Vector
 from symaware_cli.specification.region import PlacedRegion
 
 #: Returns the values of a name for all rows.

@@ -138,6 +138,24 @@ def operands(formula: Formula) -> tuple[Formula, ...]:
             return (formula.operand,)
 
 
+def from_now(formula: Until | Since) -> Formula:
+    """Return an equal formula whose `Until` has a window that begins now, and whose `Since` has no limits."""
+    first, last, left, right = formula.first, formula.last, formula.left, formula.right
+    if isinstance(formula, Until):
+        if not first:
+            return formula
+        within = Until(0, None if last is None else last - first, left, right)
+        return And((Always(0, first - 1, left), Eventually(first, first, within)))
+    if not first and last is None:
+        return formula
+    parts: list[Formula] = [Since(0, None, left, right)]
+    if first:
+        parts = [Once(first, first, parts[0]), Historically(0, first - 1, left)]
+    if last is not None:
+        parts.append(Once(first, last, right))
+    return And(tuple(parts))
+
+
 def horizon(formula: Formula) -> int | None:
     """Return after how many steps the exact robustness is known; None if only at the end of the run."""
     below = [horizon(each) for each in operands(formula)]

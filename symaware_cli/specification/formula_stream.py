@@ -4,30 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from symaware_cli.specification.formula import (
-    Always,
-    And,
-    Constant,
-    Eventually,
-    Formula,
-    Historically,
-    Not,
-    Once,
-    Or,
-    Predicate,
-    Since,
-    Until,
-)
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.formula import Formula, from_now
 from symaware_cli.specification.future_stream import AheadStream, ToTheEndStream, UntilStream
 from symaware_cli.specification.past_stream import AgoStream, SinceStream, SoFarStream
-from symaware_cli.specification.stream import (
-    Clock,
-    ConstantStream,
-    JunctionStream,
-    NotStream,
-    PredicateStream,
-    Stream,
-)
+from symaware_cli.specification.stream import Clock, ConstantStream, JunctionStream, NotStream, PredicateStream, Stream
 
 
 def stream(formula: Formula, clock: Clock, last: int | None) -> Stream:
@@ -43,44 +24,40 @@ def stream(formula: Formula, clock: Clock, last: int | None) -> Stream:
         return last if last is None or last < 0 else last + steps
 
     ever = -1 if last == -1 else None
-    greatest = isinstance(formula, Or | Eventually | Once)
+    greatest = isinstance(formula, stl.Or | stl.Eventually | stl.Once)
     match formula:
-        case Constant():
+        case stl.Constant():
             return ConstantStream(clock, formula.value)
-        case Predicate():
+        case stl.Predicate():
             return PredicateStream(clock, formula.index)
-        case Not():
+        case stl.Not():
             return NotStream(clock, stream(formula.operand, clock, last))
-        case And() | Or():
+        case stl.And() | stl.Or():
             if len(formula.operands) == 1:
                 return stream(formula.operands[0], clock, last)
             operands = [stream(each, clock, last) for each in formula.operands]
             return JunctionStream(clock, operands, greatest, last)
-        case Always(first, None) | Eventually(first, None) | Historically(first, None) | Once(first, None) if first:
+        case (
+            stl.Always(first, None)
+            | stl.Eventually(first, None)
+            | stl.Historically(first, None)
+            | stl.Once(first, None)
+        ) if first:
             shifted = replace(formula, last=first, operand=replace(formula, first=0))
             return stream(shifted, clock, last)
-        case Always(_, None, operand) | Eventually(_, None, operand):
+        case stl.Always(_, None, operand) | stl.Eventually(_, None, operand):
             return ToTheEndStream(clock, stream(operand, clock, ever), greatest, last)
-        case Always(first, int(until), operand) | Eventually(first, int(until), operand):
+        case stl.Always(first, int(until), operand) | stl.Eventually(first, int(until), operand):
             return AheadStream(clock, stream(operand, clock, further(until)), first, until, greatest, last)
-        case Historically(_, None, operand) | Once(_, None, operand):
+        case stl.Historically(_, None, operand) | stl.Once(_, None, operand):
             return SoFarStream(clock, stream(operand, clock, last), greatest)
-        case Historically(first, int(until), operand) | Once(first, int(until), operand):
+        case stl.Historically(first, int(until), operand) | stl.Once(first, int(until), operand):
             return AgoStream(clock, stream(operand, clock, last), first, until, greatest)
-        case Until(0, until, left, right):
+        case stl.Until(0, until, left, right):
             below = ever if until is None else further(until)
             return UntilStream(clock, stream(left, clock, below), stream(right, clock, below), until, last, below)
-        case Until(first, until, left, right):
-            within = Until(0, None if until is None else until - first, left, right)
-            both = (Always(0, first - 1, left), Eventually(first, first, within))
-            return stream(And(both), clock, last)
-        case Since(0, None, left, right):
+        case stl.Since(0, None, left, right):
             return SinceStream(clock, stream(left, clock, last), stream(right, clock, last), last)
-        case Since(first, until, left, right):
-            parts: list[Formula] = [Since(0, None, left, right)]
-            if first:
-                parts = [Once(first, first, parts[0]), Historically(0, first - 1, left)]
-            if until is not None:
-                parts.append(Once(first, until, right))
-            return stream(And(tuple(parts)), clock, last)
+        case stl.Until() | stl.Since():
+            return stream(from_now(formula), clock, last)
     raise TypeError(f"{formula!r} is no formula")

@@ -18,11 +18,7 @@ from symaware_cli.specification.sliding import (
     sliding,
     sliding_until,
 )
-from symaware_cli.specification.stream import (
-    Clock,
-    Stream,
-    Together,
-)
+from symaware_cli.specification.stream import Clock, Stream, Together
 
 
 class AheadStream(Stream):

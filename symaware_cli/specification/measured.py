@@ -6,21 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from symaware_cli.specification.formula import (
-    Always,
-    And,
-    Array,
-    Constant,
-    Eventually,
-    Formula,
-    Historically,
-    Not,
-    Once,
-    Or,
-    Predicate,
-    Since,
-    Until,
-)
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.formula import Array, Formula
 from symaware_cli.specification.sliding import sliding
 
 
@@ -42,49 +29,51 @@ def measured(formula: Formula, samples: Sequence[Array], instants: int, rows: in
 
     def of(part: Formula) -> Array:
         match part:
-            case Constant():
+            case stl.Constant():
                 return np.full((instants, rows), np.inf if part.value else -np.inf)
-            case Predicate():
+            case stl.Predicate():
                 return samples[part.index][:instants]
-            case Not():
+            case stl.Not():
                 return -of(part.operand)
-            case And():
+            case stl.And():
                 least: Array = np.minimum.reduce([of(each) for each in part.operands])
                 return least
-            case Or():
+            case stl.Or():
                 greatest: Array = np.maximum.reduce([of(each) for each in part.operands])
                 return greatest
-            case Always() | Historically():
+            case stl.Always() | stl.Historically():
                 return window(np.minimum, np.inf, part)
-            case Eventually() | Once():
+            case stl.Eventually() | stl.Once():
                 return window(np.maximum, -np.inf, part)
-            case Until() | Since():
+            case stl.Until() | stl.Since():
                 return chain(part)
 
-    def window(ufunc: np.ufunc, neutral: float, part: Always | Eventually | Historically | Once) -> Array:
+    def window(
+        ufunc: np.ufunc, neutral: float, part: stl.Always | stl.Eventually | stl.Historically | stl.Once
+    ) -> Array:
         values, first, last = of(part.operand), part.first, _last(part.last)
         if first > last:
             return np.full((instants, rows), neutral)
         beyond = np.full((last, rows), neutral)
-        if isinstance(part, Always | Eventually):
+        if isinstance(part, stl.Always | stl.Eventually):
             return sliding(ufunc, np.concatenate([values[first:], beyond]), last - first + 1)
         return sliding(ufunc, np.concatenate([beyond, values[: instants - first]]), last - first + 1)
 
-    def chain(part: Until | Since) -> Array:
+    def chain(part: stl.Until | stl.Since) -> Array:
         left, right, last = of(part.left), of(part.right), _last(part.last)
-        if isinstance(part, Since):
+        if isinstance(part, stl.Since):
             left, right = left[::-1], right[::-1]
         found, before = np.full((instants, rows), -np.inf), np.full((instants, rows), np.inf)
         for ahead in range(last + 1):
             known = instants - ahead
-            if isinstance(part, Since) and ahead:
+            if isinstance(part, stl.Since) and ahead:
                 # What is on the left holds after the instant of what is on the right, up to and including now.
                 before[:known] = np.minimum(before[:known], left[ahead - 1 : ahead - 1 + known])
             if ahead >= part.first:
                 found[:known] = np.maximum(found[:known], np.minimum(right[ahead:], before[:known]))
-            if isinstance(part, Until):
+            if isinstance(part, stl.Until):
                 before[:known] = np.minimum(before[:known], left[ahead:])
-        return found[::-1] if isinstance(part, Since) else found
+        return found[::-1] if isinstance(part, stl.Since) else found
 
     def _last(last: int | None) -> int:
         return instants - 1 if last is None else min(last, instants - 1)

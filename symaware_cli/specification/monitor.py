@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +13,6 @@ from numpy.typing import NDArray
 from symaware_cli.specification.formula import Array, Formula, Predicate, horizon, operands
 from symaware_cli.specification.formula_stream import stream
 from symaware_cli.specification.reason import Reason, reasons
-from symaware_cli.specification.selection import selected
 from symaware_cli.specification.sliding import Extremum, History, Recent, Starts, UntilWindow
 from symaware_cli.specification.stream import Clock, Stream, Together
 from symaware_cli.specification.whole import bounds
@@ -155,7 +156,7 @@ class Monitor:
 
     def select(self, rows: NDArray[np.intp]) -> Monitor:
         """Return a monitor of some rows, at least one, with their history."""
-        made: Monitor = selected(self, rows, instances=_PARTS)
+        made: Monitor = _selected(self, rows)
         made._reasons = {}
         for each in (made, made._clock, made._robustness_clock):
             each.rows = len(rows)
@@ -244,7 +245,7 @@ class Continuation:
             monitor: A monitor whose values are `arrays`.
             rows: The row that each continuation belongs to; rows may occur several times. Shape (m,).
         """
-        self._clock, self._stream = selected([monitor._clock, monitor._stream], rows, instances=_PARTS)
+        self._clock, self._stream = _selected([monitor._clock, monitor._stream], rows)
         self._clock.rows = len(rows)
         self._exact: Any = None
 
@@ -272,3 +273,29 @@ class Continuation:
         holds, fails = (lower, ~upper) if self._clock.boolean else (lower > 0.0, upper < 0.0)
         verdict: NDArray[np.int8] = np.subtract(holds, fails, dtype=np.int8)
         return verdict
+
+
+def _selected(value: Any, rows: NDArray[np.intp]) -> Any:
+    """Return a copy of (a part of) a monitor with the selected rows.
+
+    Args:
+        value: An array with the rows along its last axis, a list, or an object of `_PARTS` with such attributes;
+            anything else is shared.
+        rows: The indices of the rows.
+    """
+    copies: dict[int, Any] = {}
+
+    def of(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value[..., rows]
+        if isinstance(value, list | deque):
+            return type(value)(of(each) for each in value)
+        if not isinstance(value, _PARTS):
+            return value
+        if id(value) not in copies:
+            made = copies[id(value)] = copy.copy(value)
+            for name, each in vars(value).items():
+                setattr(made, name, of(each))
+        return copies[id(value)]
+
+    return of(value)

@@ -47,8 +47,8 @@ PRECEDENCE: tuple[tuple[str, ...], ...] = (
     ("sign",),  # - and + before their operand
     ("**",),
 )
-_LEVEL: Mapping[str, int] = {operator: level for level, row in enumerate(PRECEDENCE) for operator in row}
-_COMPARISONS = PRECEDENCE[_LEVEL["<"]]
+LEVEL: Mapping[str, int] = {operator: level for level, row in enumerate(PRECEDENCE) for operator in row}
+_COMPARISONS = PRECEDENCE[LEVEL["<"]]
 _TEMPORAL = frozenset((*FUTURE, *PAST))
 #: Words that cannot be names.
 RESERVED = frozenset((*_TEMPORAL, "implies", "and", "or", "not", "true", "false", "True", "False", "None"))
@@ -91,11 +91,7 @@ def parse(
 
 class _Parser:
     def __init__(
-        self,
-        text: str,
-        names: Collection[str],
-        functions: Mapping[str, int | None],
-        definitions: Mapping[str, Node],
+        self, text: str, names: Collection[str], functions: Mapping[str, int | None], definitions: Mapping[str, Node]
     ) -> None:
         self._text = text
         self._names = names

@@ -7,19 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.specification.sliding import (
-    EXTREMA,
-    Extremum,
-    Recent,
-    Values,
-    accumulated,
-    sliding,
-)
-from symaware_cli.specification.stream import (
-    Clock,
-    Stream,
-    Together,
-)
+from symaware_cli.specification.sliding import EXTREMA, Extremum, Recent, Values, accumulated, sliding
+from symaware_cli.specification.stream import Clock, Stream, Together
 
 
 class AgoStream(Stream):

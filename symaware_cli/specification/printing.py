@@ -18,9 +18,8 @@ from symaware_cli.specification.node import (
     Temporal,
     Vector,
 )
-from symaware_cli.specification.parser import PRECEDENCE
+from symaware_cli.specification.parser import LEVEL, PRECEDENCE
 
-_LEVEL = {operator: level for level, row in enumerate(PRECEDENCE) for operator in row}
 _HIGHEST = len(PRECEDENCE)
 
 
@@ -43,27 +42,27 @@ def _printed(node: Node) -> tuple[str, int]:
         case Call(function=function, arguments=arguments):
             return f"{function}({', '.join(map(printed, arguments))})", _HIGHEST
         case Sign(operator=sign, operand=operand):
-            level = _LEVEL["sign"]
+            level = LEVEL["sign"]
             return sign + _inner(operand, level), level
         case Arithmetic(operator=sign, left=left, right=right):
-            level = _LEVEL[sign]
+            level = LEVEL[sign]
             if sign == "**":  # right-associative
                 return f"{_inner(left, level + 1)} ** {_inner(right, level - 1)}", level
             return f"{_inner(left, level)} {sign} {_inner(right, level + 1)}", level
         case Comparison(operators=operators, operands=operands):
-            level = _LEVEL["<"]
+            level = LEVEL["<"]
             first, *others = (_inner(each, level + 1) for each in operands)
             return " ".join([first, *(f"{sign} {each}" for sign, each in zip(operators, others, strict=True))]), level
         case Not(operand=operand):
-            level = _LEVEL["not"]
+            level = LEVEL["not"]
             return f"not {_inner(operand, level)}", level
         case Junction(operator=word, operands=operands):
-            level = _LEVEL[word]
+            level = LEVEL[word]
             if word == "implies":  # right-associative
                 return f"{_inner(operands[0], level + 1)} implies {_inner(operands[1], level)}", level
             return f" {word} ".join(_inner(each, level + 1) for each in operands), level
         case Temporal(operator=word, window=window, operands=operands):
-            level, said = _LEVEL[word], word + ("" if window is None else f"[{_time(window[0])}, {_time(window[1])}]")
+            level, said = LEVEL[word], word + ("" if window is None else f"[{_time(window[0])}, {_time(window[1])}]")
             if len(operands) == 1:
                 text = _inner(operands[0], level)
                 # A bracket directly after the operator would be parsed as a window.

@@ -12,21 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from symaware_cli.specification.formula import (
-    Always,
-    And,
-    Array,
-    Constant,
-    Eventually,
-    Formula,
-    Historically,
-    Not,
-    Once,
-    Or,
-    Predicate,
-    Since,
-    Until,
-)
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.formula import Array, Formula, from_now
 from symaware_cli.specification.sliding import sliding
 
 
@@ -56,39 +43,31 @@ def truth_bounds(formula: Formula, predicates: Sequence[TruthBounds], instants: 
         return truth_bounds(operand, predicates, instants, rows)
 
     match formula:
-        case Constant(value):
+        case stl.Constant(value):
             never, ever = np.zeros((instants, rows)), np.ones((instants, rows))
             return TruthBounds(never, ever) if value else TruthBounds(ever, never)
-        case Predicate(index):
+        case stl.Predicate(index):
             return predicates[index]
-        case Not(operand):
+        case stl.Not(operand):
             return _negated(of(operand))
-        case And(operands):
+        case stl.And(operands):
             return _all([of(each) for each in operands])
-        case Or(operands):
+        case stl.Or(operands):
             return _negated(_all([_negated(of(each)) for each in operands]))
-        case Always(first, last, operand):
+        case stl.Always(first, last, operand):
             return _always(of(operand), first, last)
-        case Eventually(first, last, operand):
+        case stl.Eventually(first, last, operand):
             return _negated(_always(_negated(of(operand)), first, last))
-        case Historically(first, last, operand):
+        case stl.Historically(first, last, operand):
             return _historically(of(operand), first, last)
-        case Once(first, last, operand):
+        case stl.Once(first, last, operand):
             return _negated(_historically(_negated(of(operand)), first, last))
-        case Until(0, last, left, right):
+        case stl.Until(0, last, left, right):
             return _until(of(left), of(right), last)
-        case Until(first, last, left, right):
-            within = Until(0, None if last is None else last - first, left, right)
-            return of(And((Always(0, first - 1, left), Eventually(first, first, within))))
-        case Since(0, None, left, right):
+        case stl.Since(0, None, left, right):
             return _since(of(left), of(right))
-        case Since(first, last, left, right):
-            parts: list[Formula] = [Since(0, None, left, right)]
-            if first:
-                parts = [Once(first, first, parts[0]), Historically(0, first - 1, left)]
-            if last is not None:
-                parts.append(Once(first, last, right))
-            return of(And(tuple(parts)))
+        case stl.Until() | stl.Since():
+            return of(from_now(formula))
     raise TypeError(f"{formula!r} is no formula")
 
 

@@ -7,21 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symaware_cli.specification.formula import (
-    Always,
-    And,
-    Array,
-    Eventually,
-    Formula,
-    Historically,
-    Not,
-    Once,
-    Or,
-    Predicate,
-    Since,
-    Until,
-    operands,
-)
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.formula import Array, Formula, operands
 from symaware_cli.specification.whole import Bounds, bounds
 
 
@@ -77,11 +64,11 @@ class _Trace:
         side = 0 if lower > 0.0 or not (upper < 0.0 or np.isfinite(upper)) else 1
         path: list[int] = []
         t, instants = 0, [0]
-        while not isinstance(formula, Predicate):
+        while not isinstance(formula, stl.Predicate):
             step = self.step(formula, t, side)
             if step is None:
                 return None
-            if isinstance(formula, Not):
+            if isinstance(formula, stl.Not):
                 side = 1 - side
             position, t = step
             formula = operands(formula)[position]
@@ -95,21 +82,21 @@ class _Trace:
         """Return the first operand, and its first instant, whose bound equals that of the formula at an instant."""
         value = self.among(formula, t, t + 1)[0, side]
         match formula:
-            case Not():
+            case stl.Not():
                 return 0, t
-            case And() | Or():
+            case stl.And() | stl.Or():
                 equal = (
                     (position, t)
                     for position, each in enumerate(formula.operands)
                     if self.among(each, t, t + 1)[0, side] == value
                 )
                 return next(equal, None)
-            case Always() | Eventually():
+            case stl.Always() | stl.Eventually():
                 return self.first(0, formula.operand, t + formula.first, self.end(formula, t), side, value)
-            case Historically() | Once():
+            case stl.Historically() | stl.Once():
                 begin = 0 if formula.last is None else max(0, t - formula.last)
                 return self.first(0, formula.operand, begin, t - formula.first + 1, side, value)
-            case Until():
+            case stl.Until():
                 begin, end = t + formula.first, self.end(formula, t)
                 lefts, rights = (self.among(each, t, end)[:, side] for each in (formula.left, formula.right))
                 so_far = np.minimum.accumulate(np.concatenate([[np.inf], lefts[:-1]]))
@@ -118,7 +105,7 @@ class _Trace:
                     return None
                 at = begin + int(found[0])
                 return (1, at) if rights[at - t] == value else self.first(0, formula.left, t, at, side, value)
-            case Since():
+            case stl.Since():
                 begin, end = 0 if formula.last is None else max(0, t - formula.last), t - formula.first + 1
                 lefts, rights = (self.among(each, begin, t + 1)[:, side] for each in (formula.left, formula.right))
                 since = np.minimum.accumulate(np.concatenate([lefts[1:], [np.inf]])[::-1])[::-1]
@@ -131,7 +118,7 @@ class _Trace:
                 )
         return None
 
-    def end(self, formula: Always | Eventually | Until, t: int) -> int:
+    def end(self, formula: stl.Always | stl.Eventually | stl.Until, t: int) -> int:
         """Return the instant after a window ahead; of an unbounded one, after the known values of the operands."""
         if formula.last is not None:
             return t + formula.last + 1

@@ -16,17 +16,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry.region import Region, RegionShape
 from symaware_cli.specification.formula import ZERO
-from symaware_cli.specification.node import (
-    Arithmetic,
-    Call,
-    Comparison,
-    Constant,
-    Element,
-    Name,
-    Node,
-    Sign,
-    Vector,
-)
+from symaware_cli.specification.node import Arithmetic, Call, Comparison, Constant, Element, Name, Node, Sign, Vector
 
 Array = NDArray[np.float64]
 #: Returns the value of a name for the row: a number, a vector, a `RegionHere`, a mapping, or anything else.

@@ -12,21 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.specification.formula import (
-    Always,
-    And,
-    Array,
-    Constant,
-    Eventually,
-    Formula,
-    Historically,
-    Not,
-    Once,
-    Or,
-    Predicate,
-    Since,
-    Until,
-)
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.formula import Array, Formula
 
 Instants = NDArray[np.intp]
 
@@ -69,39 +56,39 @@ def robustness_interval(
     def of(part: Formula, times: int = far + 1) -> RobustInterval:
         """The bounds of a part at so many instants."""
         match part:
-            case Constant(value):
+            case stl.Constant(value):
                 truth = np.full((times, rows), np.inf if value else -np.inf)
                 return RobustInterval(truth, truth)
-            case Predicate(index):
+            case stl.Predicate(index):
                 known = samples[index].reshape(instants, rows)
                 return RobustInterval(
                     np.concatenate([known, -unknown])[:times], np.concatenate([known, unknown])[:times]
                 )
-            case Not(operand):
+            case stl.Not(operand):
                 low, high = of(operand, times)
                 return RobustInterval(-high, -low)
-            case And(operands):
+            case stl.And(operands):
                 lows, highs = zip(*(of(each, times) for each in operands), strict=True)
                 return RobustInterval(np.minimum.reduce(lows), np.minimum.reduce(highs))
-            case Or(operands):
+            case stl.Or(operands):
                 lows, highs = zip(*(of(each, times) for each in operands), strict=True)
                 return RobustInterval(np.maximum.reduce(lows), np.maximum.reduce(highs))
-            case Always(first, last, operand):
+            case stl.Always(first, last, operand):
                 low, high = of(operand)
                 return RobustInterval(least(low, times, first, last, True), least(high, times, first, last, False))
-            case Eventually(first, last, operand):
+            case stl.Eventually(first, last, operand):
                 low, high = of(operand)
                 return RobustInterval(-least(-low, times, first, last, False), -least(-high, times, first, last, True))
-            case Until(first, last, left, right):
+            case stl.Until(first, last, left, right):
                 lows, highs = zip(of(left), of(right), strict=True)
                 return RobustInterval(
                     reached(*lows, times, first, last, False), reached(*highs, times, first, last, True)
                 )
-            case Historically(first, last, operand):
+            case stl.Historically(first, last, operand):
                 return RobustInterval(*(least_before(each, times, first, last) for each in of(operand)))
-            case Once(first, last, operand):
+            case stl.Once(first, last, operand):
                 return RobustInterval(*(-least_before(-each, times, first, last) for each in of(operand)))
-            case Since(first, last, left, right):
+            case stl.Since(first, last, left, right):
                 return RobustInterval(
                     *(since(*pair, times, first, last) for pair in zip(of(left), of(right), strict=True))
                 )
@@ -147,15 +134,15 @@ def robustness_interval(
 def _look_back(formula: Formula) -> int:
     """A number of instants beyond which windows of a formula do not look back, but those without a beginning."""
     match formula:
-        case Constant() | Predicate():
+        case stl.Constant() | stl.Predicate():
             return 0
-        case Not(operand) | Always(_, _, operand) | Eventually(_, _, operand):
+        case stl.Not(operand) | stl.Always(_, _, operand) | stl.Eventually(_, _, operand):
             return _look_back(operand)
-        case And(operands) | Or(operands):
+        case stl.And(operands) | stl.Or(operands):
             return max((_look_back(operand) for operand in operands), default=0)
-        case Until(_, _, left, right):
+        case stl.Until(_, _, left, right):
             return max(_look_back(left), _look_back(right))
-        case Historically(first, last, operand) | Once(first, last, operand):
+        case stl.Historically(first, last, operand) | stl.Once(first, last, operand):
             return _look_back(operand) + (first if last is None else last) + 1
-        case Since(first, last, left, right):
+        case stl.Since(first, last, left, right):
             return max(_look_back(left), _look_back(right)) + (first if last is None else last) + 1

@@ -292,13 +292,3 @@ class UntilWindow:
         self._holds, self._untils = lefts, rights
         self._lefts, self._rights = [], []
         return self._until
-
-
-def lowest(dtype: type) -> float | bool:
-    """Return the least possible value: False, or minus infinity."""
-    return False if dtype is bool else -np.inf
-
-
-def highest(dtype: type) -> float | bool:
-    """Return the greatest possible value: True, or infinity."""
-    return True if dtype is bool else np.inf

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,6 @@ from symaware_cli.specification.columns import KindError, Lookup
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.formulation import Formulation
 from symaware_cli.specification.monitor import Monitor
-from symaware_cli.specification.offer import Offer
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.scope import Scope
 
@@ -24,6 +23,25 @@ OnViolation = Literal["continue", "end", "event"]
 
 class SpecificationError(Exception):
     """A specification has no value at an instant; the message names the predicate, the agents and the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """How a specification is offered.
+
+    Attributes:
+        at: When it is offered, in nanoseconds; None if an event brings it.
+        open_for: How long it can be accepted, in nanoseconds; None for the rest of the run.
+        epsilon: The probability with which whoever accepts it may fail it; None if nothing is said.
+        to: The ids of the agents that the run tells of it; others learn of it by messages.
+        knowledge: What comes with it, as plain values by name.
+    """
+
+    at: int | None
+    open_for: int | None = None
+    epsilon: float | None = None
+    to: tuple[str, ...] = ()
+    knowledge: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

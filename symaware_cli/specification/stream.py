@@ -15,13 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.specification.sliding import (
-    EXTREMA,
-    Recent,
-    Values,
-    highest,
-    lowest,
-)
+from symaware_cli.specification.sliding import EXTREMA, Recent, Values
 
 
 class Clock:
@@ -49,7 +43,7 @@ class Clock:
 
     def extreme(self, greatest: bool) -> float | bool:
         """Return the greatest or the least possible value."""
-        return highest(self.dtype) if greatest else lowest(self.dtype)
+        return greatest if self.boolean else np.inf if greatest else -np.inf
 
     def value(self, greatest: bool) -> Any:
         """Return the greatest or least possible value in the form that is pushed."""

@@ -12,21 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symaware_cli.specification.formula import (
-    Always,
-    And,
-    Array,
-    Constant,
-    Eventually,
-    Formula,
-    Historically,
-    Not,
-    Once,
-    Or,
-    Predicate,
-    Since,
-    Until,
-)
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.formula import Array, Formula
 from symaware_cli.specification.sliding import sliding
 
 
@@ -72,36 +59,36 @@ class _Evaluation:
 
     def bounds(self, formula: Formula) -> Bounds:
         match formula:
-            case Constant():
+            case stl.Constant():
                 value = np.inf if formula.value else -np.inf
                 return Bounds(self._full(self.instants, value), self._full(1, value)[0])
-            case Predicate():
+            case stl.Predicate():
                 none = np.empty((0, self.rows))
                 known = self.samples[formula.index][: self.instants] if self.instants else none
                 return Bounds(np.stack([known, known], axis=1), self._unknown())
-            case Not():
+            case stl.Not():
                 operand = self.bounds(formula.operand)
                 return Bounds(-operand.values[:, ::-1], -operand.beyond[::-1])
-            case And() | Or():
-                ufunc: np.ufunc = np.minimum if isinstance(formula, And) else np.maximum
+            case stl.And() | stl.Or():
+                ufunc: np.ufunc = np.minimum if isinstance(formula, stl.And) else np.maximum
                 each = [self.bounds(operand) for operand in formula.operands]
                 length = max(len(operand.values) for operand in each)
                 return Bounds(
                     ufunc.reduce([operand.upto(length) for operand in each]),
                     ufunc.reduce([operand.beyond for operand in each]),
                 )
-            case Always() | Eventually():
+            case stl.Always() | stl.Eventually():
                 operand = self.bounds(formula.operand)
                 ufunc, neutral, open_side = _extremum(formula)
                 if formula.last is None:
                     return self._to_the_end(operand, formula.first, ufunc, neutral, open_side)
                 return self._ahead(operand, formula.first, formula.last, ufunc)
-            case Historically() | Once():
+            case stl.Historically() | stl.Once():
                 ufunc, neutral, _ = _extremum(formula)
                 return self._ago(self.bounds(formula.operand), formula.first, formula.last, ufunc, neutral)
-            case Until():
+            case stl.Until():
                 return self._until(formula)
-            case Since():
+            case stl.Since():
                 return self._since(formula)
 
     def _full(self, instants: int, value: float) -> Array:
@@ -142,7 +129,7 @@ class _Evaluation:
         before = np.concatenate([self._full(last, neutral), operand.upto(length - first)])
         return Bounds(sliding(ufunc, before, last - first + 1), operand.beyond)
 
-    def _until(self, formula: Until) -> Bounds:
+    def _until(self, formula: stl.Until) -> Bounds:
         """Compute a bounded until from windows and an unbounded until.
 
         A bounded until is the minimum of the unbounded one and of "eventually right in the window": Donzé, Ferrère and
@@ -179,7 +166,7 @@ class _Evaluation:
             beyond = np.minimum(beyond, right.beyond)
         return Bounds(values, beyond)
 
-    def _since(self, formula: Since) -> Bounds:
+    def _since(self, formula: stl.Since) -> Bounds:
         left, right = self.bounds(formula.left), self.bounds(formula.right)
         first, last = formula.first, formula.last
         known = max(len(left.values), len(right.values))
@@ -198,8 +185,8 @@ class _Evaluation:
         return Bounds(values[:-1], values[-1])
 
 
-def _extremum(formula: Always | Eventually | Historically | Once) -> tuple[np.ufunc, float, int]:
+def _extremum(formula: stl.Always | stl.Eventually | stl.Historically | stl.Once) -> tuple[np.ufunc, float, int]:
     """Return the combining ufunc, its neutral element, and the bound that gets worse with each further sample."""
-    if isinstance(formula, Always | Historically):
+    if isinstance(formula, stl.Always | stl.Historically):
         return np.minimum, np.inf, 0
     return np.maximum, -np.inf, 1

@@ -21,6 +21,7 @@ from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Timing
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.diagnosis import Diagnosis
 from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.scenario.sampling import RANDOM, Sampler, contains
 from symaware_cli.scenario.specifications import SpecificationBuilder
@@ -251,13 +252,12 @@ class Batch:
     def _stated(self, composition: Composition) -> Sequence[Specification]:
         """The specifications about the rows of all runs."""
         built, environment = self._built, self.simulation.environment
-        check = TimingCheck(
-            composition, environment, _impossible, built.document.regions, built.document.specifications
-        )
-        builder = SpecificationBuilder(
-            _impossible, check, environment, environment.time_step, self.simulation.groups, self.simulation.entries, ()
-        )
-        return [replace(each, explains=False) for each in builder.build(built.document)]
+        diagnosis = Diagnosis(composition)
+        check = TimingCheck(diagnosis, environment, built.document.regions, built.document.specifications)
+        builder = SpecificationBuilder(check, environment, self.simulation.groups, self.simulation.entries)
+        specifications = [replace(each, explains=False) for each in builder.build(built.document)]
+        assert not diagnosis.problems, f"the scenario was found to be sound: {diagnosis.problems}"
+        return specifications
 
     def _outcomes(self) -> list[tuple[Outcome, ...]]:
         """What has become of the specifications in each run."""
@@ -279,7 +279,3 @@ class Batch:
                     )
                 )
         return [tuple(each) for each in found]
-
-
-def _impossible(*arguments: Any, **hints: Any) -> None:
-    raise AssertionError(f"the scenario was found to be sound: {arguments}")

@@ -33,12 +33,10 @@ class Entity(Surface):
     shape: Shape | None = Field(None, description="The outline; without one the entity is a point without contacts.")
     mass: Mass = Field(1.0, description="Mass [kg].")
     max_force: Mass | None = Field(
-        None,
-        description="Greatest force of its drive, in physics worlds [N]; no limit if null.",
+        None, description="Greatest force of its drive, in physics worlds [N]; no limit if null."
     )
     max_torque: Mass | None = Field(
-        None,
-        description="Greatest torque of its drive, in physics worlds [N m]; no limit if null.",
+        None, description="Greatest torque of its drive, in physics worlds [N m]; no limit if null."
     )
 
     @field_validator("shape")
