@@ -12,7 +12,7 @@ from symaware_cli.awareness.column import Column, SeriesColumn
 from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core import AgentGroup, Contact, Event, Level, TimeSeries
-from symaware_cli.environments.recorded import RecordedEnvironment
+from symaware_cli.environments.column_environment import RecordedEnvironment
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.log_message import LogMessage

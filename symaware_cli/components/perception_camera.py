@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Frame, Image
+from symaware_cli.geometry.vectors import Array
 
-Array = NDArray[np.float64]
 Pixels = Annotated[int, Field(ge=1, le=4096)]
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Contact, Event, Quantity, Signal
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 QUANTITIES = (Quantity("touching", "1"), Quantity("impulse", "N s"))
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Quantity, Signal
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 QUANTITIES = (
     *(Quantity(f"acceleration_{axis}", "m/s^2") for axis in "xyz"),

@@ -6,13 +6,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Scan
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 #: More rays for each agent are surely a mistake.
 _MOST = 10_000

@@ -7,12 +7,10 @@ from itertools import pairwise
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.environments.urdf import UrdfError, tree
 from symaware_cli.geometry.rotation import about, rotated
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 #: The deepest nesting of nodes.
 _DEEPEST = 64

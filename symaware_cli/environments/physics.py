@@ -7,7 +7,6 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import (
@@ -26,8 +25,7 @@ from symaware_cli.core.stateful import StateError
 from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.column_environment import ColumnEnvironment, shared_array
 from symaware_cli.environments.contact_tracker import GROUND, ContactTracker
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 
 class BodyStates:

@@ -12,11 +12,9 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.geometry.pieces import Pieces
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array, Mask
 
 #: The number of edges of polygons around circles; they are 0.9 % wider, and never inside.
 _FACETS = 24
@@ -201,13 +199,13 @@ def _near(x: Array, y: Array, u: Array, v: Array, radius: Array) -> Interval:
     return _masked(Interval(start, end), meets)
 
 
-def _masked(interval: Interval, some: NDArray[np.bool_]) -> Interval:
+def _masked(interval: Interval, some: Mask) -> Interval:
     """Return intervals selected by a mask, and empty ones elsewhere."""
     some = some & (interval.start <= interval.end)
     return Interval(np.where(some, interval.start, np.inf), np.where(some, interval.end, -np.inf))
 
 
-def _first_and_last(intervals: Interval, some: NDArray[np.bool_] | bool = True) -> Interval:
+def _first_and_last(intervals: Interval, some: Mask | bool = True) -> Interval:
     """Return the span of the intervals in each row; (m, k) to (m,)."""
     known = _masked(intervals, np.asarray(some))
     return Interval(known.start.min(axis=1), known.end.max(axis=1))

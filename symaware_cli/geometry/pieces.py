@@ -13,10 +13,9 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: [m] Smaller distances count as rounding errors.
 _TINY = 1e-12
@@ -246,7 +245,7 @@ def _on_edges(points: Array, vertices: Array) -> Array:
     return on_edges
 
 
-def crosses(lines: Pieces, pieces: Pieces) -> NDArray[np.bool_]:
+def crosses(lines: Pieces, pieces: Pieces) -> Mask:
     """Return whether straight lines cross the inside of pieces, row by row; shape (m,)."""
     gap, _ = _widest_gap(lines, pieces)
     # The gap is never wider than the distance, so it decides most rows.

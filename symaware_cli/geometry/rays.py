@@ -8,14 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.geometry.pieces import Pieces
 from symaware_cli.geometry.scenery import Scenery
 from symaware_cli.geometry.shape import Shape
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The number of pairs of a ray and a piece that are computed together, to bound memory.
 _TOGETHER = 1 << 17
@@ -82,11 +79,11 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
     return entry
 
 
-def _beside(points: Array, edges: Array) -> NDArray[np.bool_]:
+def _beside(points: Array, edges: Array) -> Mask:
     """Return whether points, relative to the starts of edges, project onto the edge; (m, k, 2) each."""
     share, length = (points * edges).sum(axis=2), (edges * edges).sum(axis=2)
     # With a tolerance, so that no ray slips through between two edges.
-    beside: NDArray[np.bool_] = (share >= -1e-12 * length) & (share <= (1.0 + 1e-12) * length)
+    beside: Mask = (share >= -1e-12 * length) & (share <= (1.0 + 1e-12) * length)
     return beside
 
 
@@ -104,7 +101,7 @@ class BodiesInPlane:
         self._owners: Indices = np.array([index for index, _ in parts], np.intp)
         self._shapes = Pieces.of(piece for _, piece in parts)
 
-    def placed(self, positions: Array, headings: Array, present: NDArray[np.bool_] | None) -> tuple[Pieces, Indices]:
+    def placed(self, positions: Array, headings: Array, present: Mask | None) -> tuple[Pieces, Indices]:
         """Return the outlines at the poses of the agents.
 
         Args:

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters, Quantity
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.models.heading import HeadingModel
 from symaware_cli.models.noise import Deviation
-
-Array = NDArray[np.float64]
 
 _PLANE: tuple[Quantity, ...] = (Quantity("x", "m"), Quantity("y", "m"))
 _HEADING = Quantity("heading", "rad")

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.models.vector import Axes, Vector, dot
 from symaware_cli.world.model import columns
-
-Array = NDArray[np.float64]
 
 #: [kg] The mass with the battery [L].
 MASS = 0.027

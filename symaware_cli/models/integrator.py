@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Parameters, Quantity
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.models.noise import Deviation, NoisyModel
-
-Array = NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
 _DIMENSIONS = "Whether it moves in the plane or in space: 2 or 3."

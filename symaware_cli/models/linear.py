@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from symaware_cli.core import Model, Parameters, Quantity, nanoseconds
+from symaware_cli.geometry.vectors import Array
 
-Array = NDArray[np.float64]
 Matrix = list[list[float]]
 Positive = Annotated[float, Field(gt=0)]
 

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.optimal_control.affine_predicate import Face, Intersection, StateSet, Union
 from symaware_cli.specification import formula as stl
-
-Array: TypeAlias = NDArray[np.float64]
 
 #: The nodes that always hold, and never.
 TRUE, FALSE = 0, 1

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array: TypeAlias = NDArray[np.float64]
-Indices: TypeAlias = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: How a solver ended: the ``gap`` tells how far from the optimum the best solution may be.
 Status = Literal["optimal", "node limit", "infeasible", "unbounded", "failed"]
@@ -62,7 +61,7 @@ class MixedIntegerProgram:
         self._lower: list[Array] = []
         self._upper: list[Array] = []
         self._cost: list[Array] = []
-        self._integer: list[NDArray[np.bool_]] = []
+        self._integer: list[Mask] = []
         self._count = 0
         self._starts: list[int] = [0]
         self._columns: list[int] = []

@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symaware_cli.core import Model
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.optimal_control.dynamics import Dynamics, Integrator
-
-Array = NDArray[np.float64]
 
 
 class ProblemParameter(NamedTuple):

@@ -21,14 +21,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.components.relative_motion import dot
 from symaware_cli.core import AgentGroup, Model
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The number of sides of the polygon within the disc of allowed control inputs.
 _SIDES = 32

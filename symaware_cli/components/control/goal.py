@@ -18,8 +18,7 @@ from symaware_cli.components.control.steering import (
     scaled,
 )
 from symaware_cli.core import AgentGroup
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 
 class GoalSeeking(Approach):

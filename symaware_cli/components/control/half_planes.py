@@ -14,11 +14,8 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The tolerance of constraints [m/s], also for parallel lines.
 TOLERANCE = 1e-9

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import AgentGroup, GroupComponent, Parameters
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.world.plugin import ParameterError
 
-Array = NDArray[np.float64]
 Probability = Annotated[float, Field(ge=0, le=1)]
 
 

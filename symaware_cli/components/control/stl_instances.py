@@ -6,16 +6,14 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import Agent
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.specification.formula import horizon
 from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.monitor_statuses import MonitorStatuses
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
-
-Array = NDArray[np.float64]
 
 
 class Instance(NamedTuple):

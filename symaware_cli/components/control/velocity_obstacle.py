@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.components.control.goal import GoalSeeking
@@ -11,9 +10,7 @@ from symaware_cli.components.control.half_planes import HalfPlanes, nearest_velo
 from symaware_cli.components.control.steering import along, directions, lengths, scaled
 from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, dot, own_velocity
 from symaware_cli.core import AgentGroup
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices
 
 #: How much constraints of obstacles yield, relative to agents, if infeasible: obstacles do not move aside.
 _OBSTACLE_WEIGHT = 0.01

@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, own_velocity
 from symaware_cli.components.risk.outlines import Side
@@ -14,9 +13,7 @@ from symaware_cli.core import AgentGroup, GroupComponent, Quantity, Tracks
 from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.minkowski import loosened
 from symaware_cli.geometry.pieces import Pieces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 
 class Known:
@@ -41,8 +38,8 @@ class Known:
             each.model.goes_ahead and (shape is None or _symmetric(shape.pieces[0][0]))
             for each, shape in zip(groups, shapes, strict=True)
         ]
-        self.ahead: NDArray[np.bool_] = np.repeat(np.array(ahead, bool), counts)
-        self.turns: NDArray[np.bool_] = np.repeat([each.model.heading is not None for each in groups], counts)
+        self.ahead: Mask = np.repeat(np.array(ahead, bool), counts)
+        self.turns: Mask = np.repeat([each.model.heading is not None for each in groups], counts)
 
     def own_side(self, observers: Indices, covariance: Array | None) -> Side:
         """Return the own bodies of some rows of the group.
@@ -117,7 +114,7 @@ class BodyPairs(ABC):
     apart: Array
     closing: Array
     radius: Array
-    round: NDArray[np.bool_]
+    round: Mask
     covariance: Array | None
     heights: Array | None = None
 

@@ -13,6 +13,7 @@ from symaware_cli.components.risk.failure_bound import bounded
 from symaware_cli.components.risk.predicate_bounds import NotLinearError
 from symaware_cli.components.risk.state_conditions import Conjunction, Moments, Negation, StateCondition
 from symaware_cli.core import AgentGroup
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.formula import Always, And, Eventually, Formula, Not, Or, Predicate
 from symaware_cli.specification.monitor_statuses import MonitorStatuses
@@ -20,8 +21,6 @@ from symaware_cli.specification.predicted_scope import PredictedAgentScope
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 Times = NDArray[np.int64]
 
 
@@ -106,7 +105,7 @@ class InvariantWindows:
             self.invariants += of_name
             self._monitors += [statuses.monitor] * len(of_name)
 
-    def counting(self, times: Times, now: int, end: int | None) -> NDArray[np.bool_]:
+    def counting(self, times: Times, now: int, end: int | None) -> Mask:
         """Return which invariants must hold at some instants, for each agent; shape (invariants, n, instants).
 
         Args:

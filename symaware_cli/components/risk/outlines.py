@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from symaware_cli.components.risk.gaussian import band_probability, polygon_probability
 from symaware_cli.geometry.minkowski import cornered, loosened, overlap_region, width, within
 from symaware_cli.geometry.pieces import Pieces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: How many deviations of velocities and headings are covered: the least of the resulting bounds is used.
 _COVERED = (2.5, 3.5, 5.0)
@@ -40,7 +37,7 @@ class Side(NamedTuple):
     headings: Array
     turn_rates: Array
     deviations: Array
-    by_motion: NDArray[np.bool_]
+    by_motion: Mask
 
     def take(self, rows: Indices) -> Side:
         """Return some rows."""
