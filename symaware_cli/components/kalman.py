@@ -75,14 +75,12 @@ def transition_of(model: Model, before: Array, after: Array, control_input: Arra
     square = rate @ rate
     if not square.any():
         return identity + rate
-    transition: Array = identity + rate + square @ (identity / 2 + rate / 6 + square / 24)
-    return transition
+    return identity + rate + square @ (identity / 2 + rate / 6 + square / 24)
 
 
 def wrapped(angle: Array) -> Array:
     """Wrap angles to [-pi, pi) [rad]."""
-    turned: Array = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
-    return turned
+    return np.remainder(angle + np.pi, 2 * np.pi) - np.pi
 
 
 def corrected(model: Model, belief: Belief, measured: Array, deviation: Array) -> Belief:

@@ -70,7 +70,4 @@ class ContactSensor(Sensor):
             errors = parameters.noise * self.random.standard_normal(1, "noise")[:, 0]
             hits = np.where(hits > 0.0, np.maximum(hits + errors, 0.0), 0.0)
         values = np.stack([np.array([len(others) for others in self._touching], float), hits], axis=1)
-        if parameters.dropout:
-            values[self.random.uniform(1, "dropout")[:, 0] < parameters.dropout] = np.nan
-        values.flags.writeable = False
-        return values
+        return self._with_dropouts(values)

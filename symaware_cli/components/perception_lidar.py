@@ -57,8 +57,7 @@ class Lidar(Sensor):
         parameters, group, environment = self.parameters, self._group, self.environment
         snapshot, count = environment.snapshot(), len(self._group)
         positions = snapshot.positions[self._start : self._start + count]
-        state = snapshot.states[self._number]
-        headings = np.zeros(count) if group.model.heading is None else state[:, group.model.heading]
+        headings = self._headings()
         forwards, leftwards, upwards = parameters.position
         cosine, sine = np.cos(headings), np.sin(headings)
         origins = positions.copy()

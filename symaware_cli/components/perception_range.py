@@ -192,8 +192,7 @@ class RangePerception(GroupComponent):
         away = snapshot.positions.take(other, 0) - snapshot.positions.take(one, 0)
         ahead = away[:, 0] * np.cos(heading).take(row) + away[:, 1] * np.sin(heading).take(row)
         distance = np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1])
-        inside: Mask = ahead >= distance * math.cos(0.5 * self.parameters.field_of_view)
-        return inside
+        return ahead >= distance * math.cos(0.5 * self.parameters.field_of_view)
 
     def _add_noise(self, rows: Indices, others: Indices, positions: Array, velocities: Array) -> None:
         """Add measurement errors to positions and velocities of others, in place."""

@@ -44,8 +44,7 @@ def triangles(data: bytes) -> Array:
     except (ValueError, IndexError, KeyError) as error:
         raise UrdfError(f"is invalid: {error}") from error
     corners = np.concatenate([np.empty((0, 3, 3)), *(placed if scenes else geometries.values())])
-    surface: Array = metres * corners
-    return surface
+    return metres * corners
 
 
 def _geometry(geometry: Element) -> Array:

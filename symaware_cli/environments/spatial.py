@@ -456,8 +456,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         # Both directions share a line.
         keys, line = np.unique(np.minimum(ones, others) * count + np.maximum(ones, others), return_inverse=True)
         starts, ends = (middles.take(each, 0) for each in np.divmod(keys, count))
-        free: Mask = bullet_sensing.is_clear(self._id, self._index, obstacles, starts, ends)[line]
-        return free
+        return bullet_sensing.is_clear(self._id, self._index, obstacles, starts, ends)[line]
 
     def body_positions(self, names: Sequence[str]) -> Array:
         """Return the positions of bodies in space; for walls, which consist of several bodies, that of the entity."""

@@ -9,11 +9,11 @@ the edges of all of them, in the order of their directions (M. de Berg et al., C
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from symaware_cli.geometry.pieces import Pieces
+from symaware_cli.geometry.pieces import Pieces, following
 from symaware_cli.geometry.vectors import Array, Mask
 
 #: The number of edges of polygons around circles; they are 0.9 % wider, and never inside.
@@ -64,7 +64,7 @@ def cornered(pieces: Pieces) -> Pieces:
 
 def _summed(polygons: list[Array], rounding: Array) -> Pieces:
     """Return the Minkowski sums of counter-clockwise convex polygons, (m, k, 2) each."""
-    edges = np.concatenate([_next(each) - each for each in polygons], axis=1)
+    edges = np.concatenate([following(each) - each for each in polygons], axis=1)
     order = np.arctan2(edges[..., 1], edges[..., 0]).argsort(axis=1, kind="stable")
     edges = np.take_along_axis(edges, order[..., None], axis=1)
     vertices = np.cumsum(edges, axis=1)
@@ -74,15 +74,10 @@ def _summed(polygons: list[Array], rounding: Array) -> Pieces:
     length = np.sqrt(edges[..., 0] ** 2 + edges[..., 1] ** 2)
     real = length > 0.0
     # The edge to the next vertex is the next edge.
-    edges, length, real = _next(edges), _next(length), _next(real)
+    edges, length, real = following(edges), following(length), following(real)
     normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1) / np.where(real, length, 1.0)[..., None]
     offsets = np.where(real, normals[..., 0] * vertices[..., 0] + normals[..., 1] * vertices[..., 1], np.inf)
     return Pieces(vertices, normals, offsets, rounding)
-
-
-def _next(values: Any) -> Any:
-    """Shift rows by one element to the left; like `numpy.roll`, several times as fast."""
-    return np.concatenate([values[:, 1:], values[:, :1]], axis=1)
 
 
 @cache
@@ -175,7 +170,7 @@ def within(points: Array, velocities: Array, pieces: Pieces) -> Interval:
     if rounded.any():
         # The x axis of each edge is its normal turned by a right angle.
         along_x, along_y = -normals[..., 1], normals[..., 0]
-        edges = _next(vertices) - vertices
+        edges = following(vertices) - vertices
         length = along_x * edges[..., 0] + along_y * edges[..., 1]
         away_x, away_y = x - vertices[..., 0], y - vertices[..., 1]
         rectangle = between(

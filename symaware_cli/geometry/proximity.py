@@ -150,7 +150,7 @@ class Proximity:
             return True
         if reach > self._cut:
             return False
-        moved = self._greatest(np.abs(positions - self._built_at)) * np.sqrt(positions.shape[1])
+        moved = self._of_present(np.abs(positions - self._built_at)).max(initial=0.0) * np.sqrt(positions.shape[1])
         return bool(reach + 2 * moved <= self._cut)
 
     def _build(self, positions: Array, reach: float) -> None:
@@ -183,11 +183,6 @@ class Proximity:
 
     def _of_present(self, positions: Array) -> Array:
         return positions if self._present is None else positions[self._present]
-
-    def _greatest(self, values: Array) -> float:
-        """Return the greatest value in the rows of present bodies."""
-        values = self._of_present(values)
-        return float(values.max(initial=0.0))
 
     def _margin(self, positions: Array, reach: float) -> float:
         """Return how much wider than requested the list of candidates is to be [m].

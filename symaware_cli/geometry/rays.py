@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from symaware_cli.geometry.pieces import Pieces
+from symaware_cli.geometry.pieces import Pieces, following
 from symaware_cli.geometry.scenery import Scenery
 from symaware_cli.geometry.shape import Shape
 from symaware_cli.geometry.vectors import Array, Indices, Mask
@@ -65,7 +65,7 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
     meets = (beneath >= 0.0) & (along + half >= 0.0)
     discs = np.where(meets, np.maximum(along - half, 0.0), np.inf)
     real = np.isfinite(pieces.offsets)
-    edges = np.concatenate([vertices[:, 1:], vertices[:, :1]], axis=1) - vertices
+    edges = following(vertices) - vertices
     speed = (pieces.normals * directions[:, None]).sum(axis=2)
     # The distance of the ray's origin outside of each edge of the core.
     height = (pieces.normals * origins[:, None]).sum(axis=2) - np.where(real, pieces.offsets, 0.0)
@@ -75,8 +75,7 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
     sides = np.where(inwards & _beside(crossing, edges), distance, np.inf)
     inside = real.any(axis=1) & (~real | (height <= 0.0)).all(axis=1)
     inside |= (real & (height >= 0.0) & (height <= rounding) & _beside(-to_vertex, edges)).any(axis=1)
-    entry: Array = np.where(inside, 0.0, np.minimum(discs.min(axis=1), sides.min(axis=1)))
-    return entry
+    return np.where(inside, 0.0, np.minimum(discs.min(axis=1), sides.min(axis=1)))
 
 
 def _beside(points: Array, edges: Array) -> Mask:
@@ -88,8 +87,7 @@ def _beside(points: Array, edges: Array) -> Mask:
 
 
 def _cross(one: Array, other: Array) -> Array:
-    crossed: Array = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    return crossed
+    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
 class BodiesInPlane:

@@ -180,8 +180,7 @@ class Scenery:
             return np.zeros((len(obstacle), 2))
         arm = point - self._positions.take(obstacle, 0)
         around = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        velocity: Array = self._velocities.take(obstacle, 0) + self._turn_rates.take(obstacle)[:, None] * around
-        return velocity
+        return self._velocities.take(obstacle, 0) + self._turn_rates.take(obstacle)[:, None] * around
 
     @property
     def has_heights(self) -> bool:

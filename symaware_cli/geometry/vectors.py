@@ -17,5 +17,5 @@ def lengths(vectors: Array) -> Array:
     """Return the Euclidean lengths of vectors; (n, d) to (n,)."""
     total = vectors[:, 0] * vectors[:, 0]
     for axis in range(1, vectors.shape[1]):
-        total = total + vectors[:, axis] * vectors[:, axis]
+        total += vectors[:, axis] * vectors[:, axis]
     return np.asarray(np.sqrt(total))

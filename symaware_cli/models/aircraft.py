@@ -31,8 +31,6 @@ class DubinsAircraft(HeadingModel):
 
     state = (*_PLANE, _HEADING)
     control_input = _INPUTS
-    heading = 2
-    angles = (2,)
 
     class Parameters(Parameters):
         """Limits of the aircraft."""
@@ -99,7 +97,3 @@ class DubinsAircraft(HeadingModel):
         if limits.dimensions == 3:
             followed[:, 2] = velocity[:, 2]
         return followed
-
-    def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Scale the speed, down to the minimum speed; it can still turn and climb."""
-        return super().slowed(state, control_input, factor)

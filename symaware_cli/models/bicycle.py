@@ -20,7 +20,6 @@ class Bicycle(SteeredModel):
     batchable = True
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
-    angles = (2,)
 
     class Parameters(Parameters):
         """Dimensions and limits of the bicycle."""

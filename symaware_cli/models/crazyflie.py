@@ -97,8 +97,7 @@ def ground_effect(height: Array) -> Array:
         height: Height above ground [m]; shape (n,).
     """
     share = PROPELLER / (4.0 * np.maximum(height, 0.5 * PROPELLER))
-    grown: Array = 1.0 / (1.0 - share * share)
-    return grown
+    return 1.0 / (1.0 - share * share)
 
 
 def downwash(positions: Array) -> Array:

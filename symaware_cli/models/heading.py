@@ -125,7 +125,6 @@ class SteeredModel(HeadingModel):
     """
 
     control_input = (Quantity("speed", "m/s"), Quantity("steering_angle", "rad"))
-    heading = 2
 
     @property
     @abstractmethod

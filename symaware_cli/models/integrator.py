@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import Parameters, Quantity
-from symaware_cli.geometry.vectors import Array
+from symaware_cli.geometry.vectors import Array, lengths
 from symaware_cli.models.noise import Deviation, NoisyModel
 
 _AXES = ("x", "y", "z")
@@ -33,12 +33,8 @@ def shortened(vectors: Array, longest: float | None) -> Array:
     """
     if longest is None:
         return vectors
-    square = vectors[:, 0] * vectors[:, 0]
-    for column in range(1, vectors.shape[1]):
-        square = square + vectors[:, column] * vectors[:, column]
-    scale = longest / np.maximum(np.sqrt(square), longest)
-    scaled: Array = vectors * scale[:, None]
-    return scaled
+    scale = longest / np.maximum(lengths(vectors), longest)
+    return vectors * scale[:, None]
 
 
 class SingleIntegrator(NoisyModel):

@@ -139,8 +139,7 @@ class Linear(Model):
         added = np.array(self.parameters.B)[list(self.position)]
         if len(self.position) < len(self.state) or np.linalg.matrix_rank(added) < len(self.position):
             return None
-        inverse: Array = np.linalg.pinv(added)
-        return inverse
+        return np.linalg.pinv(added)
 
 
 def _quantities(units: Mapping[str, str]) -> tuple[Quantity, ...]:

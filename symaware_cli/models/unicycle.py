@@ -24,8 +24,6 @@ class Unicycle(HeadingModel):
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
     control_input = (Quantity("speed", "m/s"), Quantity("turn_rate", "rad/s"))
-    heading = 2
-    angles = (2,)
 
     class Parameters(Parameters):
         """Limits of the unicycle."""

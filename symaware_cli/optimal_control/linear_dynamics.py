@@ -81,8 +81,7 @@ class LinearDynamics:
 
     def after(self, state: Array, control_input: Array) -> Array:
         """Return the state (nx,) after a step."""
-        found: Array = self.A @ state + self.B @ control_input + self.c
-        return found
+        return self.A @ state + self.B @ control_input + self.c
 
     def rollout(self, state: Array, inputs: Array) -> Array:
         """Return the states from a state (nx,) under control inputs (N, nu); shape (N + 1, nx)."""

@@ -244,15 +244,15 @@ class MixedIntegerProgram:
         import highspy
 
         ended, info = solver.getModelStatus(), solver.getInfo()
-        status: Status = "failed"
-        if ended == highspy.HighsModelStatus.kOptimal:
-            status = "optimal"
-        elif ended == highspy.HighsModelStatus.kInfeasible:
-            status = "infeasible"
-        elif ended == highspy.HighsModelStatus.kUnbounded:
-            status = "unbounded"
-        elif is_mixed and ended in (highspy.HighsModelStatus.kSolutionLimit, highspy.HighsModelStatus.kIterationLimit):
-            status = "node limit"
+        statuses: dict[Any, Status] = {
+            highspy.HighsModelStatus.kOptimal: "optimal",
+            highspy.HighsModelStatus.kInfeasible: "infeasible",
+            highspy.HighsModelStatus.kUnbounded: "unbounded",
+        }
+        if is_mixed:
+            limits = (highspy.HighsModelStatus.kSolutionLimit, highspy.HighsModelStatus.kIterationLimit)
+            statuses |= dict.fromkeys(limits, "node limit")
+        status = statuses.get(ended, "failed")
         nodes = max(0, int(info.mip_node_count)) if is_mixed else 0
         feasible = info.primal_solution_status == int(highspy.SolutionStatus.kSolutionStatusFeasible)
         if status not in ("optimal", "node limit") or not feasible:

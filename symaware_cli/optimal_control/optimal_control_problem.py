@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from symaware_cli.core import Model
 from symaware_cli.geometry.vectors import Array
-from symaware_cli.optimal_control.dynamics import Dynamics, Integrator
+from symaware_cli.optimal_control.dynamics import Dynamics
+from symaware_cli.world.integration import Integrator
 
 
 class ProblemParameter(NamedTuple):

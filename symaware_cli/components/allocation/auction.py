@@ -238,7 +238,7 @@ class Auction(CommunicationReceiver):
 
     def _update(self, value: Sequence[Message]) -> None:
         for message in value:
-            self._hear(message.payload)
+            self._round(message.payload["since"], message.payload["round"]).hear(message.payload)
         for each in self._rounds:
             if not each.is_closed and self.now >= each.end:
                 self._close(each)
@@ -250,9 +250,6 @@ class Auction(CommunicationReceiver):
         self._bid()
         for each in self._rounds:
             self.send(Message(self._agent.id, EVERYBODY, each.message(), AUCTION))
-
-    def _hear(self, payload: Mapping[str, Any]) -> None:
-        self._round(payload["since"], payload["round"]).hear(payload)
 
     def _round(self, since: int, number: int) -> AuctionRound:
         for each in self._rounds:

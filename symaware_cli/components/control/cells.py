@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.abstraction.knowledge_model import model_named
-from symaware_cli.components.control.steering import Steering, lengths
+from symaware_cli.components.control.steering import Steering
 from symaware_cli.core import AgentGroup, Contact, Drive, Event, Level
-from symaware_cli.geometry.vectors import Array, Mask
+from symaware_cli.geometry.vectors import Array, Mask, lengths
 from symaware_cli.world.plugin import ParameterError
 from symaware_cli.world.time import seconds
 
@@ -50,8 +50,7 @@ class Braking:
     def distance(self, change: Array) -> Array:
         """Return D for changes of the speed; of the same shape."""
         count = np.maximum(np.ceil(change / self._change), 1.0)
-        farther: Array = self._step * (count - 1.0) * (change - 0.5 * self._change * count)
-        return farther
+        return self._step * (count - 1.0) * (change - 0.5 * self._change * count)
 
     def slowed(self, speed: Array) -> Array:
         """Return the speeds after a period of braking; of the same shape."""
@@ -84,8 +83,7 @@ class Braking:
     def _way(self, speed: Array, chosen: Array) -> Array:
         """Return how far a body gets in a period, and then until it stops."""
         change = self.distance(np.abs(chosen - speed))
-        way: Array = self._period * chosen + np.where(chosen < speed, change, -change) + self.distance(chosen)
-        return way
+        return self._period * chosen + np.where(chosen < speed, change, -change) + self.distance(chosen)
 
 
 #: The greatest angle between the heading and the way ahead at which a vehicle drives [rad].

@@ -7,9 +7,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Steering, lengths
+from symaware_cli.components.control.steering import Steering
 from symaware_cli.core import AgentGroup
-from symaware_cli.geometry.vectors import Array, Mask
+from symaware_cli.geometry.vectors import Array, Mask, lengths
 
 #: The number of standard deviations by which an estimated velocity must differ from zero to have a direction.
 _SIGNIFICANT = 3.0

@@ -7,9 +7,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Approach, differing, lengths
+from symaware_cli.components.control.steering import Approach, differing
 from symaware_cli.core import AgentGroup
-from symaware_cli.geometry.vectors import Array, Indices, Mask
+from symaware_cli.geometry.vectors import Array, Indices, Mask, lengths
 
 
 class WaypointLines(NamedTuple):
@@ -200,8 +200,7 @@ class PurePursuit(Approach):
         far = there > (before + 2.0 * ahead)[:, None]
         distance = np.where(far & started[:, None], np.inf, distance)
         best = distance.argmin(axis=1)
-        found: Array = np.where(np.isinf(distance[self._rows, best]), before, there[self._rows, best])
-        return found
+        return np.where(np.isinf(distance[self._rows, best]), before, there[self._rows, best])
 
     def _at(self, lines: WaypointLines, travelled: Array) -> Array:
         """Return the points at given distances along the lines [m]; shape (n, 2)."""

@@ -64,8 +64,7 @@ class RandomInput(GroupComponent):
 
     def _compute(self) -> Array:
         drawn = self.random.uniform(1)[:, 0]
-        chosen: Array = self._inputs[np.searchsorted(self._bounds, drawn, side="right")]
-        return chosen
+        return self._inputs[np.searchsorted(self._bounds, drawn, side="right")]
 
     def _update(self, value: Array) -> None:
         self._group.control_input = value

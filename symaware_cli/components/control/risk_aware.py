@@ -128,8 +128,7 @@ class SpeedRisk:
 
     def _inputs(self, states: Array, requested: Array, factors: Array) -> Array:
         model = self._group.model
-        limited: Array = model.limit(model.slowed(states, requested, factors))
-        return limited
+        return model.limit(model.slowed(states, requested, factors))
 
     def _after(self, states: Array, inputs: Array) -> Array:
         return integrate(self._group.model, states, inputs, self._step / SECOND)

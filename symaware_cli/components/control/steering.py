@@ -84,14 +84,6 @@ def along(position: Array, direction: Array, travelled: Array) -> Array:
     return places
 
 
-def lengths(vectors: Array) -> Array:
-    """Return the lengths of vectors; (n, d) to (n,)."""
-    square = vectors[:, 0] * vectors[:, 0]
-    for axis in range(1, vectors.shape[1]):
-        square += vectors[:, axis] * vectors[:, axis]
-    return np.sqrt(square)
-
-
 def differences(vectors: Array, others: Array) -> Array:
     """Return vectors (n, d) minus others (n, d)."""
     apart = np.empty_like(vectors)

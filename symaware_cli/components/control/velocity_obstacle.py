@@ -7,10 +7,10 @@ from pydantic import Field, model_validator
 
 from symaware_cli.components.control.goal import GoalSeeking
 from symaware_cli.components.control.half_planes import HalfPlanes, nearest_velocity
-from symaware_cli.components.control.steering import along, directions, lengths, scaled
+from symaware_cli.components.control.steering import along, directions, scaled
 from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, dot, own_velocity
 from symaware_cli.core import AgentGroup
-from symaware_cli.geometry.vectors import Array, Indices
+from symaware_cli.geometry.vectors import Array, Indices, lengths
 
 #: How much constraints of obstacles yield, relative to agents, if infeasible: obstacles do not move aside.
 _OBSTACLE_WEIGHT = 0.01

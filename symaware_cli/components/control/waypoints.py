@@ -7,9 +7,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Approach, differing, directions, lengths
+from symaware_cli.components.control.steering import Approach, differing, directions
 from symaware_cli.core import AgentGroup
-from symaware_cli.geometry.vectors import Array, Indices, Mask
+from symaware_cli.geometry.vectors import Array, Indices, Mask, lengths
 
 
 class WaypointDecision(NamedTuple):
@@ -117,8 +117,7 @@ class Waypoints(Approach):
     def _after(self, number: Indices, step: Mask | Indices, counts: Indices) -> Indices:
         """Return the next waypoint; after the last one the first of a loop, else the last."""
         following = number + step
-        limited: Indices = following % counts if self.parameters.loop else np.minimum(following, counts - 1)
-        return limited
+        return following % counts if self.parameters.loop else np.minimum(following, counts - 1)
 
     def _path_ahead(self, waypoints: Array, counts: Indices, position: Array, upcoming: Indices, speed: Array) -> Array:
         """Return each agent's positions at the instants of the intent if it keeps its speed; shape (n, h, d)."""

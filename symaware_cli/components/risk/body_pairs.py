@@ -197,7 +197,9 @@ class WithObstacles(BodyPairs):
         self.round = np.broadcast_to(disc, row.shape).copy()
         self.covariance = own.with_others(None, row, 2)
         if position.shape[1] == 3 and np.isfinite(course.heights).any():
-            self.heights = self._rise(course.heights, position[:, 2], velocity[:, 2], known.outer[known.start])
+            low, high = course.heights.T
+            outer = known.outer[known.start]
+            self.heights = np.stack([position[:, 2].take(row), velocity[:, 2].take(row), low - outer, high + outer])
 
     def _levels(self, known: Known, position: Array) -> Array | None:
         """Return the heights of planar agents if the world has heights of obstacles; None otherwise."""
@@ -205,11 +207,6 @@ class WithObstacles(BodyPairs):
         if position.shape[1] == 3 or not environment.scenery.has_heights:
             return None
         return environment.body_positions(known.group.ids)[:, 2]
-
-    def _rise(self, heights: Array, level: Array, rate: Array, outer: float) -> Array:
-        """Return own height and its rate, and the least and greatest height at which both may overlap; (4, m)."""
-        row = self.observers
-        return np.stack([level.take(row), rate.take(row), heights[:, 0] - outer, heights[:, 1] + outer])
 
     def sides(self, rows: Indices) -> tuple[Side, Side]:
         """See `BodyPairs`."""

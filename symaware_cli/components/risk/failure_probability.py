@@ -19,7 +19,7 @@ from symaware_cli.geometry.vectors import Array, Indices, Mask
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.forecast import Forecast
 from symaware_cli.specification.formula import Formula, Not, Predicate, operands
-from symaware_cli.specification.monitor_statuses import MonitorStatuses
+from symaware_cli.specification.monitor_statuses import monitor_of
 from symaware_cli.specification.node import Comparison, Name, Node, walk
 from symaware_cli.specification.predicted_scope import PredictedAgentScope, PredictedPairScope
 from symaware_cli.specification.scope import Scope
@@ -130,7 +130,9 @@ class FailureProbability(GroupComponent):
         """Prepare the monitors for forecasts."""
         super().initialise_component(group)
         self._scope = PredictedAgentScope(group, self.environment, self.environment.groups, group.regions)
-        self._monitors = [self._monitor(name) for name in self.parameters.specifications]
+        self._monitors = [monitor_of(group, name) for name in self.parameters.specifications]
+        for monitor in self._monitors:
+            monitor.is_continued = True
         self._bounded = (
             []
             if self.parameters.method == "sampling"
@@ -153,13 +155,6 @@ class FailureProbability(GroupComponent):
             or any(region.around for region in regions)
             or any(monitor.specification.each is None for monitor in self._monitors)
         )
-
-    def _monitor(self, name: str) -> SpecificationMonitor:
-        statuses = self._group.specifications.get(name)
-        if not isinstance(statuses, MonitorStatuses):
-            raise ValueError(f"`{name}` is not monitored in this process")
-        statuses.monitor.is_continued = True
-        return statuses.monitor
 
     def _compute(self) -> RiskEstimate:
         parameters, group, environment = self.parameters, self._group, self.environment

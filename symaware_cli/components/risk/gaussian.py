@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtr, owens_t
 
 from symaware_cli.components.relative_motion import dot
-from symaware_cli.geometry.pieces import Pieces
+from symaware_cli.geometry.pieces import Pieces, following
 from symaware_cli.geometry.vectors import Array
 
 #: Replaces 0 as a divisor.
@@ -55,7 +55,7 @@ def polygon_probability(mean: Array, covariance: Array, polygons: Pieces) -> Arr
     height = np.where(np.abs(height) < _TINY, _TINY, height)
     u = x / one
     v = (y - cross * u) / other
-    along_u, along_v = _next(u) - u, _next(v) - v
+    along_u, along_v = following(u) - u, following(v) - v
     length = np.hypot(along_u, along_v)
     scale = np.where(length > 0.0, length, 1.0)
     along_u, along_v = along_u / scale, along_v / scale
@@ -95,10 +95,6 @@ def _below_both(one: Array, other: Array, correlation: Array) -> Array:
     owen = owens_t(one, (other / one - correlation) / rest) + owens_t(other, (one / other - correlation) / rest)
     both: Array = 0.5 * (ndtr(one) + ndtr(other)) - owen - np.where(one * other < 0.0, 0.5, 0.0)
     return np.minimum(np.maximum(both, 0.0), 1.0)
-
-
-def _next(values: Array) -> Array:
-    return np.concatenate([values[:, 1:], values[:, :1]], axis=1)
 
 
 def _sum(values: Array) -> Array:

@@ -286,8 +286,7 @@ def _probability(mean: Array, covariance: Array, regions: Pieces) -> Array:
 
 
 def _along(directions: Array, vectors: Array) -> Array:
-    product: Array = directions[..., 0] * vectors[:, 0, None] + directions[..., 1] * vectors[:, 1, None]
-    return product
+    return directions[..., 0] * vectors[:, 0, None] + directions[..., 1] * vectors[:, 1, None]
 
 
 def _spread(directions: Array, covariance: Array) -> tuple[Array, Array, Array]:
@@ -295,12 +294,11 @@ def _spread(directions: Array, covariance: Array) -> tuple[Array, Array, Array]:
     x, y = directions[..., 0], directions[..., 1]
 
     def along(block: Array) -> Array:
-        result: Array = (
+        return (
             x * x * block[:, 0, 0, None]
             + x * y * (block[:, 0, 1, None] + block[:, 1, 0, None])
             + y * y * block[:, 1, 1, None]
         )
-        return result
 
     position, velocity = (np.maximum(along(covariance[:, part, part]), 0.0) for part in (slice(2), slice(2, 4)))
     return position, along(covariance[:, :2, 2:]), velocity

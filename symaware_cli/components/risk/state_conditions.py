@@ -238,8 +238,7 @@ def propagated(covariance: Array, transition: Array) -> Array:
 
 def quantile(probability: Array, tail: Tail) -> Array:
     """Return how many standard deviations of margin bound the probability of a negative quantity; see `exceeding`."""
-    found: Array = -ndtri(probability) if tail == "normal" else np.sqrt((1.0 - probability) / probability)
-    return found
+    return -ndtri(probability) if tail == "normal" else np.sqrt((1.0 - probability) / probability)
 
 
 def _score(sides: HalfSpaces, moments: Moments) -> Array:

@@ -209,8 +209,7 @@ class Channel:
         seconds = given.quantiles(delay) if isinstance(given, DelayDistribution) else np.full(len(delay), given)
         if self.parameters.jitter:
             seconds = seconds + self.parameters.jitter * jitter
-        travelled: Times = np.rint(np.minimum(seconds, 1e9) * 1e9).astype(np.int64)
-        return travelled
+        return np.rint(np.minimum(seconds, 1e9) * 1e9).astype(np.int64)
 
     def _lost(
         self, states: LinkStates, links: Indices, drawn: Array, more: Array | None, counts: NDArray[np.bool_] | None

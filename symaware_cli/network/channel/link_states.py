@@ -46,8 +46,7 @@ class Backlog:
         early = self._early[links] * _remaining(now, seen, turn)
         late = self._late[links] * _remaining(now, np.maximum(seen, turn), free)
         self._early[links], self._late[links], self._seen[links] = early, late, now
-        waiting: Array = early + late
-        return waiting
+        return early + late
 
     def add(self, links: Indices, sizes: NDArray[np.int64], bandwidth: Array, begin: Times) -> None:
         """Add to the backlog; call `settle` first.
@@ -108,8 +107,7 @@ class RecentTransmissions:
 def _remaining(now: int, begin: Times, end: Times) -> Array:
     """Return the remaining fractions of time spans."""
     length = np.maximum(end - begin, 1)
-    share: Array = np.where(now >= end, 0.0, np.minimum((end - now) / length, 1.0))
-    return share
+    return np.where(now >= end, 0.0, np.minimum((end - now) / length, 1.0))
 
 
 #: Later than the end of any run, and small enough that sums of two do not overflow, in nanoseconds.
