@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -135,14 +135,9 @@ def _corners(pieces: Pieces, distance: float) -> Array:
             around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
             corners.extend(vertices[0] + radius / np.cos(np.pi / _DISC_CORNERS) * around)
             continue
-        for before, after in _neighbours(real.tolist()):
+        for before, after in pairwise([*real.tolist(), int(real[0])]):
             corners.extend(vertices[after] + radius * each for each in _outwards(normals[before], normals[after]))
     return np.array(corners).reshape(-1, 2)
-
-
-def _neighbours(edges: Sequence[int]) -> list[tuple[int, int]]:
-    """Return each edge of a polygon with the next one."""
-    return [*pairwise(edges), (edges[-1], edges[0])]
 
 
 def _outwards(before: Array, after: Array) -> list[Array]:

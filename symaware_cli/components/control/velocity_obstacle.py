@@ -225,7 +225,4 @@ def _padded(count: int, rows: Indices, normal: Array, limit: Array, weight: floa
 def _joined(first: HalfPlanes, second: HalfPlanes) -> HalfPlanes:
     if not first.limit.shape[1]:
         return second
-    parts = zip(
-        (first.x, first.y, first.limit, first.weight), (second.x, second.y, second.limit, second.weight), strict=True
-    )
-    return HalfPlanes(*(np.concatenate(pair, axis=1) for pair in parts))
+    return HalfPlanes(*(np.concatenate(pair, axis=1) for pair in zip(first, second, strict=True)))
