@@ -24,6 +24,8 @@ from symaware_cli.geometry.vectors import Array, lengths
 
 Kind = Literal["box", "circle", "polygon", "union", "intersection", "complement"]
 KINDS: tuple[Kind, ...] = ("box", "circle", "polygon", "union", "intersection", "complement")
+#: The numbers of sides of the polygons within and around a disc.
+_INNER, _OUTER = 16, 8
 
 
 def _is_box(bounds: tuple[float, ...]) -> tuple[float, ...]:
@@ -247,10 +249,6 @@ def _polygon_depth(vertices: tuple[Point, ...], points: Array) -> Array:
     share = np.minimum(np.maximum((along_x * x + along_y * y) / squared, 0.0), 1.0)
     x, y = x - share * along_x, y - share * along_y
     return np.where(outside, -np.minimum.reduce(np.sqrt(x * x + y * y)), inward)
-
-
-#: The numbers of sides of the polygons within and around a disc.
-_INNER, _OUTER = 16, 8
 
 
 class Faces(NamedTuple):

@@ -22,6 +22,10 @@ from symaware_cli.network.network import Network
 from symaware_cli.world.chance import key_of, message_fractions
 
 Content = TypeVar("Content")
+#: The reason of messages that are queued and not decided yet.
+WAITS = 255
+#: The first page of a message's random draws after those of its channel.
+_OWN_PAGE = 2
 
 
 class LinkQueue(Generic[Content]):
@@ -97,14 +101,8 @@ class LinkQueue(Generic[Content]):
         return taken
 
 
-#: The reason of messages that are queued and not decided yet.
-WAITS = 255
-
 #: The channel without a network.
 _PERFECT = Channel(ChannelParameters())
-
-#: The first page of a message's random draws after those of its channel.
-_OWN_PAGE = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,8 @@ from symaware_cli.geometry.vectors import Array
 
 #: Totals that differ by less than this part of the greatest cost are equal.
 _TOLERANCE = 1e-9
+#: The kind of its messages.
+AUCTION = "auction"
 
 
 def assignment(costs: Mapping[str, Mapping[str, float]], agents: Sequence[str]) -> dict[str, str]:
@@ -143,10 +145,6 @@ def round_at(since: float, now: int, deadline: int) -> int:
     A round lasts two deadlines: one for bids, one to tell who has won.
     """
     return (now - nanoseconds(since)) // (2 * deadline)
-
-
-#: The kind of its messages.
-AUCTION = "auction"
 
 
 class Auction(CommunicationReceiver):

@@ -19,6 +19,8 @@ from symaware_cli.world.arrays import is_finite
 
 #: For how many past turns the own sums are kept; older messages are ignored.
 _MEMORY = 256
+#: The kind of its messages.
+CONSENSUS = "consensus"
 
 
 class TurnSums(NamedTuple):
@@ -199,10 +201,6 @@ class Flows:
                 later = epochs == epoch
                 origins[later] = -common.before[rows[later]]
         self._origins[indices] = origins
-
-
-#: The kind of its messages.
-CONSENSUS = "consensus"
 
 
 class Consensus(GroupCommunicationReceiver):

@@ -25,6 +25,12 @@ from symaware_cli.geometry.vectors import Array, Indices
 
 #: The fields of a message that describe its sender's body and awareness; all other fields are knowledge.
 BODY_FIELDS = frozenset({"position", "velocity", "state", "covariance", "awareness"})
+#: The kind of its messages.
+STATE = "state"
+#: A time before any run.
+_NEVER = -(1 << 62)
+#: The kind of its messages.
+BROADCAST = "broadcast"
 
 
 def _check_name(name: str) -> str:
@@ -49,13 +55,6 @@ def position_covariance(model: Model, uncertainty: TimeSeries) -> Array:
         return np.full((len(columns), len(columns)), np.nan)
     covariance: Array = uncertainty.values[0].reshape(size, size)[np.ix_(columns, columns)]
     return covariance
-
-
-#: The kind of its messages.
-STATE = "state"
-
-#: A time before any run.
-_NEVER = -(1 << 62)
 
 
 class StateSender(GroupComponent):
@@ -158,10 +157,6 @@ class StateSender(GroupComponent):
         """Return the covariance of each position; NaN if none is estimated."""
         model, uncertainty = self._group.model, self._group.awareness.uncertainty
         return np.array([position_covariance(model, uncertainty.row(row)) for row in rows.tolist()])
-
-
-#: The kind of its messages.
-BROADCAST = "broadcast"
 
 
 class Broadcast(CommunicationSender):

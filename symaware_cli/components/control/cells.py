@@ -17,6 +17,12 @@ from symaware_cli.world.time import seconds
 
 #: How often an interval of speeds is halved: until nothing of it is left in double precision.
 _HALVINGS = 60
+#: The greatest angle between the heading and the way ahead at which a vehicle drives [rad].
+_ALIGNED = 1e-3
+#: How far from the middle of a side an agent goes on into the next cell, and how far beside its way it drives [m].
+_AT_GATE = 1e-6
+#: Speeds that are less count as rest [m/s], [rad/s].
+_AT_REST = 1e-9
 
 
 class Braking:
@@ -84,14 +90,6 @@ class Braking:
         """Return how far a body gets in a period, and then until it stops."""
         change = self.distance(np.abs(chosen - speed))
         return self._period * chosen + np.where(chosen < speed, change, -change) + self.distance(chosen)
-
-
-#: The greatest angle between the heading and the way ahead at which a vehicle drives [rad].
-_ALIGNED = 1e-3
-#: How far from the middle of a side an agent goes on into the next cell, and how far beside its way it drives [m].
-_AT_GATE = 1e-6
-#: Speeds that are less count as rest [m/s], [rad/s].
-_AT_REST = 1e-9
 
 
 class Courses(NamedTuple):

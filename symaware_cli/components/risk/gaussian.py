@@ -22,6 +22,15 @@ _TINY = 1e-200
 #: Standard deviations below this part of a polygon's extent, or of a radius, are raised to it, so that a density is
 #: never singular.
 _FLOOR = 1e-7
+#: Beyond this many standard deviations a density counts as zero: 2.6e-12 of it lies farther out.
+_WIDTH = 7.0
+#: Like _WIDTH, for vectors of up to three elements, with the trace in place of the greatest variance.
+_CERTAIN = 8.0
+#: The number of nodes of an integral is increased until two results differ by no more than this.
+_TOLERANCE = 1e-6
+_LEVELS = (16, 32, 64, 128, 256, 512, 1024)
+#: The most values of an integrand to hold in memory at once.
+_MOST_VALUES = 1 << 20
 
 
 def polygon_probability(mean: Array, covariance: Array, polygons: Pieces) -> Array:
@@ -103,17 +112,6 @@ def _sum(values: Array) -> Array:
     for column in range(1, values.shape[1]):
         total += values[:, column]
     return total
-
-
-#: Beyond this many standard deviations a density counts as zero: 2.6e-12 of it lies farther out.
-_WIDTH = 7.0
-#: Like _WIDTH, for vectors of up to three elements, with the trace in place of the greatest variance.
-_CERTAIN = 8.0
-#: The number of nodes of an integral is increased until two results differ by no more than this.
-_TOLERANCE = 1e-6
-_LEVELS = (16, 32, 64, 128, 256, 512, 1024)
-#: The most values of an integrand to hold in memory at once.
-_MOST_VALUES = 1 << 20
 
 
 def collision_probability(apart: Array, closing: Array, radius: Array, covariance: Array, horizon: float) -> Array:

@@ -14,6 +14,10 @@ from symaware_cli.network.channel.channel_parameters import Bursts, ChannelParam
 from symaware_cli.network.channel.link_states import FOREVER, LinkStates
 from symaware_cli.world.chance import Array, message_fractions
 
+#: The reasons why messages are dropped, by their numbers in `Fates.reason`; the first means not dropped.
+REASONS = ("", "loss", "queue-full", "too-old", "no-link", "absent")
+LOSS, QUEUE_FULL, TOO_OLD, NO_LINK, ABSENT = 1, 2, 3, 4, 5
+
 
 class Impairment(NamedTuple):
     """The effects of disturbances on messages.
@@ -37,10 +41,6 @@ class Impairment(NamedTuple):
         """Return the effects on some of the messages."""
         return Impairment(self.delay[indices], self.bandwidth[indices], self.reason[indices])
 
-
-#: The reasons why messages are dropped, by their numbers in `Fates.reason`; the first means not dropped.
-REASONS = ("", "loss", "queue-full", "too-old", "no-link", "absent")
-LOSS, QUEUE_FULL, TOO_OLD, NO_LINK, ABSENT = 1, 2, 3, 4, 5
 
 _DELAY, _JITTER, _LOSS, _STATE = range(4)
 _REPEATED, _AGAIN, _AGAIN_JITTER, _START = range(4)

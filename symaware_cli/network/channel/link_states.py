@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.world.chance import Array, Numbers, agent_numbers, combined, key_of
 
+#: Later than the end of any run, and small enough that sums of two do not overflow, in nanoseconds.
+FOREVER = 3 * 10**18
+
 
 class Backlog:
     """The bytes that wait for links or are entering them, by rows of `LinkStates`.
@@ -108,10 +111,6 @@ def _remaining(now: int, begin: Times, end: Times) -> Array:
     """Return the remaining fractions of time spans."""
     length = np.maximum(end - begin, 1)
     return np.where(now >= end, 0.0, np.minimum((end - now) / length, 1.0))
-
-
-#: Later than the end of any run, and small enough that sums of two do not overflow, in nanoseconds.
-FOREVER = 3 * 10**18
 
 
 class LinkStates:
