@@ -59,7 +59,7 @@ def test_tests_named_like_the_module_or_its_package_come_before_all_of_its_folde
     assert near == ["tests/network/test_outbox.py"]
     assert folder == ["tests/network"]
     assert all(Path(each).exists() for each in wider)
-    assert rounds_of("network/channel/backlog.py")[0] == ["tests/network/test_channel.py"]
+    assert rounds_of("network/channel/link_states.py")[0] == ["tests/network/test_channel.py"]
     assert rounds_of("core/nothing.py")[0] == []
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core import AgentGroup, Contact, Event, Level, TimeSeries
-from symaware_cli.environments.recorded import RecordedEnvironment
+from symaware_cli.environments.column_environment import RecordedEnvironment
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.log_message import LogMessage

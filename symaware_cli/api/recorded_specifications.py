@@ -8,7 +8,7 @@ from pathlib import Path
 
 from symaware_cli.api.recorded_run import RecordedRun
 from symaware_cli.core import nanoseconds
-from symaware_cli.environments.recorded import RecordedEnvironment
+from symaware_cli.environments.column_environment import RecordedEnvironment
 from symaware_cli.recording.reader import open_log
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.run_summary import Observer

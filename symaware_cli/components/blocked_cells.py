@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.abstraction.knowledge_model import model_named
 from symaware_cli.core import Agent, AgentGroup, AwarenessDatabase, Component, KnowledgeDatabase, Quantity, Scan, Signal
+from symaware_cli.geometry.vectors import Array, Indices
 from symaware_cli.world.plugin import ParameterError
 from symaware_cli.world.plugin import Parameters as PluginParameters
-
-Array = NDArray[np.float64]
 
 #: For how many turns poses are remembered, to bound memory.
 _MOST_POSES = 1000
@@ -141,7 +139,7 @@ class BlockedCells(Component):
         for instant in [each for each in self._poses if each <= self._read or len(self._poses) > _MOST_POSES]:
             del self._poses[instant]
 
-    def _seen(self, pose: tuple[float, float, float]) -> NDArray[np.intp]:
+    def _seen(self, pose: tuple[float, float, float]) -> Indices:
         """Return the cells in which enough rays end, ascending."""
         given, bounds = self.parameters, self._model.bounds
         ends = self._ends(pose)

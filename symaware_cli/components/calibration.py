@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 #: The least size of a region where shaping runs had no error [m].
 _LEAST = 1e-9

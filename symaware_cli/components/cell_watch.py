@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from symaware_cli.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.core import Level
+from symaware_cli.geometry.vectors import Array
 
 #: From which distance on an agent is outside a cell [m]: rounding errors, and what is left of a way at its end.
 _OUTSIDE = 2e-6
@@ -58,7 +56,7 @@ class CellWatch:
         self._pairs = [(-1, -1)] * count
         self._is_told = [False] * count
 
-    def seen(self, row: int, cell: int, following: int, position: NDArray[np.float64]) -> CellEvent | None:
+    def seen(self, row: int, cell: int, following: int, position: Array) -> CellEvent | None:
         """Return what happened to an agent that is at a position [m], shape (d,); None for nothing new.
 
         Args:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.abstraction.knowledge_model import model_named
 from symaware_cli.core import AgentGroup, Parameters
+from symaware_cli.geometry.vectors import Array, Indices
 from symaware_cli.specification import formula as stl
 from symaware_cli.specification.columns import COLUMN_FUNCTIONS
 from symaware_cli.specification.expression import FUNCTIONS
@@ -26,8 +26,6 @@ from symaware_cli.synthesis.vocabulary import Variable, Vocabulary, names_in_for
 from symaware_cli.world.plugin import ParameterError
 from symaware_cli.world.roster import Roster
 from symaware_cli.world.time import SECOND
-
-Array = NDArray[np.float64]
 
 
 class AgentInRegion(Parameters):
@@ -152,7 +150,7 @@ class KnowledgeGame:
             if not isinstance(label, str) and label.other not in roster:
                 raise ValueError(f"the label `{name}` is about `{label.other}`, which is no agent")
 
-    def observed(self, group: AgentGroup, scope: BeliefScope, roster: Roster) -> list[NDArray[np.intp]]:
+    def observed(self, group: AgentGroup, scope: BeliefScope, roster: Roster) -> list[Indices]:
         """Return what the agents believe about each variable of the environment.
 
         Returns:
@@ -174,7 +172,7 @@ class KnowledgeGame:
             found.append(values)
         return found
 
-    def _truth(self, formulation: Formulation, group: AgentGroup, scope: BeliefScope) -> NDArray[np.intp]:
+    def _truth(self, formulation: Formulation, group: AgentGroup, scope: BeliefScope) -> Indices:
         def look_up(name: str) -> Any:
             return self._regions[name] if name in self._regions else scope.look_up(name)
 

@@ -6,16 +6,22 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.assumption_monitor import AssumptionMonitor
 from symaware_cli.components.cell_watch import CellWatch
 from symaware_cli.components.knowledge_game import GameParameters, KnowledgeGame
-from symaware_cli.components.strategy_follower import Fallback, OverdueFallback, StrategyFollower
-from symaware_cli.components.strategy_memory import StrategyMemory, StrategyTurn, TurnReport
+from symaware_cli.components.strategy_follower import (
+    AssumptionMonitor,
+    Fallback,
+    OverdueFallback,
+    StrategyFollower,
+    StrategyMemory,
+    StrategyTurn,
+    TurnReport,
+)
 from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
 from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, Signal
+from symaware_cli.geometry.vectors import Indices
 from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.best_effort import best_effort_strategy
 from symaware_cli.synthesis.conflict import conflict
@@ -26,8 +32,6 @@ from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthes
 from symaware_cli.synthesis.strategy_cache import StrategyCache, encoded
 from symaware_cli.synthesis.vocabulary import CELL
 from symaware_cli.world.plugin import ParameterError
-
-Array = NDArray[np.float64]
 
 PLAN = Signal(
     "plan",
@@ -294,7 +298,7 @@ class KnowledgeStrategy(GroupComponent):
         self._tell_state(cells)
         self._show_environment()
 
-    def _tell_state(self, cells: NDArray[np.intp]) -> None:
+    def _tell_state(self, cells: Indices) -> None:
         """Write to the knowledge of each agent which labels its cell has, where that changed."""
         labels = self._knowledge.model.system.labels
         for name, label in self.parameters.knowledge.items():

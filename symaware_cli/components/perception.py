@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from symaware_cli.core import GroupComponent, Snapshot
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 
 class SelfPerception(GroupComponent):

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Frame, Image
+from symaware_cli.geometry.vectors import Array
 
-Array = NDArray[np.float64]
 Pixels = Annotated[int, Field(ge=1, le=4096)]
 
 
@@ -73,7 +72,7 @@ class Camera(Sensor):
     def measure(self, present: None) -> Frame:
         """Take an image of each agent's surroundings."""
         parameters, environment, count = self.parameters, self.environment, len(self._group)
-        positions, headings = self._poses()
+        positions, headings = environment.body_positions(self._group.ids), self._headings()
         forwards, leftwards, upwards = parameters.position
         cosine, sine = np.cos(headings), np.sin(headings)
         positions = positions + np.stack(
@@ -109,14 +108,6 @@ class Camera(Sensor):
         for array in (positions, targets):
             array.flags.writeable = False
         return Frame(self.now, self._with_noise(images), parameters.field_of_view, positions, targets)
-
-    def _poses(self) -> tuple[Array, Array]:
-        """Return the positions of the agents' bodies, (n, 3) [m], and their headings, (n,) [rad]."""
-        return self.environment.body_positions(self._group.ids), self._headings()
-
-    def _headings(self) -> Array:
-        heading, state = self._group.model.heading, self.environment.snapshot().states[self._number]
-        return np.zeros(len(state)) if heading is None else state[:, heading]
 
     def _target(self) -> Array | None:
         """Return the point that it looks at [m]; None for forwards."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Contact, Event, Quantity, Signal
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 QUANTITIES = (Quantity("touching", "1"), Quantity("impulse", "N s"))
 
@@ -72,7 +70,4 @@ class ContactSensor(Sensor):
             errors = parameters.noise * self.random.standard_normal(1, "noise")[:, 0]
             hits = np.where(hits > 0.0, np.maximum(hits + errors, 0.0), 0.0)
         values = np.stack([np.array([len(others) for others in self._touching], float), hits], axis=1)
-        if parameters.dropout:
-            values[self.random.uniform(1, "dropout")[:, 0] < parameters.dropout] = np.nan
-        values.flags.writeable = False
-        return values
+        return self._with_dropouts(values)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Quantity, Signal
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 QUANTITIES = (
     *(Quantity(f"acceleration_{axis}", "m/s^2") for axis in "xyz"),
@@ -85,10 +83,7 @@ class InertialUnit(Sensor):
         if parameters.acceleration_noise or parameters.rate_noise:
             deviations = np.repeat([parameters.acceleration_noise, parameters.rate_noise], 3)
             values += deviations * self.random.standard_normal(6, "noise")
-        if parameters.dropout:
-            values[self.random.uniform(1, "dropout")[:, 0] < parameters.dropout] = np.nan
-        values.flags.writeable = False
-        return values
+        return self._with_dropouts(values)
 
     def _gravity_vector(self) -> Sequence[float]:
         """Return the acceleration of gravity [x, y, z] [m/s^2]."""
@@ -137,5 +132,4 @@ def rotation_vectors(turned: Array) -> Array:
     )
     sine = np.sqrt((sines * sines).sum(axis=1))
     angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0))
-    vectors: Array = sines * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)[:, None]
-    return vectors
+    return sines * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)[:, None]

@@ -6,13 +6,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.sensor import Sensor, SensorParameters
 from symaware_cli.core import AgentGroup, Scan
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 #: More rays for each agent are surely a mistake.
 _MOST = 10_000
@@ -59,8 +57,7 @@ class Lidar(Sensor):
         parameters, group, environment = self.parameters, self._group, self.environment
         snapshot, count = environment.snapshot(), len(self._group)
         positions = snapshot.positions[self._start : self._start + count]
-        state = snapshot.states[self._number]
-        headings = np.zeros(count) if group.model.heading is None else state[:, group.model.heading]
+        headings = self._headings()
         forwards, leftwards, upwards = parameters.position
         cosine, sine = np.cos(headings), np.sin(headings)
         origins = positions.copy()

@@ -6,13 +6,11 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Snapshot, Tracks, Turn
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
@@ -184,7 +182,7 @@ class RangePerception(GroupComponent):
             one, other = one[seen], other[seen]
         return Sight(snapshot, one - self._start if self._start else one, other)
 
-    def _in_view(self, snapshot: Snapshot, one: Indices, other: Indices) -> NDArray[np.bool_]:
+    def _in_view(self, snapshot: Snapshot, one: Indices, other: Indices) -> Mask:
         """Return whether others are within half a field of view of the heading; shape (m,).
 
         The cosine decreases on [0, pi], so angles are compared without computing them.
@@ -194,8 +192,7 @@ class RangePerception(GroupComponent):
         away = snapshot.positions.take(other, 0) - snapshot.positions.take(one, 0)
         ahead = away[:, 0] * np.cos(heading).take(row) + away[:, 1] * np.sin(heading).take(row)
         distance = np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1])
-        inside: NDArray[np.bool_] = ahead >= distance * math.cos(0.5 * self.parameters.field_of_view)
-        return inside
+        return ahead >= distance * math.cos(0.5 * self.parameters.field_of_view)
 
     def _add_noise(self, rows: Indices, others: Indices, positions: Array, velocities: Array) -> None:
         """Add measurement errors to positions and velocities of others, in place."""

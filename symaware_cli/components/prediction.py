@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Tracks
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.world.time import SECOND
-
-Array = NDArray[np.float64]
 
 
 def predicted_positions(

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Environment
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array
 
 
 def bounding_radii(environment: Environment) -> Array:

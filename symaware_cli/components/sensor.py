@@ -6,9 +6,11 @@ from abc import abstractmethod
 from collections import deque
 from typing import Any, ClassVar
 
+import numpy as np
 from pydantic import BaseModel, Field
 
 from symaware_cli.core import AgentGroup, GroupComponent, Parameters, nanoseconds
+from symaware_cli.geometry.vectors import Array
 
 
 class SensorParameters(Parameters):
@@ -53,6 +55,18 @@ class Sensor(GroupComponent):
             The values of the sensor's signal, as accepted by `record`; with several signals a dictionary of values by
             their names; without signals a reading.
         """
+
+    def _headings(self) -> Array:
+        """Return the true headings of the agents [rad], 0 if they have none; shape (n,)."""
+        heading, state = self._group.model.heading, self.environment.snapshot().states[self._number]
+        return np.zeros(len(state)) if heading is None else state[:, heading]
+
+    def _with_dropouts(self, values: Array) -> Array:
+        """Return measurements (n, k) as a read-only array, with NaN in the rows of those that are missed."""
+        if self.parameters.dropout:
+            values[self.random.uniform(1, "dropout")[:, 0] < self.parameters.dropout] = np.nan
+        values.flags.writeable = False
+        return values
 
     def present(self) -> Any:
         """Return true values that the next measurement is compared with, for sensors that need them."""

@@ -1,21 +1,197 @@
-"""Follows strategies: decides at each turn of an agent which cell it goes to, and what is reported."""
+"""Follows strategies: decides at each turn of an agent which cell it goes to, and what is reported.
+
+An agent that follows one remembers something from turn to turn, and watches whether its environment keeps the
+assumptions that are made about it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Literal
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.abstraction.knowledge_model import KnowledgeModel
-from symaware_cli.components.assumption_monitor import AssumptionMonitor, BrokenAssumption
-from symaware_cli.components.strategy_memory import Halt, Revision, StrategyMemory, StrategyTurn
-from symaware_cli.components.strategy_revision import RevisedStrategy, RevisionParameters, StrategyRevisions
+from symaware_cli.components.strategy_revision import RevisedStrategy, Revision, RevisionParameters, StrategyRevisions
 from symaware_cli.core import Level
+from symaware_cli.geometry.vectors import Array, Indices
 from symaware_cli.synthesis.counterstrategy import Counterstrategy
+from symaware_cli.synthesis.fragment import LIVENESS
+from symaware_cli.synthesis.game import Game
 from symaware_cli.synthesis.vocabulary import CELL
-from symaware_cli.world.time import nanoseconds
+from symaware_cli.world.time import SECOND, nanoseconds
+
+#: Why an agent stays where it is: an assumption was broken; what is assumed is overdue; a strategy is being made; or
+#: there is none from there.
+Halt = Literal["", "violation", "overdue", "revision", "unrealisable"]
+
+
+class StrategyMemory(NamedTuple):
+    """What an agent remembers from turn to turn. States are those of the game with all assumptions and all cells.
+
+    Attributes:
+        values: The last known values of the environment's variables, in their order; -1 for none.
+        met: When each goal of the environment was last met [ns].
+        overdue: Whether each of these was reported to be overdue.
+        state: The state at the last decision; -1 before the first one.
+        goal: The goal that it pursues.
+        following: The cell that it decided to go to.
+        halt: Why it follows no strategy; empty if it does.
+        opposing: The goal that the environment pursues, if it plays a counterstrategy.
+        path: The cells through which it came, without loops; the present one is the last.
+        dropped: The numbers of the assumptions that it has given up, ascending.
+        distrusted: The numbers of the assumptions of which something is overdue, so that it stays, ascending.
+        revision: The revision whose strategy it follows.
+        pending: The revision for which a strategy is being made; None for none.
+        due: When that strategy takes effect [ns].
+    """
+
+    values: tuple[int, ...]
+    met: tuple[int, ...]
+    overdue: tuple[bool, ...]
+    state: int = -1
+    goal: int = 0
+    following: int = -1
+    halt: Halt = ""
+    opposing: int = 0
+    path: tuple[int, ...] = ()
+    dropped: tuple[int, ...] = ()
+    distrusted: tuple[int, ...] = ()
+    revision: Revision = Revision()
+    pending: Revision | None = None
+    due: int = 0
+
+    def walked(self, cell: int) -> tuple[int, ...]:
+        """Return the path with a further cell; of a loop only its beginning is kept."""
+        if cell in self.path:
+            return self.path[: self.path.index(cell) + 1]
+        return (*self.path, cell)
+
+
+class TurnReport(NamedTuple):
+    """An event that a turn leads to.
+
+    Attributes:
+        row: The row of the agent.
+        name: The name of the event.
+        text: One line for people.
+        level: Its importance.
+        data: Further facts.
+    """
+
+    row: int
+    name: str
+    text: str
+    level: Level
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class StrategyTurn:
+    """A turn of an agent.
+
+    Attributes:
+        row: The row of the agent.
+        now: The instant [ns].
+        blocked: The cells that it knows to be blocked, ascending.
+        position: Where it believes to be [m]; shape (2,).
+        reports: What the turns of the group have led to so far.
+    """
+
+    row: int
+    now: int
+    blocked: tuple[int, ...]
+    position: Array
+    reports: list[TurnReport]
+
+    def report(self, name: str, text: str, level: Level = Level.INFO, **data: object) -> None:
+        """Add an event to the reports."""
+        self.reports.append(TurnReport(self.row, name, text, level, data))
+
+
+class BrokenAssumption(NamedTuple):
+    """An assumption that a step of the environment broke, or of which something is overdue.
+
+    Attributes:
+        text: The assumption.
+        number: Its number; None if it is not written but implied: that an agent moves from cell to cell.
+    """
+
+    text: str
+    number: int | None
+
+
+class AssumptionMonitor:
+    """Compares the steps of an environment with the assumptions of a game."""
+
+    def __init__(self, game: Game, patience: float | None) -> None:
+        """Prepare.
+
+        Args:
+            game: The game.
+            patience: Time after which something that is to happen again and again is overdue [s]; None for never.
+        """
+        self._game = game
+        self._patience = patience
+        self._goals = game.goals(game.assumptions)
+        numbered = enumerate(game.assumptions)
+        self._numbers = [number for number, each in numbered for one in each.clauses if one.kind in LIVENESS]
+
+    @property
+    def goals(self) -> int:
+        """The number of things that are assumed to happen again and again."""
+        return len(self._goals)
+
+    def broken(self, state: int, after: Mapping[str, Indices], dropped: Collection[int]) -> list[BrokenAssumption]:
+        """Return the assumptions that a step broke.
+
+        Args:
+            state: The state before the step; -1 at the beginning.
+            after: The value of each variable after it; shape (1,) each.
+            dropped: The numbers of assumptions that do not count.
+        """
+        game = self._game
+        numbered = [(number, each) for number, each in enumerate(game.assumptions) if number not in dropped]
+        if state < 0:
+            wrong = [(number, each) for number, each in numbered if not game.holds_at_start([each], after)[0]]
+            return [BrokenAssumption(each.text, number) for number, each in wrong]
+        now = {name: each[[state]] for name, each in game.values.items()}
+        broken = [
+            BrokenAssumption(f"{variable.name} moves from cell to cell", None)
+            for variable in game.vocabulary.environment
+            if after[variable.name][0] not in variable.following[now[variable.name][0]]
+        ]
+        for number, each in numbered:
+            safety = game.safety([each])
+            if not all(np.all(holds(now, after) if ahead else holds(after, None)) for holds, ahead in safety):
+                broken.append(BrokenAssumption(each.text, number))
+        return broken
+
+    def overdue(self, memory: StrategyMemory) -> list[BrokenAssumption]:
+        """Return the assumptions of which something is overdue, in their order, without those that were given up."""
+        late = {number for number, is_late in zip(self._numbers, memory.overdue, strict=True) if is_late}
+        return [
+            BrokenAssumption(self._game.assumptions[number].text, number) for number in sorted(late - {*memory.dropped})
+        ]
+
+    def reminded(self, memory: StrategyMemory, state: int, turn: StrategyTurn) -> StrategyMemory:
+        """Note which goals the environment meets in a state, and report those that are overdue."""
+        met = tuple(turn.now if goal[state] else last for goal, last in zip(self._goals, memory.met, strict=True))
+        if self._patience is None:
+            return memory._replace(met=met)
+        late = tuple(turn.now - last > self._patience * SECOND for last in met)
+        for number, is_late, was_late in zip(self._numbers, late, memory.overdue, strict=True):
+            text = self._game.assumptions[number].text
+            if number in memory.dropped or is_late == was_late:
+                continue
+            if is_late:
+                said = f"`{text}` is overdue: nothing for {self._patience:g} s"
+                turn.report("assumption-overdue", said, Level.WARNING, assumption=text)
+            else:
+                turn.report("assumption-kept", f"`{text}` was met", assumption=text)
+        return memory._replace(met=met, overdue=late)
+
 
 #: What an agent does after the environment broke an assumption.
 Fallback = Literal["stop", "resume", "last-safe-cell", "weaken"]
@@ -95,9 +271,7 @@ class StrategyFollower:
             memory = memory._replace(following=here)
         return (memory.following if model.contains(memory.following, turn.position) else None), memory
 
-    def _stepped(
-        self, memory: StrategyMemory, after: Mapping[str, NDArray[np.intp]], turn: StrategyTurn
-    ) -> StrategyMemory:
+    def _stepped(self, memory: StrategyMemory, after: Mapping[str, Indices], turn: StrategyTurn) -> StrategyMemory:
         """Return the memory after a step of the game to some values."""
         cell = int(after[CELL][0])
         broken = self._monitor.broken(memory.state, after, memory.dropped)
@@ -202,7 +376,7 @@ class StrategyFollower:
         reached: StrategyMemory,
         memory: StrategyMemory,
         strategy: RevisedStrategy,
-        after: Mapping[str, NDArray[np.intp]],
+        after: Mapping[str, Indices],
         turn: StrategyTurn,
     ) -> StrategyMemory:
         """Return the memory of an agent that goes back to the last cell from which the guarantees can be met.
@@ -225,7 +399,7 @@ class StrategyFollower:
     def _named(self, cell: int) -> str:
         return self._model.system.states[cell]
 
-    def _state(self, memory: StrategyMemory, after: Mapping[str, NDArray[np.intp]]) -> int:
+    def _state(self, memory: StrategyMemory, after: Mapping[str, Indices]) -> int:
         game = self._game
         if memory.state < 0:
             return int(game.starting(after)[0])

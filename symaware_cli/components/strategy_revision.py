@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.strategy_memory import Revision
 from symaware_cli.core import Parameters
 from symaware_cli.synthesis.game import Game
 from symaware_cli.synthesis.move_graph import BudgetError
@@ -19,6 +18,18 @@ from symaware_cli.synthesis.vocabulary import Vocabulary
 
 #: How many strategies are kept in memory; others are made, or read from the cache, again.
 _MOST_KEPT = 16
+
+
+class Revision(NamedTuple):
+    """What an agent knows beyond the formulas and the model: a strategy is made again for each revision.
+
+    Attributes:
+        blocked: The cells that cannot be entered, ascending.
+        dropped: The numbers of the assumptions that are made no longer, ascending.
+    """
+
+    blocked: tuple[int, ...] = ()
+    dropped: tuple[int, ...] = ()
 
 
 class RevisionParameters(Parameters):

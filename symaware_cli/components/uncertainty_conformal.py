@@ -1,4 +1,4 @@
-"""Conformal uncertainty: regions around the predicted positions of others, calibrated from earlier runs."""
+"""Conformal uncertainty: regions around the predicted positions of others, and the metric that calibrates them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,21 @@ from pydantic import Field, model_validator
 
 from symaware_cli.components.calibration import Calibration, read_errors
 from symaware_cli.components.prediction import predicted_positions
-from symaware_cli.core import AgentGroup, GroupComponent, Level, Parameters, Part, Quantity, Signal, TimeSeries, Tracks
+from symaware_cli.core import (
+    AgentGroup,
+    GroupComponent,
+    Level,
+    Metric,
+    Parameters,
+    Part,
+    Quantity,
+    Signal,
+    TimeSeries,
+    Tracks,
+)
 from symaware_cli.geometry.shape import AssetPath
-from symaware_cli.geometry.vectors import lengths
+from symaware_cli.geometry.vectors import Array, Indices, lengths
 from symaware_cli.world.time import SECOND, nanoseconds
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: The region of another: at each time its centre, then radius and coverage.
 REGION = Part("region", "series", drawn=None, description="where others will be, with a probability of `coverage`")
@@ -240,3 +248,44 @@ def _common(one: Indices, other: Indices) -> tuple[Indices, Indices]:
         return every, every
     _, first, second = np.intersect1d(one, other, assume_unique=True, return_indices=True)
     return first, second
+
+
+class PredictionError(Metric):
+    """The greatest error of predictions of others in a run, for each look-ahead; from `uncertainty.conformal`."""
+
+    kind = "series"
+    unit = "m"
+
+    class Parameters(Parameters):
+        """Whose predictions."""
+
+        group: str | None = Field(
+            None, description="The group of agents that predict; may be omitted if there is only one."
+        )
+
+    def begin(self) -> None:
+        """Find the component.
+
+        Raises:
+            ValueError: There is none, or more than one.
+        """
+        named = self.parameters.group
+        found = [
+            (group, name)
+            for group in self.groups
+            for name in group.awareness.signals
+            if name.endswith(f".{ERROR.name}") and named in (None, group.name)
+        ]
+        if len(found) != 1:
+            where = f"of `{named}`" if named else "of the scenario"
+            many = "several `uncertainty.conformal`; name the `group`" if found else "no `uncertainty.conformal`"
+            raise ValueError(f"the agents {where} have {many}")
+        self._group, self._name = found[0]
+
+    def value(self) -> list[tuple[float, float]] | None:
+        """Return pairs of look-ahead [s] and error [m]; None if no turn was taken."""
+        tables = [each for each in self._group.awareness[self._name] if len(each)]
+        if not tables:
+            return None
+        greatest = np.max([each[:, 1] for each in tables], axis=0)
+        return list(zip(tables[0][:, 0].tolist(), greatest.tolist(), strict=True))

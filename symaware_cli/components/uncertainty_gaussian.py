@@ -8,15 +8,13 @@ from copy import copy
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.kalman import Belief, corrected, predicted
-from symaware_cli.components.tracker import Tracker
+from symaware_cli.components.kalman import Belief, Tracker, corrected, predicted
 from symaware_cli.core import AgentGroup, GroupComponent, Model, Observation, Parameters, Quantity, Tracks
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.world.time import nanoseconds
 
-Array = NDArray[np.float64]
 NotNegative = Annotated[float, Field(ge=0)]
 
 

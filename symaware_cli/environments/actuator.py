@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import EntityGroup, WorldError, nanoseconds
 from symaware_cli.environments.process_noise import ProcessNoise
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.world.integration import integrate
-
-Array = NDArray[np.float64]
 
 
 class Actuator:

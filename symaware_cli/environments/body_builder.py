@@ -1,17 +1,25 @@
-"""Body builder: creates PyBullet bodies from the shapes of a scenario."""
+"""Body builder: creates PyBullet bodies from the shapes of a scenario, and the ground that they stand on.
+
+The ground is a plane for balls and wheels, and a slab of the same height for all other bodies: on a plane PyBullet
+finds only one more contact point of a box in each physics step, so a box that lands flat is tipped first, and a sliding
+box turns. On another box it finds all four at once.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
+import numpy as np
+from pydantic import Field
+
+from symaware_cli.core import Entity, Parameters, Shape, Urdf, Wall, WorldError
 from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
-from symaware_cli.environments.bullet_collisions import COLLIDES_WITH, FACED, FIXED
+from symaware_cli.environments.bullet_collisions import COLLIDES_WITH, FACED, FIXED, FREE
 from symaware_cli.geometry.rotation import attitude
 from symaware_cli.geometry.scenery import HeightRange
 
@@ -20,6 +28,21 @@ _MOVING = (engine.JOINT_REVOLUTE, engine.JOINT_PRISMATIC)
 
 #: [m] Larger than any distance between a body and the ground.
 _ANY_DISTANCE = 1e3
+
+#: [m] How far the slab reaches beyond the bodies' initial positions, and its thickness. The larger it is, the less
+#: exact are its contacts with round faces, which the engine computes from the corners.
+_REACH = 1000.0
+
+#: [m] How much higher the slab is than the plane: the engine misses the contacts of boxes that only just touch.
+_RAISED = 1e-5
+
+
+class GroundPlane(Parameters):
+    """A plane that everything falls on."""
+
+    height: float = Field(0.0, ge=-1e9, le=1e9, description="Where it is [m].")
+    friction: float = Field(1.0, ge=0, description="Coefficient of friction, times that of what lies on it.")
+    elasticity: float = Field(1.0, ge=0, le=1, description="Elasticity, times that of what falls on it.")
 
 
 class BodyPart(NamedTuple):
@@ -104,9 +127,32 @@ class BodyBuilder:
             self._place_on_ground(body, self._floor)
         return body
 
-    def _body(self, mass: float, outline: int, position: Sequence[float], orientation: Sequence[float]) -> int:
+    def make_plane(self, height: float) -> int:
+        """Create the infinite plane that balls and vehicles stand on, at a height [m]."""
+        shape = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=self._client)
+        return self._body(0.0, shape, (0.0, 0.0, height), turn(0.0))
+
+    def make_slab(self, height: float, starts: Iterable[Sequence[float]]) -> int:
+        """Create the slab that all other bodies stand on, around their initial positions.
+
+        Args:
+            height: The height of its top [m].
+            starts: Initial positions of these bodies; at least one.
+        """
+        places = np.array([start[:2] for start in starts])
+        low, high = places.min(axis=0), places.max(axis=0)
+        half = [*(0.5 * (high - low) + _REACH).tolist(), 0.5 * _REACH]
+        shape = engine.createCollisionShape(engine.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
+        x, y = (0.5 * (low + high)).tolist()
+        # The plane is visible instead. Without a visual shape the slab would be drawn as its collision shape.
+        speck = engine.createVisualShape(engine.GEOM_SPHERE, radius=1e-3, physicsClientId=self._client)
+        return self._body(0.0, shape, (x, y, height + _RAISED - 0.5 * _REACH), turn(0.0), speck)
+
+    def _body(
+        self, mass: float, outline: int, position: Sequence[float], orientation: Sequence[float], look: int = -1
+    ) -> int:
         body: int = engine.createMultiBody(
-            mass, outline, -1, position, orientation, useMaximalCoordinates=1, physicsClientId=self._client
+            mass, outline, look, position, orientation, useMaximalCoordinates=1, physicsClientId=self._client
         )
         return body
 
@@ -151,8 +197,7 @@ class BodyBuilder:
     def _place_on_ground(self, body: int, floor: float) -> None:
         """Move a body vertically so that its lowest point touches the ground."""
         # Bounding boxes of rotated parts would be too large; the distance to a plane is exact.
-        plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=self._client)
-        ground = self._body(0.0, plane, (0.0, 0.0, floor), turn(0.0))
+        ground = self.make_plane(floor)
         near = engine.getClosestPoints(body, ground, _ANY_DISTANCE, physicsClientId=self._client)
         engine.removeBody(ground, self._client)
         (x, y, z), orientation = engine.getBasePositionAndOrientation(body, self._client)
@@ -287,6 +332,11 @@ class BodyBuilder:
         for x, y in dict.fromkeys(wall.points):
             add(shape, x, y, 0.0)
         return members
+
+
+def collision_kind(shape: Shape | None) -> int:
+    """Return the collision kind of a free body: whether it collides with the plane or with the slab."""
+    return FREE if shape is None or shape.circle else FACED
 
 
 def turn(heading: float, roll: float = 0.0, pitch: float = 0.0) -> Sequence[float]:

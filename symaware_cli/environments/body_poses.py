@@ -1,4 +1,4 @@
-"""Body poses: reads and sets positions, orientations and joint positions of PyBullet bodies."""
+"""Body poses: reads and sets positions, orientations and joint positions of PyBullet bodies, also along a path."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symaware_cli.core import Pose
+from symaware_cli.environments.body_builder import BodyPart, turn
 from symaware_cli.environments.bullet import engine
 from symaware_cli.environments.vehicle import read_bodies
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import continued, yaws
+from symaware_cli.geometry.vectors import Array
 
-Array = NDArray[np.float64]
 Transform = tuple[Sequence[float], Sequence[float]]
 
 #: The body type that `getDynamicsInfo` reports for multibodies.
@@ -57,11 +58,39 @@ class BodyPoses:
         position, _ = self.pose(body)
         velocity, spin = engine.getBaseVelocity(body, self._client)
         there = [one + by for one, by in zip(position, moved, strict=True)]
-        orientation = (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
-        engine.resetBasePositionAndOrientation(body, *self.centre(body, there, orientation), self._client)
+        engine.resetBasePositionAndOrientation(body, *self.centre(body, there, turn(heading)), self._client)
         # Resetting the pose has set the velocity to zero.
         velocity = [one + by for one, by in zip(velocity, faster, strict=True)]
         engine.resetBaseVelocity(body, velocity, spin, self._client)
+
+    def follow(
+        self,
+        members: Sequence[BodyPart],
+        level: float,
+        course: Pose,
+        tilt: tuple[float, float],
+        fall: Sequence[float],
+    ) -> None:
+        """Set the poses of an entity's bodies, and velocities that bring them to its path's pose after a physics step.
+
+        Args:
+            members: The bodies.
+            level: Height of the entity if its path has two coordinates [m].
+            course: Pose and velocities of the entity.
+            tilt: Its roll and its pitch [rad].
+            fall: Change of the velocity by gravity in a physics step, which is compensated [m/s].
+        """
+        x, y, z = (*course.position, level)[:3]
+        velocity_x, velocity_y, velocity_z = (
+            speed - falling for speed, falling in zip((*course.velocity, 0.0)[:3], fall, strict=False)
+        )
+        cosine, sine, rate = math.cos(course.heading), math.sin(course.heading), course.turn_rate
+        for body, ahead, aside, turned in members:
+            out_x, out_y = cosine * ahead - sine * aside, sine * ahead + cosine * aside
+            pose = self.centre(body, (x + out_x, y + out_y, z), turn(course.heading + turned, *tilt))
+            engine.resetBasePositionAndOrientation(body, *pose, self._client)
+            moving = (velocity_x - rate * out_y, velocity_y + rate * out_x, velocity_z)
+            engine.resetBaseVelocity(body, moving, (0.0, 0.0, rate), self._client)
 
     def centre(self, body: int, position: Sequence[float], orientation: Sequence[float]) -> Transform:
         """Return the pose of the centre of mass for a pose of the base, for `resetBasePositionAndOrientation`."""
@@ -119,12 +148,9 @@ class BodyPoses:
 
     def _numbers(self, body: int, joints: Mapping[str, str]) -> Sequence[int]:
         if body not in self._joints:
-            self._joints[body] = self._look_up(body, joints)
+            names = {
+                engine.getJointInfo(body, number, self._client)[1].decode(): number
+                for number in range(engine.getNumJoints(body, self._client))
+            }
+            self._joints[body] = [names[joint] for joint in joints]
         return self._joints[body]
-
-    def _look_up(self, body: int, joints: Mapping[str, str]) -> Sequence[int]:
-        names = {
-            engine.getJointInfo(body, number, self._client)[1].decode(): number
-            for number in range(engine.getNumJoints(body, self._client))
-        }
-        return [names[joint] for joint in joints]

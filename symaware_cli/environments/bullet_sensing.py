@@ -6,13 +6,10 @@ from collections.abc import Mapping, Sequence
 from colorsys import hsv_to_rgb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import Image
 from symaware_cli.environments.bullet import engine
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The most rays that PyBullet casts at once.
 _BATCH = engine.MAX_RAY_INTERSECTION_BATCH_SIZE - 1
@@ -72,7 +69,7 @@ def cast_rays(
     return distances
 
 
-def is_clear(client: int, owner: Mapping[int, int], obstacles: range, starts: Array, ends: Array) -> NDArray[np.bool_]:
+def is_clear(client: int, owner: Mapping[int, int], obstacles: range, starts: Array, ends: Array) -> Mask:
     """Return which lines of sight are not blocked by an obstacle; they pass through all other bodies.
 
     Args:

@@ -7,12 +7,10 @@ from itertools import pairwise
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.environments.urdf import UrdfError, tree
 from symaware_cli.geometry.rotation import about, rotated
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 #: The deepest nesting of nodes.
 _DEEPEST = 64
@@ -46,8 +44,7 @@ def triangles(data: bytes) -> Array:
     except (ValueError, IndexError, KeyError) as error:
         raise UrdfError(f"is invalid: {error}") from error
     corners = np.concatenate([np.empty((0, 3, 3)), *(placed if scenes else geometries.values())])
-    surface: Array = metres * corners
-    return surface
+    return metres * corners
 
 
 def _geometry(geometry: Element) -> Array:

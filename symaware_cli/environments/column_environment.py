@@ -1,16 +1,12 @@
-"""Base class of worlds that hold the states of each group in columns."""
+"""Worlds that hold the states of each group in columns: their base class, and one that replays a log."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from symaware_cli.core import Contact, EntityGroup, Environment, Obstacle, Snapshot
 from symaware_cli.environments.contact_detector import ContactDetector
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 
 class ColumnEnvironment(Environment):
@@ -107,3 +103,41 @@ def shared_array(shared: Mapping[str, Array], name: str, shape: tuple[int, ...])
         raise ValueError(f"the shared state of the world has no `{name}` of shape {shape}")
     values.flags.writeable = False
     return values
+
+
+class RecordedEnvironment(ColumnEnvironment):
+    """Replaces another world: it adopts the states recorded there, and moves nothing by itself."""
+
+    def __init__(self, original: Environment) -> None:
+        """Replace a world that has not been initialised.
+
+        Args:
+            original: The world to replace.
+        """
+        super().__init__()
+        self.time_step = original.time_step
+        self.folder = original.folder
+        self.ground = original.ground
+        self.provides = original.provides  # type: ignore[misc]
+
+    def show(self, time: int, states: Mapping[str, Array], inputs: Mapping[str, Array]) -> None:
+        """Adopt recorded states.
+
+        Args:
+            time: The instant, in nanoseconds.
+            states: The true states of groups that changed.
+            inputs: The control inputs that were applied.
+        """
+        for name, state in states.items():
+            state.flags.writeable = False
+            self._states[self._number[name]] = state
+        for name, applied in inputs.items():
+            applied.flags.writeable = False
+            self._applied[self._number[name]] = applied
+        self._time = time
+        self._count_present()
+        self._snapshot = None
+
+    def step(self) -> None:
+        """Refuse: the next states are in the log."""
+        raise NotImplementedError("a recorded world cannot be stepped")

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import Contact, EntityGroup, Scenery, Snapshot
 from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.pieces import Pieces, Separation, separation
 from symaware_cli.geometry.proximity import Pairs, Proximity
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: Pairs of bodies that touch, by index, and a function that returns depth and point of a row.
 _Touching = tuple[Indices, Indices, Callable[[int], tuple[float, Array]]]
@@ -52,7 +49,7 @@ class ContactDetector:
         self._equal_radii = bool((self._radii == self._radii[:1]).all())
         self._proximity = proximity
         #: Which pairs in blocks touched when looked at last.
-        self._were_touching: NDArray[np.bool_] | None = None
+        self._were_touching: Mask | None = None
         self._among_agents = _TouchingPairs(self._names)
         self._with_obstacles = _TouchingPairs(self._names)
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import (
@@ -15,7 +13,6 @@ from symaware_cli.core import (
     EntityGroup,
     EnvironmentParameters,
     ErrorCollector,
-    Model,
     Obstacle,
     WorldError,
 )
@@ -23,11 +20,8 @@ from symaware_cli.environments.actuator import check_time_step
 from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.contact_detector import ContactDetector
 from symaware_cli.environments.process_noise import process_noise
-from symaware_cli.world.integration import euler, rk4
-
-Array = NDArray[np.float64]
-
-_INTEGRATORS: Mapping[str, Callable[[Model, Array, Array, float], Array]] = {"exact": rk4, "rk4": rk4, "euler": euler}
+from symaware_cli.geometry.vectors import Array, Indices
+from symaware_cli.world.integration import Integrator, integrate
 
 
 class KinematicEnvironment(ColumnEnvironment):
@@ -42,7 +36,7 @@ class KinematicEnvironment(ColumnEnvironment):
     class Parameters(EnvironmentParameters):
         """Parameters of the kinematic world."""
 
-        integrator: Literal["exact", "rk4", "euler"] = Field(
+        integrator: Integrator = Field(
             "exact",
             description="How the dynamics are integrated: in closed form where the model has one, else as by rk4; "
             "by Runge-Kutta of order 4; by the explicit Euler method. Models in discrete time are not integrated.",
@@ -78,8 +72,9 @@ class KinematicEnvironment(ColumnEnvironment):
     def step(self) -> None:
         """Advance every group by its model under its saturated control input."""
         self._apply_inputs()
+        step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
         for number, (model, noise) in enumerate(zip(self._models, self._noises, strict=True)):
-            state = self._advance(model, self._states[number], self._applied[number])
+            state = integrate(model, self._states[number], self._applied[number], step, integrator, parts)
             if noise:
                 state = state + noise.draw(self._time)
             present = self.groups[number].present
@@ -103,17 +98,6 @@ class KinematicEnvironment(ColumnEnvironment):
         """Return that bodies have their velocities at once, and for the whole time step."""
         return Drive(self.parameters.time_step)
 
-    def _advance(self, model: Model, state: Array, control_input: Array) -> Array:
-        """Return the states after one time step, without noise; shape (n, nx)."""
-        step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
-        if integrator == "exact" or model.time_step is not None:
-            after = model.exact_step(state, control_input, step)
-            if after is not None:
-                return after
-        for _ in range(parts):
-            state = _INTEGRATORS[integrator](model, state, control_input, step / parts)
-        return state
-
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step; none in a batch, see `contacts_begun`."""
         if self.roster.runs is not None:
@@ -123,6 +107,6 @@ class KinematicEnvironment(ColumnEnvironment):
             self._contacts = self._detector.update(self.snapshot(), self.scenery)
         return self._contacts
 
-    def contacts_begun(self) -> NDArray[np.intp]:
+    def contacts_begun(self) -> Indices:
         """An agent, by index, of each contact that began since the last call; in a batch, instead of `contacts`."""
         return self._detector.begun(self.snapshot(), self.scenery)

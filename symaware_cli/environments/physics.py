@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from typing import ClassVar, NoReturn
+from typing import ClassVar, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import (
@@ -26,11 +25,10 @@ from symaware_cli.core.stateful import StateError
 from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.column_environment import ColumnEnvironment, shared_array
 from symaware_cli.environments.contact_tracker import GROUND, ContactTracker
+from symaware_cli.geometry.vectors import Array
 
-Array = NDArray[np.float64]
 
-
-class BodyStates:
+class BodyStates(NamedTuple):
     """Poses and velocities of bodies, a row for each.
 
     Attributes:
@@ -40,13 +38,10 @@ class BodyStates:
         orientations: Quaternions (x, y, z, w), if bodies turn about more than the vertical; shape (m, 4).
     """
 
-    __slots__ = ("headings", "motion", "orientations", "positions")
-
-    def __init__(self, positions: Array, headings: Array, motion: Array, orientations: Array | None = None) -> None:
-        self.positions = positions
-        self.headings = headings
-        self.motion = motion
-        self.orientations = orientations
+    positions: Array
+    headings: Array
+    motion: Array
+    orientations: Array | None = None
 
 
 class PhysicsEnvironment(ColumnEnvironment):

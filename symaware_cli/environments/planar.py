@@ -16,9 +16,7 @@ from symaware_cli.environments.contact_tracker import Pair, pair
 from symaware_cli.environments.joint import Joint, make_joints
 from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
 from symaware_cli.geometry.pieces import Pieces, separation
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices
 
 #: [m] How deep resting bodies may overlap, so that they stay in contact; Pymunk's own 0.1 is meant for pixels.
 _SLOP = 5e-4

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import EntityGroup
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.world.chance import GroupChance, Turn
-
-Array = NDArray[np.float64]
 
 
 class ProcessNoise:

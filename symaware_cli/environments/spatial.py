@@ -6,28 +6,23 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstacle, Scenery, WorldError, seconds
 from symaware_cli.environments import bullet_collisions, bullet_sensing
 from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.appearance import appearances
-from symaware_cli.environments.body_builder import BodyBuilder, BodyPart, last_line, turn
+from symaware_cli.environments.body_builder import BodyBuilder, BodyPart, GroundPlane, collision_kind, last_line, turn
 from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.bullet_collisions import Collisions
 from symaware_cli.environments.contact_tracker import GROUND
-from symaware_cli.environments.ground import GroundPlane, collision_kind, make_plane, make_slab
-from symaware_cli.environments.path_follower import follow
 from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
 from symaware_cli.environments.process_noise import process_noise
 from symaware_cli.environments.vehicle import Vehicle, read_bodies
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import attitude_columns
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
@@ -169,7 +164,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         if GROUND in named:
             raise WorldError(f"`{GROUND}` names the ground in contacts; give this another name", *named[GROUND], GROUND)
         index = len(self.roster) + len(self.obstacles)
-        self._register(make_plane(self._id, ground.height), index, ground, bullet_collisions.GROUND)
+        self._register(self._builder.make_plane(ground.height), index, ground, bullet_collisions.GROUND)
         free = [self.obstacles[name] for name in self._free]
         # Joints on a fixed base may move links to the ground, too.
         free += [each for each in self.obstacles.values() if each.shape.urdf and not each.is_free and not each.path]
@@ -182,7 +177,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             ):
                 starts += self._states[number][:, list(actuator.group.model.position)].tolist()
         if starts:
-            self._register(make_slab(self._id, ground.height, starts), index, ground, bullet_collisions.SLAB)
+            self._register(self._builder.make_slab(ground.height, starts), index, ground, bullet_collisions.SLAB)
 
     def _add_driven(self, group: EntityGroup, state: Array, part: slice) -> None:
         model, entity = group.model, group.entity
@@ -358,7 +353,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         """Set the pose of an entity with a path, and the velocity that brings it to the next pose of the path."""
         bodies, level, obstacle = self._members[name], self._levels[name], self.obstacles[name]
         tilt, course = (obstacle.roll, obstacle.pitch), self._course(name, number)
-        follow(self._id, self._body_poses, bodies, level, course, tilt, self._gravity_step.tolist())
+        self._body_poses.follow(bodies, level, course, tilt, self._gravity_step.tolist())
 
     def _find_overlaps(self) -> None:
         self._collisions.start()
@@ -454,15 +449,14 @@ class PyBulletEnvironment(PhysicsEnvironment):
         rays = np.repeat(senders, width), starts.reshape(-1, 3), towards.reshape(-1, 3)
         return bullet_sensing.cast_rays(self._id, self._index, *rays, reach).reshape(count, width)
 
-    def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:
+    def in_sight(self, ones: Indices, others: Indices) -> Mask:
         """Test the lines between the centres of bodies against the shapes of the engine."""
         count = len(self.roster)
         middles, obstacles = self.body_positions(self.roster.ids), range(count, count + len(self.obstacles))
         # Both directions share a line.
         keys, line = np.unique(np.minimum(ones, others) * count + np.maximum(ones, others), return_inverse=True)
         starts, ends = (middles.take(each, 0) for each in np.divmod(keys, count))
-        free: NDArray[np.bool_] = bullet_sensing.is_clear(self._id, self._index, obstacles, starts, ends)[line]
-        return free
+        return bullet_sensing.is_clear(self._id, self._index, obstacles, starts, ends)[line]
 
     def body_positions(self, names: Sequence[str]) -> Array:
         """Return the positions of bodies in space; for walls, which consist of several bodies, that of the entity."""

@@ -8,12 +8,11 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from symaware_cli.geometry.rotation import about, composed, rotated
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 _Number = Annotated[float, Field(ge=-1e9, le=1e9)]
 _Share = Annotated[float, Field(ge=0, le=1)]

@@ -10,13 +10,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.geometry.pieces import Pieces, separation
 from symaware_cli.geometry.proximity import Pairs, Proximity, nearest_distances
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: A core and the radius by which it is rounded, as in `Pieces.of`.
 Outline = tuple[Sequence[Sequence[float]], float]
@@ -66,7 +63,7 @@ class BodyOutlines:
         vertices = self._kinds.vertices
         reach = np.sqrt((vertices * vertices).sum(axis=2)).max(axis=1, initial=0.0)
         self.radii: Array = (reach + self._kinds.rounding).take(self._kind)
-        self.cornered: NDArray[np.bool_] = (reach > 0.0).take(self._kind)
+        self.cornered: Mask = (reach > 0.0).take(self._kind)
         self.any_cornered = bool(self.cornered.any())
         self._largest = float(self.radii.max(initial=0.0))
         self._alike = not self.any_cornered and bool((self.radii == self.radii[:1]).all())

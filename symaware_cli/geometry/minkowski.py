@@ -9,14 +9,12 @@ the edges of all of them, in the order of their directions (M. de Berg et al., C
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from symaware_cli.geometry.pieces import Pieces
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.pieces import Pieces, following
+from symaware_cli.geometry.vectors import Array, Mask
 
 #: The number of edges of polygons around circles; they are 0.9 % wider, and never inside.
 _FACETS = 24
@@ -66,7 +64,7 @@ def cornered(pieces: Pieces) -> Pieces:
 
 def _summed(polygons: list[Array], rounding: Array) -> Pieces:
     """Return the Minkowski sums of counter-clockwise convex polygons, (m, k, 2) each."""
-    edges = np.concatenate([_next(each) - each for each in polygons], axis=1)
+    edges = np.concatenate([following(each) - each for each in polygons], axis=1)
     order = np.arctan2(edges[..., 1], edges[..., 0]).argsort(axis=1, kind="stable")
     edges = np.take_along_axis(edges, order[..., None], axis=1)
     vertices = np.cumsum(edges, axis=1)
@@ -76,15 +74,10 @@ def _summed(polygons: list[Array], rounding: Array) -> Pieces:
     length = np.sqrt(edges[..., 0] ** 2 + edges[..., 1] ** 2)
     real = length > 0.0
     # The edge to the next vertex is the next edge.
-    edges, length, real = _next(edges), _next(length), _next(real)
+    edges, length, real = following(edges), following(length), following(real)
     normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1) / np.where(real, length, 1.0)[..., None]
     offsets = np.where(real, normals[..., 0] * vertices[..., 0] + normals[..., 1] * vertices[..., 1], np.inf)
     return Pieces(vertices, normals, offsets, rounding)
-
-
-def _next(values: Any) -> Any:
-    """Shift rows by one element to the left; like `numpy.roll`, several times as fast."""
-    return np.concatenate([values[:, 1:], values[:, :1]], axis=1)
 
 
 @cache
@@ -177,7 +170,7 @@ def within(points: Array, velocities: Array, pieces: Pieces) -> Interval:
     if rounded.any():
         # The x axis of each edge is its normal turned by a right angle.
         along_x, along_y = -normals[..., 1], normals[..., 0]
-        edges = _next(vertices) - vertices
+        edges = following(vertices) - vertices
         length = along_x * edges[..., 0] + along_y * edges[..., 1]
         away_x, away_y = x - vertices[..., 0], y - vertices[..., 1]
         rectangle = between(
@@ -201,13 +194,13 @@ def _near(x: Array, y: Array, u: Array, v: Array, radius: Array) -> Interval:
     return _masked(Interval(start, end), meets)
 
 
-def _masked(interval: Interval, some: NDArray[np.bool_]) -> Interval:
+def _masked(interval: Interval, some: Mask) -> Interval:
     """Return intervals selected by a mask, and empty ones elsewhere."""
     some = some & (interval.start <= interval.end)
     return Interval(np.where(some, interval.start, np.inf), np.where(some, interval.end, -np.inf))
 
 
-def _first_and_last(intervals: Interval, some: NDArray[np.bool_] | bool = True) -> Interval:
+def _first_and_last(intervals: Interval, some: Mask | bool = True) -> Interval:
     """Return the span of the intervals in each row; (m, k) to (m,)."""
     known = _masked(intervals, np.asarray(some))
     return Interval(known.start.min(axis=1), known.end.max(axis=1))

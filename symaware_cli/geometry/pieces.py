@@ -10,19 +10,20 @@ Positions in space are seen from above: only their first two coordinates count.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: [m] Smaller distances count as rounding errors.
 _TINY = 1e-12
 
 #: [m] Deeper overlaps are no rounding errors.
 _CERTAIN = 1e-9
+
+Element = TypeVar("Element", bound=np.generic)
 
 
 class Pieces:
@@ -120,6 +121,11 @@ def _turned(vectors: Array, cosine: Array, sine: Array) -> Array:
     return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
 
 
+def following(values: NDArray[Element]) -> NDArray[Element]:
+    """Shift rows by one element to the left; like `numpy.roll`, several times as fast."""
+    return np.concatenate([values[:, 1:], values[:, :1]], axis=1)
+
+
 class Separation(NamedTuple):
     """The distances between pairs of pieces, and their nearest points.
 
@@ -170,7 +176,7 @@ def separation_from_points(points: Array, rounding: Array, pieces: Pieces) -> Se
     count, width, _ = vertices.shape
     x, y = points[:, 0, None] - vertices[..., 0], points[:, 1, None] - vertices[..., 1]
     if width > 1:
-        edges = np.concatenate([vertices[:, 1:], vertices[:, :1]], axis=1) - vertices
+        edges = following(vertices) - vertices
         edge_x, edge_y = edges[..., 0], edges[..., 1]
         length = edge_x * edge_x + edge_y * edge_y
         share = (x * edge_x + y * edge_y) / np.maximum(length, np.finfo(float).tiny)
@@ -217,8 +223,7 @@ def _widest_gap(first: Pieces, second: Pieces) -> tuple[Array, Array]:
 
 def _products(ones: Array, others: Array) -> Array:
     """Return the scalar products of all pairs of vectors: (m, a, 2) and (m, b, 2) to (m, a, b)."""
-    product: Array = ones[:, :, None, 0] * others[:, None, :, 0] + ones[:, :, None, 1] * others[:, None, :, 1]
-    return product
+    return ones[:, :, None, 0] * others[:, None, :, 0] + ones[:, :, None, 1] * others[:, None, :, 1]
 
 
 def _closest(first: Array, second: Array) -> tuple[Array, Array]:
@@ -246,7 +251,7 @@ def _on_edges(points: Array, vertices: Array) -> Array:
     return on_edges
 
 
-def crosses(lines: Pieces, pieces: Pieces) -> NDArray[np.bool_]:
+def crosses(lines: Pieces, pieces: Pieces) -> Mask:
     """Return whether straight lines cross the inside of pieces, row by row; shape (m,)."""
     gap, _ = _widest_gap(lines, pieces)
     # The gap is never wider than the distance, so it decides most rows.

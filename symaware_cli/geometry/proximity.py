@@ -10,12 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from symaware_cli.geometry.vectors import lengths
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask, lengths
 
 #: Up to this number all pairs are computed; measured: a tree pays off from about a hundred bodies.
 _ALL_PAIRS = 64
@@ -57,7 +53,7 @@ class Proximity:
 
     def __init__(self) -> None:
         self.runs: Indices | None = None
-        self._present: NDArray[np.bool_] | None = None
+        self._present: Mask | None = None
         self._built_at: Array = np.empty((0, 0))
         self._cut = -np.inf
         self._first: Indices = np.empty(0, np.intp)
@@ -70,12 +66,12 @@ class Proximity:
         self._pairs = Pairs(self._first, self._second, np.empty(0))
 
     @property
-    def present(self) -> NDArray[np.bool_] | None:
+    def present(self) -> Mask | None:
         """Which bodies count, not to be changed in place; shape (n,). None for all of them."""
         return self._present
 
     @present.setter
-    def present(self, present: NDArray[np.bool_] | None) -> None:
+    def present(self, present: Mask | None) -> None:
         self._present = present
         self._built_at, self._seen, self._before = np.empty((0, 0)), None, None
 
@@ -154,7 +150,7 @@ class Proximity:
             return True
         if reach > self._cut:
             return False
-        moved = self._greatest(np.abs(positions - self._built_at)) * np.sqrt(positions.shape[1])
+        moved = self._of_present(np.abs(positions - self._built_at)).max(initial=0.0) * np.sqrt(positions.shape[1])
         return bool(reach + 2 * moved <= self._cut)
 
     def _build(self, positions: Array, reach: float) -> None:
@@ -187,11 +183,6 @@ class Proximity:
 
     def _of_present(self, positions: Array) -> Array:
         return positions if self._present is None else positions[self._present]
-
-    def _greatest(self, values: Array) -> float:
-        """Return the greatest value in the rows of present bodies."""
-        values = self._of_present(values)
-        return float(values.max(initial=0.0))
 
     def _margin(self, positions: Array, reach: float) -> float:
         """Return how much wider than requested the list of candidates is to be [m].
@@ -278,7 +269,7 @@ class ClosestPair:
             positions: One row for each body [m]; shape (n, d). A body with a NaN is absent. Not changed in place.
         """
         if not self.is_shared:
-            present: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=1))
+            present: Mask = np.asarray(np.isfinite(positions).all(axis=1))
             known = self._proximity.present
             if known is None or not np.array_equal(known, present):
                 self._proximity.present = present
@@ -341,7 +332,7 @@ def closest_pair(positions: Array, first: Indices, second: Indices) -> tuple[flo
     """
     from scipy.spatial import cKDTree
 
-    present: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=1))
+    present: Mask = np.asarray(np.isfinite(positions).all(axis=1))
     first, second = first[present[first]], second[present[second]]
     none = (float("inf"), -1, -1)
     if not len(first) or not len(second):

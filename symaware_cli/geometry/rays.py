@@ -8,14 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from symaware_cli.geometry.pieces import Pieces
+from symaware_cli.geometry.pieces import Pieces, following
 from symaware_cli.geometry.scenery import Scenery
 from symaware_cli.geometry.shape import Shape
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The number of pairs of a ray and a piece that are computed together, to bound memory.
 _TOGETHER = 1 << 17
@@ -68,7 +65,7 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
     meets = (beneath >= 0.0) & (along + half >= 0.0)
     discs = np.where(meets, np.maximum(along - half, 0.0), np.inf)
     real = np.isfinite(pieces.offsets)
-    edges = np.concatenate([vertices[:, 1:], vertices[:, :1]], axis=1) - vertices
+    edges = following(vertices) - vertices
     speed = (pieces.normals * directions[:, None]).sum(axis=2)
     # The distance of the ray's origin outside of each edge of the core.
     height = (pieces.normals * origins[:, None]).sum(axis=2) - np.where(real, pieces.offsets, 0.0)
@@ -78,21 +75,19 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
     sides = np.where(inwards & _beside(crossing, edges), distance, np.inf)
     inside = real.any(axis=1) & (~real | (height <= 0.0)).all(axis=1)
     inside |= (real & (height >= 0.0) & (height <= rounding) & _beside(-to_vertex, edges)).any(axis=1)
-    entry: Array = np.where(inside, 0.0, np.minimum(discs.min(axis=1), sides.min(axis=1)))
-    return entry
+    return np.where(inside, 0.0, np.minimum(discs.min(axis=1), sides.min(axis=1)))
 
 
-def _beside(points: Array, edges: Array) -> NDArray[np.bool_]:
+def _beside(points: Array, edges: Array) -> Mask:
     """Return whether points, relative to the starts of edges, project onto the edge; (m, k, 2) each."""
     share, length = (points * edges).sum(axis=2), (edges * edges).sum(axis=2)
     # With a tolerance, so that no ray slips through between two edges.
-    beside: NDArray[np.bool_] = (share >= -1e-12 * length) & (share <= (1.0 + 1e-12) * length)
+    beside: Mask = (share >= -1e-12 * length) & (share <= (1.0 + 1e-12) * length)
     return beside
 
 
 def _cross(one: Array, other: Array) -> Array:
-    crossed: Array = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    return crossed
+    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
 class BodiesInPlane:
@@ -104,7 +99,7 @@ class BodiesInPlane:
         self._owners: Indices = np.array([index for index, _ in parts], np.intp)
         self._shapes = Pieces.of(piece for _, piece in parts)
 
-    def placed(self, positions: Array, headings: Array, present: NDArray[np.bool_] | None) -> tuple[Pieces, Indices]:
+    def placed(self, positions: Array, headings: Array, present: Mask | None) -> tuple[Pieces, Indices]:
         """Return the outlines at the poses of the agents.
 
         Args:

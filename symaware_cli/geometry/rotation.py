@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 
 def about(axis: ArrayLike, angles: ArrayLike) -> Array:
@@ -52,8 +52,7 @@ def rotated(orientations: ArrayLike, vectors: ArrayLike) -> Array:
     turns, vectors = np.asarray(orientations, float), np.asarray(vectors, float)
     axis, scalar = turns[..., :3], turns[..., 3:]
     twice = 2.0 * np.cross(axis, vectors)
-    turned: Array = vectors + scalar * twice + np.cross(axis, twice)
-    return turned
+    return vectors + scalar * twice + np.cross(axis, twice)
 
 
 def yaws(orientations: Array) -> Array:
@@ -65,5 +64,4 @@ def yaws(orientations: Array) -> Array:
 
 def continued(before: Array, angles: Array) -> Array:
     """Unwrap angles, given the previous unwrapped ones [rad]; any shape."""
-    counted: Array = before + np.remainder(angles - before + np.pi, 2 * np.pi) - np.pi
-    return counted
+    return before + np.remainder(angles - before + np.pi, 2 * np.pi) - np.pi

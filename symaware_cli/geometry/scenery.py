@@ -11,14 +11,11 @@ from copy import copy
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.geometry.path import Pose, ScriptedPath
 from symaware_cli.geometry.pieces import Pieces, crosses, separation_from_points
 from symaware_cli.geometry.shape import Shape
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The number of pairs of a point or line and a piece that are computed together, to bound memory.
 _TOGETHER = 1 << 19
@@ -183,8 +180,7 @@ class Scenery:
             return np.zeros((len(obstacle), 2))
         arm = point - self._positions.take(obstacle, 0)
         around = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        velocity: Array = self._velocities.take(obstacle, 0) + self._turn_rates.take(obstacle)[:, None] * around
-        return velocity
+        return self._velocities.take(obstacle, 0) + self._turn_rates.take(obstacle)[:, None] * around
 
     @property
     def has_heights(self) -> bool:
@@ -234,7 +230,7 @@ class Scenery:
             np.concatenate([no_rows, *(piece for _, piece in parts)]),
         )
 
-    def blocks(self, origins: Array, targets: Array) -> NDArray[np.bool_]:
+    def blocks(self, origins: Array, targets: Array) -> Mask:
         """Return whether an obstacle blocks the straight line between two points.
 
         A line that only grazes an obstacle is free; one that starts or ends inside of an obstacle is blocked.
@@ -260,9 +256,7 @@ class Scenery:
             blocked[line[crosses(lines, self.pieces.take(piece))]] = True
         return blocked
 
-    def _within_spans(
-        self, origins: Array, targets: Array, obstacle: Indices
-    ) -> tuple[NDArray[np.bool_], Array, Array]:
+    def _within_spans(self, origins: Array, targets: Array, obstacle: Indices) -> tuple[Mask, Array, Array]:
         """Clip lines to the vertical extents of obstacles, row by row; (m, 3) each.
 
         Returns:

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters, Quantity
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.models.heading import HeadingModel
 from symaware_cli.models.noise import Deviation
-
-Array = NDArray[np.float64]
 
 _PLANE: tuple[Quantity, ...] = (Quantity("x", "m"), Quantity("y", "m"))
 _HEADING = Quantity("heading", "rad")
@@ -33,8 +31,6 @@ class DubinsAircraft(HeadingModel):
 
     state = (*_PLANE, _HEADING)
     control_input = _INPUTS
-    heading = 2
-    angles = (2,)
 
     class Parameters(Parameters):
         """Limits of the aircraft."""
@@ -101,7 +97,3 @@ class DubinsAircraft(HeadingModel):
         if limits.dimensions == 3:
             followed[:, 2] = velocity[:, 2]
         return followed
-
-    def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Scale the speed, down to the minimum speed; it can still turn and climb."""
-        return super().slowed(state, control_input, factor)

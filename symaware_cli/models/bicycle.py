@@ -5,9 +5,8 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters, Quantity
-from symaware_cli.models.heading import speeds_in_order
+from symaware_cli.models.heading import SteeredModel, speeds_in_order
 from symaware_cli.models.noise import Deviation
-from symaware_cli.models.steered import SteeredModel
 
 
 class Bicycle(SteeredModel):
@@ -21,7 +20,6 @@ class Bicycle(SteeredModel):
     batchable = True
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
-    angles = (2,)
 
     class Parameters(Parameters):
         """Dimensions and limits of the bicycle."""

@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.world.model import Model, columns
-
-Array = NDArray[np.float64]
 
 _RAISED = object()
 

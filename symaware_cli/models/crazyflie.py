@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.models.vector import Axes, Vector, dot
 from symaware_cli.world.model import columns
-
-Array = NDArray[np.float64]
 
 #: [kg] The mass with the battery [L].
 MASS = 0.027
@@ -99,8 +97,7 @@ def ground_effect(height: Array) -> Array:
         height: Height above ground [m]; shape (n,).
     """
     share = PROPELLER / (4.0 * np.maximum(height, 0.5 * PROPELLER))
-    grown: Array = 1.0 / (1.0 - share * share)
-    return grown
+    return 1.0 / (1.0 - share * share)
 
 
 def downwash(positions: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Base class of vehicles that move along their heading."""
+"""Base classes of vehicles that move along their heading, and of cars among them."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symaware_cli.core import Quantity
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.models.noise import NoisyModel
 from symaware_cli.world.model import columns
-
-Array = NDArray[np.float64]
 
 
 class SpeedLimits(Protocol):
@@ -117,3 +116,34 @@ class HeadingModel(NoisyModel):
         speed = np.sqrt(x * x + y * y)
         error = np.remainder(np.arctan2(y, x) - state[:, self.heading] + np.pi, 2 * np.pi) - np.pi
         return speed, np.where(speed > 1e-9, error, 0.0)
+
+
+class SteeredModel(HeadingModel):
+    """A car with a speed v and a steering angle s, which turns at v tan(s) / L, where L is the wheelbase.
+
+    Its parameters are the limits ``min_speed``, ``max_speed`` and ``max_steering_angle``, and ``steering_gain``.
+    """
+
+    control_input = (Quantity("speed", "m/s"), Quantity("steering_angle", "rad"))
+
+    @property
+    @abstractmethod
+    def wheelbase(self) -> float:
+        """The distance between the axles [m]."""
+
+    def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
+        """Return v and v tan(s) / L."""
+        return control_input[0], control_input[0] * math.tan(control_input[1]) / self.wheelbase
+
+    def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the limits of speed and steering angle."""
+        limits = self.parameters
+        return [limits.min_speed, -limits.max_steering_angle], [limits.max_speed, limits.max_steering_angle]
+
+    def follow_velocity(self, state: Array, velocity: Array) -> Array:
+        """Drive forwards at the desired speed, as turning requires it, and steer to reduce the heading error."""
+        speed, error = self.aim(state, velocity)
+        followed = np.empty((len(state), 2))
+        followed[:, 0] = speed
+        followed[:, 1] = np.arctan2(self.wheelbase * self.parameters.steering_gain * error, speed)
+        return followed

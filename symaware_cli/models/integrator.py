@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Parameters, Quantity
+from symaware_cli.geometry.vectors import Array, lengths
 from symaware_cli.models.noise import Deviation, NoisyModel
-
-Array = NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
 _DIMENSIONS = "Whether it moves in the plane or in space: 2 or 3."
@@ -35,12 +33,8 @@ def shortened(vectors: Array, longest: float | None) -> Array:
     """
     if longest is None:
         return vectors
-    square = vectors[:, 0] * vectors[:, 0]
-    for column in range(1, vectors.shape[1]):
-        square = square + vectors[:, column] * vectors[:, column]
-    scale = longest / np.maximum(np.sqrt(square), longest)
-    scaled: Array = vectors * scale[:, None]
-    return scaled
+    scale = longest / np.maximum(lengths(vectors), longest)
+    return vectors * scale[:, None]
 
 
 class SingleIntegrator(NoisyModel):

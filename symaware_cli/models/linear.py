@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from symaware_cli.core import Model, Parameters, Quantity, nanoseconds
+from symaware_cli.geometry.vectors import Array
 
-Array = NDArray[np.float64]
 Matrix = list[list[float]]
 Positive = Annotated[float, Field(gt=0)]
 
@@ -140,8 +139,7 @@ class Linear(Model):
         added = np.array(self.parameters.B)[list(self.position)]
         if len(self.position) < len(self.state) or np.linalg.matrix_rank(added) < len(self.position):
             return None
-        inverse: Array = np.linalg.pinv(added)
-        return inverse
+        return np.linalg.pinv(added)
 
 
 def _quantities(units: Mapping[str, str]) -> tuple[Quantity, ...]:

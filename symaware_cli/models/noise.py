@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from symaware_cli.core import Model, Parameters
+from symaware_cli.geometry.vectors import Array
 
-Array = NDArray[np.float64]
 _NotNegative = Annotated[float, Field(ge=0)]
 
 #: The parameter ``process_noise`` of all built-in models without a covariance of their own.

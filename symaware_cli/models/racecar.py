@@ -8,17 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Entity, Model, Parameters, Polygon, Quantity, Shape
 from symaware_cli.environments.vehicle import Vehicle, place_body, read_bodies
 from symaware_cli.geometry.rotation import about, composed, continued, yaws
-from symaware_cli.models.heading import speeds_in_order
+from symaware_cli.geometry.vectors import Array
+from symaware_cli.models.heading import SteeredModel, speeds_in_order
 from symaware_cli.models.noise import Deviation
-from symaware_cli.models.steered import SteeredModel
-
-Array = NDArray[np.float64]
 
 #: [m] From pybullet_data/racecar/racecar.urdf: the wheelbase, the distance between the wheels of an axle, and the
 #: radius of a wheel, to which PyBullet adds a margin of 1 mm.

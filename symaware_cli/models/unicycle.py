@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters, Quantity
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.models.heading import HeadingModel, speeds_in_order
 from symaware_cli.models.noise import Deviation
-
-Array = NDArray[np.float64]
 
 
 class Unicycle(HeadingModel):
@@ -26,8 +24,6 @@ class Unicycle(HeadingModel):
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
     control_input = (Quantity("speed", "m/s"), Quantity("turn_rate", "rad/s"))
-    heading = 2
-    angles = (2,)
 
     class Parameters(Parameters):
         """Limits of the unicycle."""

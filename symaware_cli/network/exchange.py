@@ -15,12 +15,33 @@ from symaware_cli.network.channel.channel import ABSENT, QUEUE_FULL, TOO_OLD, Fa
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.in_transit import MessagesInTransit
 from symaware_cli.network.inboxes import Inboxes
-from symaware_cli.network.neighbours import Neighbours
 from symaware_cli.network.network import Change, Network
 from symaware_cli.network.outbox import Outbox
 from symaware_cli.network.size import message_sizes
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.network.transmission import WAITS, QueuedMessage, Transmission
+
+
+class Neighbours(Sequence[str]):
+    """Ids that are looked up on access, as often only few of many are used."""
+
+    def __init__(self, ids: Sequence[str], indices: Indices) -> None:
+        self._ids = ids
+        self._indices = indices
+
+    def __getitem__(self, place: Any) -> Any:
+        if isinstance(place, slice):
+            return [self._ids[index] for index in self._indices[place].tolist()]
+        return self._ids[self._indices[place]]
+
+    def __len__(self) -> int:
+        return len(self._indices)
+
+    def __eq__(self, other: object) -> bool:
+        return list(self) == other
+
+    __hash__ = None  # type: ignore[assignment]
+
 
 #: The size of the payload in each row of a batch, in bytes; shape (s,).
 Sizes = NDArray[np.int64]

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Links, Roster
 from symaware_cli.core.message import Indices, Times
-from symaware_cli.network.channel.channel import NO_LINK, Channel, Fates
+from symaware_cli.network.channel.channel import NO_LINK, Channel, Fates, Impairment
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
-from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.link_states import LinkStates
 from symaware_cli.network.topology.topology import Topology
 

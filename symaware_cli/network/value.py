@@ -184,9 +184,10 @@ def value_to_wire(value: Any, depth: int = 0) -> wire.Value:
     if isinstance(value, np.ndarray):
         return wire.Value(array=array_to_wire(value))
     if isinstance(value, TimeSeries):
-        return wire.Value(series=_series_to_wire(value))
+        return wire.Value(series=wire.Series(times=array_to_wire(value.times), values=array_to_wire(value.values)))
     if isinstance(value, AwarenessVector):
-        return wire.Value(awareness=_awareness_to_wire(value))
+        parts = entries_to_wire(dict(value.items()))
+        return wire.Value(awareness=wire.AwarenessVector(id=text_to_wire(value.id), parts=parts))
     if isinstance(value, list | tuple | Mapping):
         return _collection(value, depth)
     raise TypeError(f"a {_called(value)} cannot be sent")
@@ -241,10 +242,6 @@ def value_from_wire(message: wire.Value, depth: int = 0) -> Any:
     return content
 
 
-def _series_to_wire(series: TimeSeries) -> wire.Series:
-    return wire.Series(times=array_to_wire(series.times), values=array_to_wire(series.values))
-
-
 def _series_from_wire(message: wire.Series) -> TimeSeries:
     times = array_from_wire(present(message, "times"), "i", dimensions=1)
     values = array_from_wire(present(message, "values"), "f", dimensions=2)
@@ -252,13 +249,6 @@ def _series_from_wire(message: wire.Series) -> TimeSeries:
         return TimeSeries.sampled(times, values)
     except ValueError as error:
         raise FrameError(str(error)) from error
-
-
-def _awareness_to_wire(vector: AwarenessVector) -> wire.AwarenessVector:
-    return wire.AwarenessVector(
-        id=text_to_wire(vector.id),
-        parts=entries_to_wire(dict(vector.items())),
-    )
 
 
 def _awareness_from_wire(message: wire.AwarenessVector) -> AwarenessVector:

@@ -13,9 +13,8 @@ if TYPE_CHECKING:
     from symaware_cli.optimal_control.linear_dynamics import LinearDynamics
     from symaware_cli.optimal_control.mixed_integer_program import MixedIntegerProgram, MixedIntegerSolution
     from symaware_cli.optimal_control.optimal_control_problem import OptimalControlProblem
-    from symaware_cli.optimal_control.plan import Plan, PlanDecision, Solution
     from symaware_cli.optimal_control.sampled_formula import SampledFormula, sampled
-    from symaware_cli.optimal_control.solver import Solver
+    from symaware_cli.optimal_control.solver import Plan, PlanDecision, Solution, Solver
     from symaware_cli.optimal_control.specification_program import SpecificationPlan, SpecificationProgram, margins
 
 __all__ = [
@@ -40,29 +39,21 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Affine": "affine_predicate",
-    "Dynamics": "dynamics",
-    "LinearDynamics": "linear_dynamics",
-    "MixedIntegerProgram": "mixed_integer_program",
-    "MixedIntegerSolution": "mixed_integer_program",
-    "OptimalControlProblem": "optimal_control_problem",
-    "Plan": "plan",
-    "PlanDecision": "plan",
-    "SampledFormula": "sampled_formula",
-    "Solution": "plan",
-    "Solver": "solver",
-    "SpecificationPlan": "specification_program",
-    "SpecificationProgram": "specification_program",
-    "avoid_moving_box": "moving_boxes",
-    "margins": "specification_program",
-    "predicate_sets": "affine_predicate",
-    "sampled": "sampled_formula",
-    "state_names": "affine_predicate",
+    "affine_predicate": ("Affine", "predicate_sets", "state_names"),
+    "dynamics": ("Dynamics",),
+    "linear_dynamics": ("LinearDynamics",),
+    "mixed_integer_program": ("MixedIntegerProgram", "MixedIntegerSolution"),
+    "moving_boxes": ("avoid_moving_box",),
+    "optimal_control_problem": ("OptimalControlProblem",),
+    "sampled_formula": ("SampledFormula", "sampled"),
+    "solver": ("Plan", "PlanDecision", "Solution", "Solver"),
+    "specification_program": ("SpecificationPlan", "SpecificationProgram", "margins"),
 }
 
 
 def __getattr__(name: str) -> Any:
     """Import a name on first use, so that each needs only its own solver."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{home}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

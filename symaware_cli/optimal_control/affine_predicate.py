@@ -8,11 +8,11 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symaware_cli.core import Model
-from symaware_cli.geometry.faces import Faces, ball_faces, region_faces
-from symaware_cli.geometry.region import Region, RegionShape
+from symaware_cli.geometry.region import Faces, Region, RegionShape, ball_faces, region_faces
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.specification.formulation import Formulation
 from symaware_cli.specification.node import (
     Arithmetic,
@@ -27,8 +27,6 @@ from symaware_cli.specification.node import (
 )
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.token import ExpressionError
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any, get_args
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symaware_cli.core import Model
-from symaware_cli.world.integration import euler, rk4
-
-Array = NDArray[np.float64]
-Integrator = Literal["exact", "rk4", "euler"]
+from symaware_cli.geometry.vectors import Array
+from symaware_cli.world.integration import Integrator, integrate, rk4_step
 
 
 class Dynamics:
@@ -40,8 +37,8 @@ class Dynamics:
         """
         if not (np.isfinite(step) and step > 0.0) or substeps < 1:
             raise ValueError(f"invalid step: {step:g} s in {substeps} parts")
-        if integrator not in _METHODS:
-            raise ValueError(f"the integrator must be one of {', '.join(_METHODS)}, not {integrator}")
+        if integrator not in get_args(Integrator):
+            raise ValueError(f"the integrator must be one of {', '.join(get_args(Integrator))}, not {integrator}")
         self.model = model
         self.step = float(step)
         self.integrator = integrator
@@ -50,10 +47,8 @@ class Dynamics:
 
     def __call__(self, state: Array, control_input: Array) -> Array:
         """Return the states (n, nx) after one step under control inputs (n, nu), without noise; shape (n, nx)."""
-        model, part = self.model, self._part
         for _ in range(self.substeps):
-            after = model.exact_step(state, control_input, part) if self._closed else None
-            state = _METHODS[self.integrator][0](model, state, control_input, part) if after is None else after
+            state = integrate(self.model, state, control_input, self._part, self.integrator)
         return state
 
     def symbolic(self, state: Any, control_input: Any) -> Any:
@@ -63,9 +58,13 @@ class Dynamics:
         def rate(x: Any) -> Any:
             return casadi.vertcat(*model.derivative(x, control_input, casadi))
 
+        is_closed = self.integrator == "exact" or model.time_step is not None
         for _ in range(self.substeps):
-            after = model.successor(state, control_input, part, casadi) if self._closed else None
-            state = _METHODS[self.integrator][1](rate, state, part) if after is None else casadi.vertcat(*after)
+            after = model.successor(state, control_input, part, casadi) if is_closed else None
+            if after is not None:
+                state = casadi.vertcat(*after)
+            else:
+                state = state + part * rate(state) if self.integrator == "euler" else rk4_step(rate, state, part)
         return state
 
     def rollout(self, state: ArrayLike, inputs: ArrayLike) -> Array:
@@ -76,28 +75,3 @@ class Dynamics:
         for k, control_input in enumerate(sequence):
             states[k + 1] = self(states[k : k + 1], control_input[None])[0]
         return states
-
-    @property
-    def _closed(self) -> bool:
-        """Whether the model's closed form is used if it has one."""
-        return self.integrator == "exact" or self.model.time_step is not None
-
-
-def _euler(rate: Callable[[Any], Any], state: Any, step: float) -> Any:
-    return state + step * rate(state)
-
-
-def _rk4(rate: Callable[[Any], Any], state: Any, step: float) -> Any:
-    first = rate(state)
-    second = rate(state + (0.5 * step) * first)
-    third = rate(state + (0.5 * step) * second)
-    fourth = rate(state + step * third)
-    return state + (step / 6.0) * (first + 2.0 * (second + third) + fourth)
-
-
-#: Each method for arrays (of a model) and for symbols (of a derivative).
-_METHODS: Mapping[str, tuple[Callable[[Model, Array, Array, float], Array], Callable[..., Any]]] = {
-    "exact": (rk4, _rk4),
-    "rk4": (rk4, _rk4),
-    "euler": (euler, _euler),
-}

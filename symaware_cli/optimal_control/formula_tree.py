@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.optimal_control.affine_predicate import Face, Intersection, StateSet, Union
 from symaware_cli.specification import formula as stl
-
-Array: TypeAlias = NDArray[np.float64]
 
 #: The nodes that always hold, and never.
 TRUE, FALSE = 0, 1
@@ -159,55 +156,39 @@ class FormulaTree:
             case stl.And(operands=operands) | stl.Or(operands=operands):
                 every = isinstance(formula, stl.And) == positive
                 return self._junction(every, [self._formula(each, at, positive=positive) for each in operands])
-            case stl.Until(first=first, last=last, left=left, right=right):
-                window = self._ahead(at, first, last)
-                return self._of_window(
-                    not positive,
-                    window,
-                    lambda u: self._junction(
-                        positive,
-                        [
-                            self._formula(right, u, positive=positive),
-                            *(self._formula(left, v, positive=positive) for v in range(at, u)),
-                        ],
-                    ),
-                )
-            case stl.Since(first=first, last=last, left=left, right=right):
-                return self._of_window(
-                    not positive,
-                    self._ago(at, first, last),
-                    lambda u: self._junction(
-                        positive,
-                        [
-                            self._formula(right, u, positive=positive),
-                            *(self._formula(left, v, positive=positive) for v in range(u + 1, at + 1)),
-                        ],
-                    ),
-                    beyond=False,
-                )
+            case (
+                stl.Until(first=first, last=last, left=left, right=right)
+                | stl.Since(first=first, last=last, left=left, right=right)
+            ):
+                ahead = isinstance(formula, stl.Until)
+
+                def until(u: int) -> int:
+                    before = range(at, u) if ahead else range(u + 1, at + 1)
+                    lefts = [self._formula(left, v, positive=positive) for v in before]
+                    return self._junction(positive, [self._formula(right, u, positive=positive), *lefts])
+
+                return self._of_window(not positive, self._window(at, first, last, ahead), until, beyond=ahead)
             case (
                 stl.Always(first=first, last=last, operand=operand)
                 | stl.Eventually(first=first, last=last, operand=operand)
-            ):
-                every = isinstance(formula, stl.Always) == positive
-                window = self._ahead(at, first, last)
-                return self._of_window(every, window, lambda u: self._formula(operand, u, positive=positive))
-            case (
-                stl.Historically(first=first, last=last, operand=operand)
+                | stl.Historically(first=first, last=last, operand=operand)
                 | stl.Once(first=first, last=last, operand=operand)
             ):
-                every = isinstance(formula, stl.Historically) == positive
-                ago = self._ago(at, first, last)
-                return self._of_window(every, ago, lambda u: self._formula(operand, u, positive=positive), beyond=False)
+                every = isinstance(formula, stl.Always | stl.Historically) == positive
+                ahead = isinstance(formula, stl.Always | stl.Eventually)
+                window = self._window(at, first, last, ahead)
+                return self._of_window(
+                    every, window, lambda u: self._formula(operand, u, positive=positive), beyond=ahead
+                )
 
-    def _ahead(self, at: int, first: int, last: int | None) -> range:
-        beyond = self._last + self._open
-        return range(at + first, (beyond if last is None else min(at + last, beyond)) + 1)
-
-    def _ago(self, at: int, first: int, last: int | None) -> range:
+    def _window(self, at: int, first: int, last: int | None, ahead: bool) -> range:
+        """Return the instants of a window that lies ahead of an instant, or before it."""
+        if ahead:
+            beyond = self._last + self._open
+            return range(at + first, (beyond if last is None else min(at + last, beyond)) + 1)
         return range(self._first if last is None else max(self._first, at - last), at - first + 1)
 
-    def _of_window(self, every: bool, window: range, part: Callable[[int], int], beyond: bool = True) -> int:
+    def _of_window(self, every: bool, window: range, part: Callable[[int], int], beyond: bool) -> int:
         """Return a junction over a window; one that lies beyond the last instant holds."""
         if not window:
             return TRUE if every or beyond else FALSE

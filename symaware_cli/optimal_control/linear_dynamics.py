@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import Model
-from symaware_cli.world.integration import euler, rk4
-
-Array: TypeAlias = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
+from symaware_cli.world.integration import Integrator, integrate
 
 #: The number of sides of the polygon within the disc of control inputs of limited length.
 _SIDES = 16
@@ -40,7 +37,7 @@ class LinearDynamics:
     limits: Array
 
     @classmethod
-    def of(cls, model: Model, step: float, integrator: str = "exact", substeps: int = 1) -> LinearDynamics:
+    def of(cls, model: Model, step: float, integrator: Integrator = "exact", substeps: int = 1) -> LinearDynamics:
         """Return the dynamics of a model over a step, as the kinematic world integrates it.
 
         Control inputs whose length is limited are limited to a polygon of 16 sides within that disc.
@@ -57,13 +54,7 @@ class LinearDynamics:
         states, inputs = len(model.state), len(model.control_input)
 
         def after(state: Array, control_input: Array) -> Array:
-            closed = integrator == "exact" or model.time_step is not None
-            found = model.exact_step(state, control_input, step) if closed else None
-            if found is not None:
-                return found
-            for _ in range(substeps):
-                state = (euler if integrator == "euler" else rk4)(model, state, control_input, step / substeps)
-            return state
+            return integrate(model, state, control_input, step, integrator, substeps)
 
         units = np.eye(states + inputs)
         origin = after(np.zeros((1, states)), np.zeros((1, inputs)))[0]
@@ -90,8 +81,7 @@ class LinearDynamics:
 
     def after(self, state: Array, control_input: Array) -> Array:
         """Return the state (nx,) after a step."""
-        found: Array = self.A @ state + self.B @ control_input + self.c
-        return found
+        return self.A @ state + self.B @ control_input + self.c
 
     def rollout(self, state: Array, inputs: Array) -> Array:
         """Return the states from a state (nx,) under control inputs (N, nu); shape (N + 1, nx)."""

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array: TypeAlias = NDArray[np.float64]
-Indices: TypeAlias = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: How a solver ended: the ``gap`` tells how far from the optimum the best solution may be.
 Status = Literal["optimal", "node limit", "infeasible", "unbounded", "failed"]
@@ -62,7 +61,7 @@ class MixedIntegerProgram:
         self._lower: list[Array] = []
         self._upper: list[Array] = []
         self._cost: list[Array] = []
-        self._integer: list[NDArray[np.bool_]] = []
+        self._integer: list[Mask] = []
         self._count = 0
         self._starts: list[int] = [0]
         self._columns: list[int] = []
@@ -245,15 +244,15 @@ class MixedIntegerProgram:
         import highspy
 
         ended, info = solver.getModelStatus(), solver.getInfo()
-        status: Status = "failed"
-        if ended == highspy.HighsModelStatus.kOptimal:
-            status = "optimal"
-        elif ended == highspy.HighsModelStatus.kInfeasible:
-            status = "infeasible"
-        elif ended == highspy.HighsModelStatus.kUnbounded:
-            status = "unbounded"
-        elif is_mixed and ended in (highspy.HighsModelStatus.kSolutionLimit, highspy.HighsModelStatus.kIterationLimit):
-            status = "node limit"
+        statuses: dict[Any, Status] = {
+            highspy.HighsModelStatus.kOptimal: "optimal",
+            highspy.HighsModelStatus.kInfeasible: "infeasible",
+            highspy.HighsModelStatus.kUnbounded: "unbounded",
+        }
+        if is_mixed:
+            limits = (highspy.HighsModelStatus.kSolutionLimit, highspy.HighsModelStatus.kIterationLimit)
+            statuses |= dict.fromkeys(limits, "node limit")
+        status = statuses.get(ended, "failed")
         nodes = max(0, int(info.mip_node_count)) if is_mixed else 0
         feasible = info.primal_solution_status == int(highspy.SolutionStatus.kSolutionStatusFeasible)
         if status not in ("optimal", "node limit") or not feasible:

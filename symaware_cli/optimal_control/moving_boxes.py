@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.optimal_control.affine_predicate import Face
 from symaware_cli.optimal_control.specification_program import SpecificationProgram
 from symaware_cli.specification import formula as stl
@@ -35,7 +36,7 @@ def avoid_moving_box(
     middles, sizes = np.asarray(centres, float), np.asarray(half_sizes, float)
     normals = np.array(_SIDES)
     #: By which margin each side holds at the present.
-    margins: NDArray[np.float64] = normals @ (np.asarray(state, float) - middles[0]) - sizes[0]
+    margins: Array = normals @ (np.asarray(state, float) - middles[0]) - sizes[0]
     possible = True
     for instant in range(min(len(middles) - 1, program.steps)):
         sets = []

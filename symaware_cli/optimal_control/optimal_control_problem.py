@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from symaware_cli.core import Model
-from symaware_cli.optimal_control.dynamics import Dynamics, Integrator
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
+from symaware_cli.optimal_control.dynamics import Dynamics
+from symaware_cli.world.integration import Integrator
 
 
 class ProblemParameter(NamedTuple):

@@ -21,7 +21,7 @@ import daqp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array, Indices
 
 #: The tolerance of constraints by default, and the one that is tried first; see `solve_qp`.
 TOLERANCE, FINE = 1e-6, 1e-9
@@ -213,7 +213,7 @@ def _array(values: ArrayLike) -> Array:
     return np.ascontiguousarray(values, np.float64)
 
 
-def _with_slacks(H: Array, f: Array, A: Array, prices: Array) -> tuple[Array, Array, Array, NDArray[np.intp]]:
+def _with_slacks(H: Array, f: Array, A: Array, prices: Array) -> tuple[Array, Array, Array, Indices]:
     """Add a variable for the slack of each row with a finite price; return these rows as well."""
     if prices.shape != (len(A),) or not (prices > 0.0).all():
         raise ValueError(f"each of the {len(A)} constraints must have a price above 0")

@@ -48,7 +48,7 @@ def sampled(formula: stl.Formula, sets: Sequence[PredicateSets], every: int) -> 
     if every == 1:
         return SampledFormula(formula, tuple(sets))
     sampler = _Sampler(sets, every)
-    return SampledFormula(sampler.at_step(formula, True), tuple(sampler.sets))
+    return SampledFormula(sampler.implying(formula, True, False), tuple(sampler.sets))
 
 
 class _Sampler:
@@ -59,58 +59,38 @@ class _Sampler:
         self._every = every
         self._faces: dict[Face, stl.Predicate] = {}
 
-    def at_step(self, formula: stl.Formula, positive: bool) -> stl.Formula:
-        """Return what implies a formula at a step."""
-        match formula:
-            case stl.Constant(value=value):
-                return stl.Constant(value == positive)
-            case stl.Predicate():
-                return formula if positive else stl.Not(formula)
-            case stl.Not(operand=operand):
-                return self.at_step(operand, not positive)
-            case stl.And(operands=operands) | stl.Or(operands=operands):
-                parts = tuple(self.at_step(each, positive) for each in operands)
-                return _junction(isinstance(formula, stl.And) == positive, parts)
-            case (
-                stl.Always(first=first, last=last, operand=operand)
-                | stl.Eventually(first=first, last=last, operand=operand)
-            ):
-                if isinstance(formula, stl.Always) != positive:
-                    return self._sometime(first, last, operand, positive, 0)
-                start, end = first // self._every, None if last is None else -(-last // self._every) - 1
-                if end is not None and end < start:
-                    return stl.Always(start, start, self.at_step(operand, positive))
-                return stl.Always(start, end, self.on_way(operand, positive))
-        raise _unknown(formula)
-
-    def on_way(self, formula: stl.Formula, positive: bool) -> stl.Formula:
-        """Return what implies that a formula holds at a step, at the next one, and all the time in between."""
+    def implying(self, formula: stl.Formula, positive: bool, on_way: bool) -> stl.Formula:
+        """Return what implies a formula at a step, or on the whole way from there to the next one."""
         match formula:
             case stl.Constant(value=value):
                 return stl.Constant(value == positive)
             case stl.Predicate(index=index):
-                return self._within(self.sets[index][0 if positive else 1])
+                if on_way:
+                    return self._within(self.sets[index][0 if positive else 1])
+                return formula if positive else stl.Not(formula)
             case stl.Not(operand=operand):
-                return self.on_way(operand, not positive)
+                return self.implying(operand, not positive, on_way)
             case stl.And(operands=operands) | stl.Or(operands=operands):
-                parts = tuple(self.on_way(each, positive) for each in operands)
+                parts = tuple(self.implying(each, positive, on_way) for each in operands)
                 return _junction(isinstance(formula, stl.And) == positive, parts)
             case (
                 stl.Always(first=first, last=last, operand=operand)
                 | stl.Eventually(first=first, last=last, operand=operand)
             ):
                 if isinstance(formula, stl.Always) != positive:
-                    return self._sometime(first, last, operand, positive, 1)
-                end = None if last is None else -(-last // self._every)
-                return stl.Always(first // self._every, end, self.on_way(operand, positive))
-        raise _unknown(formula)
+                    return self._sometime(first, last, operand, positive, int(on_way))
+                start, end = first // self._every, None if last is None else -(-last // self._every) - (not on_way)
+                if end is not None and end < start:
+                    return stl.Always(start, start, self.implying(operand, positive, False))
+                return stl.Always(start, end, self.implying(operand, positive, True))
+        raise ValueError(f"a plan with steps of its own has no formula for `{type(formula).__name__.lower()}`")
 
     def _sometime(self, first: int, last: int | None, operand: stl.Formula, positive: bool, later: int) -> stl.Formula:
         """Return that an operand holds at a step of a window, or of all windows that begin up to a step later."""
         start, end = -(-first // self._every) + later, None if last is None else last // self._every
         if end is not None and end < start:
             return stl.Constant(False)
-        return stl.Eventually(start, end, self.at_step(operand, positive))
+        return stl.Eventually(start, end, self.implying(operand, positive, False))
 
     def _within(self, states: StateSet) -> stl.Formula:
         match states:
@@ -129,7 +109,3 @@ class _Sampler:
 
 def _junction(every: bool, parts: tuple[stl.Formula, ...]) -> stl.Formula:
     return stl.And(parts) if every else stl.Or(parts)
-
-
-def _unknown(formula: stl.Formula) -> ValueError:
-    return ValueError(f"a plan with steps of its own has no formula for `{type(formula).__name__.lower()}`")

@@ -13,19 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from symaware_cli.geometry.vectors import Array, Indices
 from symaware_cli.optimal_control.affine_predicate import Face, StateSet, margin
 from symaware_cli.optimal_control.formula_tree import FALSE, TRUE, Combination, FormulaTree, KnownMargin, Leaf
 from symaware_cli.optimal_control.linear_dynamics import LinearDynamics
 from symaware_cli.optimal_control.mixed_integer_program import MixedIntegerProgram, MixedIntegerSolution, Status
 from symaware_cli.specification import formula as stl
-
-Array: TypeAlias = NDArray[np.float64]
-Indices: TypeAlias = NDArray[np.intp]
 
 #: How alternatives are told apart: by a binary variable each, or by a logarithmic number.
 Alternatives = Literal["binary", "logarithmic"]

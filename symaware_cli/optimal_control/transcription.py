@@ -15,12 +15,9 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
+from symaware_cli.geometry.vectors import Array, Indices
 from symaware_cli.optimal_control.optimal_control_problem import OptimalControlProblem
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass

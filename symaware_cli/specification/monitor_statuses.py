@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symaware_cli.core import Clock
+from symaware_cli.core import AgentGroup, Clock
 from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
@@ -53,3 +53,15 @@ class MonitorStatuses:
         """The worst of all that were ever there."""
         begun = np.flatnonzero(self.monitor.begun).tolist()
         return self.monitor.status(begun or range(len(self.monitor.begun)))
+
+
+def monitor_of(group: AgentGroup, name: str) -> SpecificationMonitor:
+    """Return the monitor of a specification of a group.
+
+    Raises:
+        ValueError: It is not monitored in this process.
+    """
+    statuses = group.specifications.get(name)
+    if not isinstance(statuses, MonitorStatuses):
+        raise ValueError(f"`{name}` is not monitored in this process")
+    return statuses.monitor

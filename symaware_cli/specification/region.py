@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from symaware_cli.geometry.region import Array, Region, RegionShape, names_in, relative
+from symaware_cli.geometry.region import Region, RegionShape, names_in, relative
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.specification.formula import encoded
 
 #: Returns the pose of an agent: position, shape (k,) [m], NaN while it is absent; heading [rad], None if it has none.

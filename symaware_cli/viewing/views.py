@@ -13,9 +13,9 @@ from pydantic import ValidationError
 
 from symaware_cli.awareness.signal import Drawn
 from symaware_cli.core import Shape, Signal
-from symaware_cli.geometry.footprint import footprint
 from symaware_cli.geometry.region import Region
 from symaware_cli.geometry.rotation import about, attitude, attitude_columns, rotated
+from symaware_cli.geometry.shape import footprint
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.fields import column_quantities, signal_topic
 from symaware_cli.recording.geometry import geometry_of

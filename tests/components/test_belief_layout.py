@@ -19,9 +19,8 @@ from symaware_cli import (
     PerceptionSystem,
     open_log,
 )
-from symaware_cli.components.communication.broadcast import Broadcast
 from symaware_cli.components.communication.inbox import Inbox
-from symaware_cli.components.communication.state import StateSender
+from symaware_cli.components.communication.state import Broadcast, StateSender
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty

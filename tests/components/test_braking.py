@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from symaware_cli.components.control.braking import Braking
+from symaware_cli.components.control.cells import Braking
 
 
 def driven(speed: float, wanted: float, change: float, step: float, count: int) -> tuple[float, float]:

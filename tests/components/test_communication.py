@@ -9,9 +9,8 @@ from simulating import STEP, Team, present
 from talking import Watch, made, team
 
 from symaware_cli import Agent, TimeSeries
-from symaware_cli.components.communication.broadcast import Broadcast
 from symaware_cli.components.communication.inbox import Inbox
-from symaware_cli.components.communication.state import StateSender
+from symaware_cli.components.communication.state import Broadcast, StateSender
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.network.topology.fixed import Complete

@@ -17,7 +17,9 @@ def planes(
 ) -> HalfPlanes:
     """One agent's constraints, from the directions of their normals."""
     angles, limits = np.atleast_2d(angles), np.atleast_2d(limits)
-    return HalfPlanes(np.cos(angles), np.sin(angles), limits, None if weights is None else np.atleast_2d(weights))
+    return HalfPlanes(
+        np.cos(angles), np.sin(angles), limits, np.ones_like(limits) if weights is None else np.atleast_2d(weights)
+    )
 
 
 def distance_from_optimality(one: HalfPlanes, velocity: NDArray[np.float64], preferred: NDArray[np.float64]) -> float:
@@ -104,7 +106,7 @@ def test_if_some_velocity_is_allowed_the_answer_is_allowed_and_at_least_as_close
 
 
 def test_without_constraints_the_preferred_velocity_is_taken_or_shortened() -> None:
-    free = HalfPlanes(*(np.zeros((2, 0)) for _ in range(3)))
+    free = HalfPlanes(*(np.zeros((2, 0)) for _ in range(4)))
     velocity, contradictory = nearest_velocity(free, np.array([[0.3, 0.4], [3.0, 4.0]]), 1.0)
     assert velocity == pytest.approx(np.array([[0.3, 0.4], [0.6, 0.8]]))
     assert not contradictory.any()
@@ -122,6 +124,7 @@ def test_an_agents_answer_depends_neither_on_the_others_nor_on_padding() -> None
             np.pad(alone.x, ((0, 0), (2, 3))),
             np.pad(alone.y, ((0, 0), (2, 3))),
             np.pad(alone.limit, ((0, 0), (2, 3)), constant_values=np.inf),
+            np.ones((1, 13)),
         )
         for one in (alone, padded):
             assert nearest_velocity(one, preferred[row : row + 1], SPEED)[0].tobytes() == together[row].tobytes()

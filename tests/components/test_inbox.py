@@ -11,9 +11,8 @@ from simulating import STEP, Team, present, simulation, untyped
 from talking import Setting
 
 from symaware_cli import Agent, Component, Delivery, GroupComponent, Links, TimeSeries, Topology
-from symaware_cli.components.communication.broadcast import Broadcast
 from symaware_cli.components.communication.inbox import Inbox
-from symaware_cli.components.communication.state import StateSender
+from symaware_cli.components.communication.state import Broadcast, StateSender
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty

@@ -12,9 +12,9 @@ from simulating import Team, simulation, untyped
 
 from symaware_cli import Entity, GroupComponent, TimeSeries, Tracks
 from symaware_cli.components.perception import OmniscientPerception
-from symaware_cli.components.risk.balls import collision_probability
 from symaware_cli.components.risk.body_pairs import PairRisk
 from symaware_cli.components.risk.collision import Collision
+from symaware_cli.components.risk.gaussian import collision_probability
 from symaware_cli.components.risk.time_to_collision import TimeToCollision, time_to_collision
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle

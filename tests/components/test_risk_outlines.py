@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from outlines import random_core
 
-from symaware_cli.components.risk.balls import collision_probability
+from symaware_cli.components.risk.gaussian import collision_probability
 from symaware_cli.components.risk.outlines import Side, first_touch, overlap_bound
 from symaware_cli.geometry.minkowski import overlap_region, within
 from symaware_cli.geometry.pieces import Pieces, separation_from_points

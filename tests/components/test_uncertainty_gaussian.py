@@ -15,10 +15,9 @@ from scipy.stats import chi2
 from simulating import STEP, Team, present, simulation, untyped
 
 from symaware_cli import Obstacle, Snapshot
-from symaware_cli.components.kalman import Belief, corrected, predicted
+from symaware_cli.components.kalman import Belief, Tracker, corrected, predicted
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.components.perception_range import RangePerception
-from symaware_cli.components.tracker import Tracker
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty
 from symaware_cli.core import Observation, Tracks
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator

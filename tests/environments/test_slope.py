@@ -14,9 +14,8 @@ from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
-from symaware_cli.geometry.footprint import footprint
 from symaware_cli.geometry.rotation import attitude, rotated
-from symaware_cli.geometry.shape import Shape
+from symaware_cli.geometry.shape import Shape, footprint
 from symaware_cli.models.integrator import SingleIntegrator
 
 GRAVITY = 9.81

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.geometry.faces import Array, ball_faces, region_faces
-from symaware_cli.geometry.region import Region
+from symaware_cli.geometry.region import Region, ball_faces, region_faces
+from symaware_cli.geometry.vectors import Array
 
 COORDINATE = st.floats(-5, 5, allow_nan=False)
 SHAPES = [

@@ -13,13 +13,12 @@ from scipy import stats
 from scipy.stats._distn_infrastructure import rv_continuous_frozen
 from simulating import present, untyped
 
-from symaware_cli.network.channel.channel import LOSS, QUEUE_FULL, TOO_OLD, Channel, Fates
+from symaware_cli.network.channel.channel import LOSS, QUEUE_FULL, TOO_OLD, Channel, Fates, Impairment
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
-from symaware_cli.network.channel.impairment import Impairment
-from symaware_cli.network.channel.link_queue import LinkQueue
 from symaware_cli.network.channel.link_states import LinkStates
 from symaware_cli.network.network import ChannelOverride
 from symaware_cli.network.topology.fixed import Complete
+from symaware_cli.network.transmission import LinkQueue
 
 MANY = 20_000
 

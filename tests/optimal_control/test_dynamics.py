@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from simulating import untyped
 
 from symaware_cli.models.noise import NoisyModel
-from symaware_cli.optimal_control.dynamics import Integrator
+from symaware_cli.world.integration import Integrator
 
 casadi = pytest.importorskip("casadi", reason="CasADi is an extra")
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from symaware_cli.optimal_control.plan import Plan
+from symaware_cli.optimal_control.solver import Plan
 
 casadi = pytest.importorskip("casadi", reason="CasADi is an extra")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
-from symaware_cli.components.allocation.auction_round import AuctionRound, Bids, round_at
 from symaware_cli.core import (
     EVERYBODY,
     Agent,
@@ -20,9 +20,131 @@ from symaware_cli.core import (
     nanoseconds,
     seconds,
 )
+from symaware_cli.geometry.vectors import Array
 
+#: Totals that differ by less than this part of the greatest cost are equal.
+_TOLERANCE = 1e-9
 #: The kind of its messages.
 AUCTION = "auction"
+
+
+def assignment(costs: Mapping[str, Mapping[str, float]], agents: Sequence[str]) -> dict[str, str]:
+    """Assign each task to one agent and each agent to at most one task.
+
+    As many tasks as possible are assigned, and among these assignments one with the least total cost is chosen
+    (H. W. Kuhn, *The Hungarian method for the assignment problem*, Naval Research Logistics Quarterly 2, 1955). Of
+    several with the same total, the first task goes to the agent that comes first, then the second task, and so on.
+
+    Args:
+        costs: The cost of each agent that can do a task, by task and agent.
+        agents: The agents in the order that breaks ties.
+
+    Returns:
+        The agent of each task that is assigned, in the order of the tasks.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    tasks = list(costs)
+    finite = [abs(cost) for each in costs.values() for cost in each.values()]
+    if not finite:
+        return {}
+    largest = max(finite)
+    # One assigned task more is worth more than any saving on the others.
+    forbidden = 2.0 * (largest + 1.0) * (len(tasks) + 1)
+    # Columns after those of the agents are for tasks that nobody gets, so that each row has one.
+    table = np.full((len(tasks), len(agents) + len(tasks)), forbidden)
+    for row, task in enumerate(tasks):
+        for column, agent in enumerate(agents):
+            if agent in costs[task]:
+                table[row, column] = costs[task][agent]
+
+    def least(table: Array) -> float:
+        return float(table[linear_sum_assignment(table)].sum())
+
+    total, tolerance = least(table), _TOLERANCE * (largest + 1.0)
+    found: dict[str, str] = {}
+    for row, task in enumerate(tasks):
+        for column, agent in enumerate(agents):
+            if agent not in costs[task] or agent in found.values():
+                continue
+            tried = table.copy()
+            tried[row] = np.where(np.arange(table.shape[1]) == column, table[row], 2.0 * forbidden)
+            if least(tried) <= total + tolerance:
+                table, found[task] = tried, agent
+                break
+    return found
+
+
+#: Cost and measured robustness of each specification, by name; the cost is None if the agent cannot take it.
+Bids = Mapping[str, Sequence[float | None]]
+
+
+class AuctionRound:
+    """The bids and assignments of one round that an agent has heard of, its own included.
+
+    Attributes:
+        since: When its specifications were offered [ns].
+        number: Its number, from 0.
+        begin: When it begins, in nanoseconds.
+        end: When bidding ends, in nanoseconds.
+        bids: The bids by agent.
+        assignments: Who is to have which specification, by the agent that says so.
+        bid_at: When the agent has bid, in nanoseconds.
+        is_closed: Whether bidding is over for this agent.
+    """
+
+    def __init__(self, since: int, number: int, deadline: int) -> None:
+        self.since = since
+        self.number = number
+        self.begin = since + 2 * number * deadline
+        self.end = self.begin + deadline
+        self.bids: dict[str, Bids] = {}
+        self.assignments: dict[str, dict[str, str]] = {}
+        self.bid_at = -1
+        self.is_closed = False
+
+    def hear(self, payload: Mapping[str, Any]) -> None:
+        """Take over what another agent knows of the round. Bids count if they are heard before bidding ends."""
+        if not self.is_closed:
+            for agent, bids in payload["bids"].items():
+                self.bids.setdefault(agent, bids)
+        for author, assigned in payload["assignments"].items():
+            self.assignments.setdefault(author, dict(assigned))
+
+    def message(self) -> dict[str, Any]:
+        """What the agent knows of the round, to tell others."""
+        return {
+            "since": self.since,
+            "round": self.number,
+            "bids": dict(self.bids),
+            "assignments": {author: dict(each) for author, each in self.assignments.items()},
+        }
+
+    def assign(self, agents: Sequence[str], candidates: int | None) -> dict[str, str]:
+        """Assign the specifications by the bids.
+
+        Args:
+            agents: The ids of all agents of the group, in the order that breaks ties.
+            candidates: How many agents of the highest measured robustness are considered for each specification; None
+                for all, 0 for as many as there are specifications.
+        """
+        names = sorted({name for bids in self.bids.values() for name in bids})
+        most = len(names) if candidates == 0 else candidates
+        costs: dict[str, dict[str, float]] = {}
+        for name in names:
+            bidders = [agent for agent in agents if name in self.bids.get(agent, ())]
+            bidders.sort(key=lambda agent: -float(self.bids[agent][name][1] or 0.0))  # a stable sort: ties by agent
+            offered = {agent: self.bids[agent][name][0] for agent in bidders[:most]}
+            costs[name] = {agent: cost for agent, cost in offered.items() if cost is not None}
+        return assignment(costs, agents)
+
+
+def round_at(since: float, now: int, deadline: int) -> int:
+    """The number of the round at a time, of the auction of what was offered at `since` [s].
+
+    A round lasts two deadlines: one for bids, one to tell who has won.
+    """
+    return (now - nanoseconds(since)) // (2 * deadline)
 
 
 class Auction(CommunicationReceiver):
@@ -114,7 +236,7 @@ class Auction(CommunicationReceiver):
 
     def _update(self, value: Sequence[Message]) -> None:
         for message in value:
-            self._hear(message.payload)
+            self._round(message.payload["since"], message.payload["round"]).hear(message.payload)
         for each in self._rounds:
             if not each.is_closed and self.now >= each.end:
                 self._close(each)
@@ -126,9 +248,6 @@ class Auction(CommunicationReceiver):
         self._bid()
         for each in self._rounds:
             self.send(Message(self._agent.id, EVERYBODY, each.message(), AUCTION))
-
-    def _hear(self, payload: Mapping[str, Any]) -> None:
-        self._round(payload["since"], payload["round"]).hear(payload)
 
     def _round(self, since: int, number: int) -> AuctionRound:
         for each in self._rounds:

@@ -1,21 +1,60 @@
-"""State messages: agents send position, velocity, state and chosen knowledge to their neighbours."""
+"""Messages about the sender: its state in columns, or a broadcast of its awareness, with chosen knowledge."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Annotated
+
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from symaware_cli.components.communication.body import KnowledgeName, position_covariance
-from symaware_cli.core import AgentGroup, GroupComponent, Links, MessageBatch, Parameters, nanoseconds
+from symaware_cli.core import (
+    EVERYBODY,
+    AgentGroup,
+    CommunicationSender,
+    GroupComponent,
+    Links,
+    Message,
+    MessageBatch,
+    Model,
+    Parameters,
+    TimeSeries,
+    nanoseconds,
+)
+from symaware_cli.geometry.vectors import Array, Indices
 
-Array = NDArray[np.float64]
-
+#: The fields of a message that describe its sender's body and awareness; all other fields are knowledge.
+BODY_FIELDS = frozenset({"position", "velocity", "state", "covariance", "awareness"})
 #: The kind of its messages.
 STATE = "state"
-
 #: A time before any run.
 _NEVER = -(1 << 62)
+#: The kind of its messages.
+BROADCAST = "broadcast"
+
+
+def _check_name(name: str) -> str:
+    if name in BODY_FIELDS:
+        raise ValueError(f"knowledge cannot be sent as `{name}`: messages use this name for the sender's own state")
+    return name
+
+
+#: The name of knowledge that is sent along with the sender's state.
+KnowledgeName = Annotated[str, AfterValidator(_check_name)]
+
+
+def position_covariance(model: Model, uncertainty: TimeSeries) -> Array:
+    """Return the covariance of the position; shape (d, d). NaN if the uncertainty is not that of the state.
+
+    Args:
+        model: The model with the state.
+        uncertainty: At its first instant the covariance of the state, row by row, or something else.
+    """
+    size, columns = len(model.state), np.array(model.position)
+    if not len(uncertainty) or uncertainty.values.shape[1] != size * size:
+        return np.full((len(columns), len(columns)), np.nan)
+    covariance: Array = uncertainty.values[0].reshape(size, size)[np.ix_(columns, columns)]
+    return covariance
 
 
 class StateSender(GroupComponent):
@@ -105,7 +144,7 @@ class StateSender(GroupComponent):
         new = np.setdiff1d(links.keys, before.keys, assume_unique=True) // links.count - self._start
         self._sent_position[new[(new >= 0) & (new < len(self._group))]] = np.nan
 
-    def _due(self, position: Array) -> NDArray[np.intp]:
+    def _due(self, position: Array) -> Indices:
         """Return the rows of agents that are too far from where others assume them."""
         age = (self.now - self._sent_at)[:, None] / 1e9
         error = np.linalg.norm(position - (self._sent_position + age * self._sent_velocity), axis=1)
@@ -114,7 +153,44 @@ class StateSender(GroupComponent):
             due |= self.now - self._sent_at >= nanoseconds(self.parameters.silence)
         return np.flatnonzero(due)
 
-    def _covariance(self, rows: NDArray[np.intp]) -> Array:
+    def _covariance(self, rows: Indices) -> Array:
         """Return the covariance of each position; NaN if none is estimated."""
         model, uncertainty = self._group.model, self._group.awareness.uncertainty
         return np.array([position_covariance(model, uncertainty.row(row)) for row in rows.tolist()])
+
+
+class Broadcast(CommunicationSender):
+    """Sends an agent's whole awareness of itself, and chosen knowledge of any kind, to all agents it reaches.
+
+    The awareness has state, intent, uncertainty and risk, as they are at the agent's turn. Position and velocity, and
+    the covariance of the position if it is estimated, are sent as well, for receivers that do not know the sender's
+    model. `communication.inbox` reads the messages; for states alone `communication.state` is many times as fast.
+    """
+
+    class Parameters(Parameters):
+        """Contents of the messages."""
+
+        awareness: bool = Field(True, description="Whether the agent's awareness of itself is told.")
+        knowledge: tuple[KnowledgeName, ...] = Field((), description="Which knowledge is told, by name.")
+
+    def check(self, group: AgentGroup) -> None:
+        """Check that the agents have the knowledge that is to be sent."""
+        for name in self.parameters.knowledge:
+            if any(name not in known for known in group.knowledge):
+                raise ValueError(f"the agents do not know `{name}`")
+        if not self.parameters.awareness and not self.parameters.knowledge:
+            raise ValueError("there is nothing to send: neither `awareness` nor `knowledge`")
+
+    def _compute(self) -> Iterable[Message]:
+        agent = self._agent
+        payload = {name: agent.self_knowledge[name] for name in self.parameters.knowledge}
+        if self.parameters.awareness:
+            own, model = agent.self_awareness, agent.group.model
+            state = own.state
+            payload["awareness"] = own.replaced()
+            payload["position"] = model.positions(state[None])[0]
+            payload["velocity"] = model.velocity(state[None], agent.control_input[None])[0]
+            covariance = position_covariance(model, own.uncertainty)
+            if not np.isnan(covariance).any():
+                payload["covariance"] = covariance
+        return [Message(agent.id, EVERYBODY, payload, BROADCAST)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.control.barriers import (
@@ -15,14 +14,12 @@ from symaware_cli.components.control.barriers import (
     kind_of_motion,
     motion_of,
 )
-from symaware_cli.components.control.request_filter import RequestFilter
+from symaware_cli.components.control.steering import RequestFilter
 from symaware_cli.components.relative_motion import bounding_radii, dot
 from symaware_cli.core import AgentGroup, Level, Parameters, Quantity, Signal, Tracks
+from symaware_cli.geometry.vectors import Array, Indices
 from symaware_cli.optimal_control.qp import solve_qp
 from symaware_cli.world.time import SECOND, nanoseconds
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: By how much a request may violate a constraint without being changed [m/s or m/s^2].
 _TOLERANCE = 1e-9

@@ -21,14 +21,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.components.relative_motion import dot
 from symaware_cli.core import AgentGroup, Model
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The number of sides of the polygon within the disc of allowed control inputs.
 _SIDES = 32
@@ -87,17 +83,12 @@ class PointMotion(ABC):
         self.hold = hold
         self.metric: Array = np.eye(2)
         self.greatest = greatest_length(model)
-        self.limits: tuple[Array, Array] = self._disc(model)
-
-    @staticmethod
-    def _disc(model: Model) -> tuple[Array, Array]:
-        """Return a polygon within the disc of allowed inputs; no rows if there is no limit."""
-        longest = greatest_length(model)
-        if not np.isfinite(longest):
-            return np.empty((0, 2)), np.empty(0)
-        angles = np.arange(_SIDES) * (2.0 * np.pi / _SIDES)
-        sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        return sides, np.full(_SIDES, longest * np.cos(np.pi / _SIDES))
+        self.limits: tuple[Array, Array] = np.empty((0, 2)), np.empty(0)
+        if np.isfinite(self.greatest):
+            # A polygon within the disc of allowed inputs.
+            angles = np.arange(_SIDES) * (2.0 * np.pi / _SIDES)
+            sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            self.limits = sides, np.full(_SIDES, self.greatest * np.cos(np.pi / _SIDES))
 
     def points(self, state: Array, position: Array) -> Array:
         """Return the points of agents, from states (n, nx) and positions (n, 2)."""
@@ -132,15 +123,16 @@ class VelocityInput(PointMotion):
     """
 
     def limit(self, encounters: Encounters, state: Array) -> Array:
-        """Return the least velocity along the normals."""
-        return _approach(encounters, self.gain)
+        """Return the least velocity along n: half of what is allowed, or all of it and the other's own velocity."""
+        allowed = -self.gain * encounters.barrier
+        return np.where(encounters.shared, 0.5 * allowed, allowed + dot(encounters.normal, encounters.velocity))
 
 
-class HeadingInput(PointMotion):
+class HeadingInput(VelocityInput):
     """A unicycle with u = (speed, turn rate), by a point at a distance l ahead of its axle: p' = R diag(1, l) u.
 
-    The point moves on an arc instead of a line, off by at most T^2 |p''| / 2, with |p''| = |turn rate| |p'|. So the
-    margin is T max |p''| / 2.
+    The least velocity is that of `VelocityInput`, without the margin. The point moves on an arc instead of a line, off
+    by at most T^2 |p''| / 2, with |p''| = |turn rate| |p'|. So the margin is T max |p''| / 2.
     """
 
     def __init__(self, model: Model, gain: float, hold: float, ahead: float) -> None:
@@ -163,10 +155,6 @@ class HeadingInput(PointMotion):
         assert model.heading is not None
         self._heading = model.heading
 
-    @staticmethod
-    def _disc(model: Model) -> tuple[Array, Array]:
-        return np.empty((0, 2)), np.empty(0)  # speed and turn rate are limited each
-
     def points(self, state: Array, position: Array) -> Array:
         """Return the points ahead of the axles."""
         heading = state[:, self._heading]
@@ -185,10 +173,6 @@ class HeadingInput(PointMotion):
         sums: Array = speed * np.abs(rows[:, 0]) + turn * np.abs(rows[:, 1])
         return sums
 
-    def limit(self, encounters: Encounters, state: Array) -> Array:
-        """Return the least velocity along the normals, without the margin."""
-        return _approach(encounters, self.gain)
-
 
 class AccelerationInput(PointMotion):
     """p'' = u, of relative degree two: b = h' + gain h is the barrier, so that h' >= -gain h as well.
@@ -199,10 +183,6 @@ class AccelerationInput(PointMotion):
 
         c (1 + gain T / 2) >= -gain (h' + b) + e / T.
     """
-
-    def __init__(self, model: Model, gain: float, hold: float) -> None:
-        """Take the limits from the model; see `PointMotion`."""
-        super().__init__(model, gain, hold)
 
     def limit(self, encounters: Encounters, state: Array) -> Array:
         """Return the least acceleration along the normals; of agents who share a constraint, half of it."""
@@ -216,12 +196,6 @@ class AccelerationInput(PointMotion):
         curvature = 0.5 * acceleration * np.minimum(moved / least, 2.0)
         needed = (curvature - gain * (2.0 * rate + gain * encounters.barrier)) / (1.0 + 0.5 * gain * hold)
         return np.where(encounters.shared, 0.5, 1.0) * needed
-
-
-def _approach(encounters: Encounters, gain: float) -> Array:
-    """Return the least velocity along n: half of what is allowed, or all of it and the other's own velocity."""
-    allowed = -gain * encounters.barrier
-    return np.where(encounters.shared, 0.5 * allowed, allowed + dot(encounters.normal, encounters.velocity))
 
 
 def kind_of_motion(model: Model) -> type[PointMotion] | None:

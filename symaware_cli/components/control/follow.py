@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Steering, lengths
+from symaware_cli.components.control.steering import Steering
 from symaware_cli.core import AgentGroup
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from symaware_cli.geometry.vectors import Array, Mask, lengths
 
 #: The number of standard deviations by which an estimated velocity must differ from zero to have a direction.
 _SIGNIFICANT = 3.0

@@ -14,12 +14,10 @@ from symaware_cli.components.control.steering import (
     differences,
     differing,
     directions,
-    lengths,
     scaled,
 )
 from symaware_cli.core import AgentGroup
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array, lengths
 
 
 class GoalSeeking(Approach):

@@ -12,19 +12,17 @@ arithmetic is elementwise, so no bit of an agent's result depends on other agent
 from __future__ import annotations
 
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: The tolerance of constraints [m/s], also for parallel lines.
 TOLERANCE = 1e-9
 
 
-class HalfPlanes:
+class HalfPlanes(NamedTuple):
     """The constraints of each agent of a group.
 
     Attributes:
@@ -34,17 +32,14 @@ class HalfPlanes:
         weight: How much a constraint yields, relative to the others, if they are infeasible; above 0, shape (n, m).
     """
 
-    __slots__ = ("limit", "weight", "x", "y")
+    x: Array
+    y: Array
+    limit: Array
+    weight: Array
 
-    def __init__(self, x: Array, y: Array, limit: Array, weight: Array | None = None) -> None:
-        self.x = x
-        self.y = y
-        self.limit = limit
-        self.weight = np.ones_like(limit) if weight is None else weight
-
-    def of(self, rows: Indices) -> HalfPlanes:
-        """Return the constraints of some agents."""
-        return HalfPlanes(self.x[rows], self.y[rows], self.limit[rows], self.weight[rows])
+    def of(self, rows: Indices | tuple[Indices, Indices]) -> HalfPlanes:
+        """Return the constraints of some agents, or some constraints of these."""
+        return HalfPlanes(*(each[rows] for each in self))
 
     def excess(self, x: Array, y: Array) -> Array:
         """Return the violation of each constraint over its weight; negative if satisfied; shape (n, m)."""
@@ -136,9 +131,7 @@ def _least_violation(planes: HalfPlanes, goal_x: Array, goal_y: Array, speed: fl
     rows = np.arange(len(worst))
     for _ in range(4 * planes.limit.shape[1]):
         taken = chosen[rows]
-        places = (rows[:, None], taken)
-        four = HalfPlanes(planes.x[places], planes.y[places], planes.limit[places], planes.weight[places])
-        x[rows], y[rows], violation, deciding = _optimum(four, speed)
+        x[rows], y[rows], violation, deciding = _optimum(planes.of((rows[:, None], taken)), speed)
         chosen[rows, :3] = np.take_along_axis(taken, deciding, axis=1)
         excess = planes.of(rows).excess(x[rows], y[rows])
         worst = excess.argmax(axis=1)

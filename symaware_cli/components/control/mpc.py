@@ -7,14 +7,19 @@ from typing import Any, ClassVar, Literal, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.control.mpc_chance import ChanceConstrained, ChanceConstraints, ChancePlan
 from symaware_cli.components.control.mpc_prediction import AgentPrediction, ObstaclePrediction, clearance, sizes
 from symaware_cli.components.control.mpc_problem import Sizes, tracking_problem, weights_of
-from symaware_cli.components.control.mpc_reference import ReferencePath, goal_of, turned_right, waypoints_of
-from symaware_cli.components.control.mpc_route import Routes, standing
+from symaware_cli.components.control.mpc_reference import (
+    ReferencePath,
+    Routes,
+    goal_of,
+    standing,
+    turned_right,
+    waypoints_of,
+)
 from symaware_cli.components.control.steering import slowest
 from symaware_cli.components.relative_motion import bounding_radii
 from symaware_cli.components.risk.failure_bound import is_linear
@@ -31,11 +36,10 @@ from symaware_cli.core import (
     Signal,
     TimeSeries,
 )
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.optimal_control import Dynamics, Plan, PlanDecision, Solver
 from symaware_cli.specification.specification import Specification
 from symaware_cli.world.time import SECOND
-
-Array = NDArray[np.float64]
 
 #: Initial barrier parameter of interior-point methods: small, because the rest of the last plan is a good guess.
 _BARRIER = 1e-2

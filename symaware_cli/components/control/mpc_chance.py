@@ -22,11 +22,11 @@ from symaware_cli.components.risk.body_pairs import state_covariance
 from symaware_cli.components.risk.invariants import ExpectedMotion, InvariantWindows
 from symaware_cli.components.risk.state_conditions import HalfSpaces, exceeding, propagated, quantile
 from symaware_cli.core import Agent
+from symaware_cli.geometry.vectors import Array, Mask
 from symaware_cli.optimal_control import Dynamics, Plan, PlanDecision
 from symaware_cli.specification.predicted_scope import PredictedAgentScope
 from symaware_cli.world.time import SECOND
 
-Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 #: How often a plan is made with another allocation, at most.
@@ -152,7 +152,7 @@ class _Stages(NamedTuple):
     times: Times
     sides: HalfSpaces
     deviations: Array
-    counts: NDArray[np.bool_]
+    counts: Mask
     names: list[str]
 
 
@@ -255,7 +255,7 @@ class ChanceConstraints:
                 risk += float(each.condition.failure(moments, self._given.risk_bound)[0])
         return min(risk, 1.0)
 
-    def _counting(self, times: Times, now: int) -> NDArray[np.bool_]:
+    def _counting(self, times: Times, now: int) -> Mask:
         """Return which invariants must hold at some instants; shape (invariants, instants)."""
         return self._windows.counting(times, now, self._agent.surroundings.clock.end)[:, self._agent.row]
 

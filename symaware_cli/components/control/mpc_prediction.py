@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from symaware_cli.components.control.mpc_problem import Sizes
 from symaware_cli.core import Agent, Environment, Scenery
 from symaware_cli.geometry.pieces import Pieces, separation_from_points
+from symaware_cli.geometry.vectors import Array, Mask
 from symaware_cli.world.time import SECOND
 
-Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 #: [m] The smallest distance to keep, so that points without a margin have a direction to avoid each other in.
@@ -41,10 +41,10 @@ def sizes(environment: Environment, others: int, obstacles: int) -> Sizes:
     return Sizes(others, min(obstacles, discs), min(obstacles, len(environment.scenery.pieces) - discs))
 
 
-def _discs(scenery: Scenery) -> NDArray[np.bool_]:
+def _discs(scenery: Scenery) -> Mask:
     """Return which pieces are rounded points."""
     vertices = scenery.pieces.vertices
-    discs: NDArray[np.bool_] = (vertices == vertices[:, :1]).all(axis=(1, 2))
+    discs: Mask = (vertices == vertices[:, :1]).all(axis=(1, 2))
     return discs
 
 
@@ -190,7 +190,7 @@ class ObstaclePrediction:
         found = separation_from_points(path[row, :2], np.zeros(len(row)), pieces.take(piece))
         return bool((found.distance >= self._keep).all())
 
-    def _pieces(self, path: Array, times: Times, reach: float) -> tuple[Pieces, NDArray[np.bool_]]:
+    def _pieces(self, path: Array, times: Times, reach: float) -> tuple[Pieces, Mask]:
         """Return the pieces within reach, stage after stage, and which of them are discs; (N + 1) m and m."""
         now = self._environment.scenery
         if now.moves:

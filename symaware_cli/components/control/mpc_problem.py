@@ -7,13 +7,12 @@ from typing import Annotated, Any, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Model, Parameters, Quantity
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.optimal_control import Dynamics, OptimalControlProblem
 
-Array = NDArray[np.float64]
 _Weight = Annotated[float, Field(ge=0)]
 
 #: One weight for all elements, one for each in order, or some by name; elements without a name have 0.

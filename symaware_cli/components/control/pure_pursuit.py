@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Approach, differing, lengths
+from symaware_cli.components.control.steering import Approach, differing
 from symaware_cli.core import AgentGroup
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask, lengths
 
 
 class WaypointLines(NamedTuple):
@@ -72,7 +69,7 @@ class PursuitDecision(NamedTuple):
     control_input: Array
     intent: Array
     lines: WaypointLines
-    begins: NDArray[np.bool_]
+    begins: Mask
     travelled: Array
     remaining: Array
 
@@ -124,7 +121,7 @@ class PurePursuit(Approach):
         self._finished = np.zeros(len(group), bool)
         self._rows = np.arange(len(group))
 
-    def _present_lines(self) -> tuple[WaypointLines, NDArray[np.bool_]]:
+    def _present_lines(self) -> tuple[WaypointLines, Mask]:
         """Return the present lines, and which of them have changed since the previous turn."""
         waypoints, counts = self._group.known_lists("waypoints")
         before = self._lines
@@ -183,7 +180,7 @@ class PurePursuit(Approach):
         self._lines, self._travelled = lines, travelled
         self._started = np.ones(len(travelled), bool)
 
-    def _progress(self, lines: WaypointLines, begins: NDArray[np.bool_], position: Array, ahead: Array) -> Array:
+    def _progress(self, lines: WaypointLines, begins: Mask, position: Array, ahead: Array) -> Array:
         """Return the distance of each agent along its line, laps included [m]; shape (n,)."""
         before, started = np.where(begins, 0.0, self._travelled), self._started & ~begins
         from_start = position[:, None, :] - lines.corners[:, :-1]
@@ -203,8 +200,7 @@ class PurePursuit(Approach):
         far = there > (before + 2.0 * ahead)[:, None]
         distance = np.where(far & started[:, None], np.inf, distance)
         best = distance.argmin(axis=1)
-        found: Array = np.where(np.isinf(distance[self._rows, best]), before, there[self._rows, best])
-        return found
+        return np.where(np.isinf(distance[self._rows, best]), before, there[self._rows, best])
 
     def _at(self, lines: WaypointLines, travelled: Array) -> Array:
         """Return the points at given distances along the lines [m]; shape (n, 2)."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Steering, lengths, scaled
+from symaware_cli.components.control.steering import Steering, scaled
 from symaware_cli.core import AgentGroup
 from symaware_cli.core.event import Level
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array, lengths
 
 #: [s] The attitude loop, corrected at 20 rad/s, settles with turns of up to 0.04 s, and never with 0.05 s.
 _LONGEST = 0.025

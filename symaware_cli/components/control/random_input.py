@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import AgentGroup, GroupComponent, Parameters
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.world.plugin import ParameterError
 
-Array = NDArray[np.float64]
 Probability = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -65,8 +64,7 @@ class RandomInput(GroupComponent):
 
     def _compute(self) -> Array:
         drawn = self.random.uniform(1)[:, 0]
-        chosen: Array = self._inputs[np.searchsorted(self._bounds, drawn, side="right")]
-        return chosen
+        return self._inputs[np.searchsorted(self._bounds, drawn, side="right")]
 
     def _update(self, value: Array) -> None:
         self._group.control_input = value

@@ -1,17 +1,15 @@
-"""Base classes of controllers that choose a velocity for the model to follow."""
+"""Base classes of controllers that choose a velocity for the model to follow, or change what others requested."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import AgentGroup, GroupComponent, Model, Parameters, Quantity
+from symaware_cli.geometry.vectors import Array, Mask
 from symaware_cli.world.time import SECOND
-
-Array = NDArray[np.float64]
 
 
 class Steering(GroupComponent):
@@ -63,7 +61,7 @@ class Approach(Steering):
         return speed
 
 
-def differing(before: Array, now: Array) -> NDArray[np.bool_]:
+def differing(before: Array, now: Array) -> Mask:
     """Return which rows differ between two results of `AgentGroup.known` or `known_lists`; shape (n,)."""
     if now is before:
         return np.zeros(len(now), bool)
@@ -72,7 +70,7 @@ def differing(before: Array, now: Array) -> NDArray[np.bool_]:
         before, now = (each[:, np.minimum(np.arange(longest), each.shape[1] - 1)] for each in (before, now))
     if now.shape != before.shape:
         return np.ones(len(now), bool)
-    changed: NDArray[np.bool_] = (now != before).reshape(len(now), -1).any(axis=1)
+    changed: Mask = (now != before).reshape(len(now), -1).any(axis=1)
     return changed
 
 
@@ -84,14 +82,6 @@ def along(position: Array, direction: Array, travelled: Array) -> Array:
         np.add(position[:, axis, None], direction[:, axis, None] * travelled, out=places[:, :, axis])
     places.flags.writeable = False
     return places
-
-
-def lengths(vectors: Array) -> Array:
-    """Return the lengths of vectors; (n, d) to (n,)."""
-    square = vectors[:, 0] * vectors[:, 0]
-    for axis in range(1, vectors.shape[1]):
-        square += vectors[:, axis] * vectors[:, axis]
-    return np.sqrt(square)
 
 
 def differences(vectors: Array, others: Array) -> Array:
@@ -123,3 +113,29 @@ def slowest(model: Model, state: Array, control_input: Array) -> Array:
         slow = np.zeros_like(control_input)
     limited: Array = model.limit(slow)[0]
     return limited
+
+
+class RequestFilter(GroupComponent):
+    """A component that replaces the control inputs that the preceding controller requested.
+
+    If the controller takes fewer turns, each turn of the filter starts from its original request, not from what the
+    filter made of it before.
+    """
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Start without a request."""
+        super().initialise_component(group)
+        self._requested: Array | None = None
+        self._written: int | None = None
+
+    def _request(self) -> Array:
+        """Return the control inputs that the controller requested last; shape (n, nu)."""
+        if self._group.control_column.writes == self._written and self._requested is not None:
+            return self._requested
+        return self._group.control_input
+
+    def _replace(self, requested: Array, control_input: Array) -> None:
+        """Set the control inputs (n, nu) in place of the requested ones (n, nu)."""
+        self._requested = requested
+        self._group.control_input = control_input
+        self._written = self._group.control_column.writes

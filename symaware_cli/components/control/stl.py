@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.control.steering import slowest
@@ -23,6 +22,7 @@ from symaware_cli.core import (
     Signal,
     TimeSeries,
 )
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.optimal_control import (
     LinearDynamics,
     SpecificationPlan,
@@ -32,8 +32,6 @@ from symaware_cli.optimal_control import (
 )
 from symaware_cli.specification.specification import Specification
 from symaware_cli.world.time import SECOND, nanoseconds
-
-Array = NDArray[np.float64]
 
 #: [s] How far ahead to plan if no specification has an end.
 _HORIZON = 4.0

@@ -6,16 +6,14 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import Agent
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.specification.formula import horizon
 from symaware_cli.specification.monitor import Monitor
-from symaware_cli.specification.monitor_statuses import MonitorStatuses
+from symaware_cli.specification.monitor_statuses import monitor_of
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
-
-Array = NDArray[np.float64]
 
 
 class Instance(NamedTuple):
@@ -50,11 +48,9 @@ def open_instances(agent: Agent, names: Sequence[str], present: int, step: int) 
     """
     found = []
     for name in names:
-        statuses = agent.group.specifications.get(name)
-        if not isinstance(statuses, MonitorStatuses):
-            raise ValueError(f"`{name}` is not monitored in this process")
-        for start, past in _of_row(statuses.monitor, agent.row, present):
-            specification = statuses.monitor.specification
+        monitor = monitor_of(agent.group, name)
+        specification = monitor.specification
+        for start, past in _of_row(monitor, agent.row, present):
             first = -((present - start) // step)
             bounded = horizon(specification.formulation.formula)
             last = None if bounded is None else first + bounded

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.components.control.goal import GoalSeeking
 from symaware_cli.components.control.half_planes import HalfPlanes, nearest_velocity
-from symaware_cli.components.control.steering import along, directions, lengths, scaled
+from symaware_cli.components.control.steering import along, directions, scaled
 from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, dot, own_velocity
 from symaware_cli.core import AgentGroup
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, lengths
 
 #: How much constraints of obstacles yield, relative to agents, if infeasible: obstacles do not move aside.
 _OBSTACLE_WEIGHT = 0.01
@@ -228,7 +225,4 @@ def _padded(count: int, rows: Indices, normal: Array, limit: Array, weight: floa
 def _joined(first: HalfPlanes, second: HalfPlanes) -> HalfPlanes:
     if not first.limit.shape[1]:
         return second
-    parts = zip(
-        (first.x, first.y, first.limit, first.weight), (second.x, second.y, second.limit, second.weight), strict=True
-    )
-    return HalfPlanes(*(np.concatenate(pair, axis=1) for pair in parts))
+    return HalfPlanes(*(np.concatenate(pair, axis=1) for pair in zip(first, second, strict=True)))

@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Approach, differing, directions, lengths
+from symaware_cli.components.control.steering import Approach, differing, directions
 from symaware_cli.core import AgentGroup
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask, lengths
 
 
 class WaypointDecision(NamedTuple):
@@ -33,9 +30,9 @@ class WaypointDecision(NamedTuple):
     intent: Array
     waypoints: Array
     counts: Indices
-    begins: NDArray[np.bool_]
+    begins: Mask
     number: Indices
-    reached: NDArray[np.bool_]
+    reached: Mask
     upcoming: Indices
 
 
@@ -117,11 +114,10 @@ class Waypoints(Approach):
                 self.emit_for(row, "goal-reached", "reached its last waypoint")
         self._next = value.upcoming
 
-    def _after(self, number: Indices, step: NDArray[np.bool_] | Indices, counts: Indices) -> Indices:
+    def _after(self, number: Indices, step: Mask | Indices, counts: Indices) -> Indices:
         """Return the next waypoint; after the last one the first of a loop, else the last."""
         following = number + step
-        limited: Indices = following % counts if self.parameters.loop else np.minimum(following, counts - 1)
-        return limited
+        return following % counts if self.parameters.loop else np.minimum(following, counts - 1)
 
     def _path_ahead(self, waypoints: Array, counts: Indices, position: Array, upcoming: Indices, speed: Array) -> Array:
         """Return each agent's positions at the instants of the intent if it keeps its speed; shape (n, h, d)."""

@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, own_velocity
 from symaware_cli.components.risk.outlines import Side
@@ -14,9 +13,7 @@ from symaware_cli.core import AgentGroup, GroupComponent, Quantity, Tracks
 from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.minkowski import loosened
 from symaware_cli.geometry.pieces import Pieces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 
 class Known:
@@ -41,8 +38,8 @@ class Known:
             each.model.goes_ahead and (shape is None or _symmetric(shape.pieces[0][0]))
             for each, shape in zip(groups, shapes, strict=True)
         ]
-        self.ahead: NDArray[np.bool_] = np.repeat(np.array(ahead, bool), counts)
-        self.turns: NDArray[np.bool_] = np.repeat([each.model.heading is not None for each in groups], counts)
+        self.ahead: Mask = np.repeat(np.array(ahead, bool), counts)
+        self.turns: Mask = np.repeat([each.model.heading is not None for each in groups], counts)
 
     def own_side(self, observers: Indices, covariance: Array | None) -> Side:
         """Return the own bodies of some rows of the group.
@@ -117,7 +114,7 @@ class BodyPairs(ABC):
     apart: Array
     closing: Array
     radius: Array
-    round: NDArray[np.bool_]
+    round: Mask
     covariance: Array | None
     heights: Array | None = None
 
@@ -200,7 +197,9 @@ class WithObstacles(BodyPairs):
         self.round = np.broadcast_to(disc, row.shape).copy()
         self.covariance = own.with_others(None, row, 2)
         if position.shape[1] == 3 and np.isfinite(course.heights).any():
-            self.heights = self._rise(course.heights, position[:, 2], velocity[:, 2], known.outer[known.start])
+            low, high = course.heights.T
+            outer = known.outer[known.start]
+            self.heights = np.stack([position[:, 2].take(row), velocity[:, 2].take(row), low - outer, high + outer])
 
     def _levels(self, known: Known, position: Array) -> Array | None:
         """Return the heights of planar agents if the world has heights of obstacles; None otherwise."""
@@ -208,11 +207,6 @@ class WithObstacles(BodyPairs):
         if position.shape[1] == 3 or not environment.scenery.has_heights:
             return None
         return environment.body_positions(known.group.ids)[:, 2]
-
-    def _rise(self, heights: Array, level: Array, rate: Array, outer: float) -> Array:
-        """Return own height and its rate, and the least and greatest height at which both may overlap; (4, m)."""
-        row = self.observers
-        return np.stack([level.take(row), rate.take(row), heights[:, 0] - outer, heights[:, 1] + outer])
 
     def sides(self, rows: Indices) -> tuple[Side, Side]:
         """See `BodyPairs`."""

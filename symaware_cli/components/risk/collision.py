@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy.special import erfc
 
 from symaware_cli.components.relative_motion import dot
-from symaware_cli.components.risk.balls import closest_approach, collision_probability
 from symaware_cli.components.risk.body_pairs import BodyPairs, PairRisk
-from symaware_cli.components.risk.gaussian import band_probability
+from symaware_cli.components.risk.gaussian import band_probability, closest_approach, collision_probability
 from symaware_cli.components.risk.outlines import overlap_bound, propagated_covariance
 from symaware_cli.core import Parameters
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices
 
 #: At this many times the root of the trace of a covariance, a density counts as zero.
 _FAR = 8.0

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.components.risk.predicate_bounds import NotLinearError, predicate_bound
 from symaware_cli.components.risk.sampled_motion import SampledMotion
@@ -160,7 +159,7 @@ def _propagated(motion: SampledMotion, before: Array, covariance: Array, model: 
     return after if noise is None else after + noise
 
 
-def _look_up(scope: PredictedAgentScope, motion: SampledMotion, states: NDArray[np.float64]) -> Lookup:
+def _look_up(scope: PredictedAgentScope, motion: SampledMotion, states: Array) -> Lookup:
     """Return the values of names for states."""
     other = copy.copy(motion)
     other.states = states

@@ -12,25 +12,21 @@ from pydantic import Field
 from symaware_cli.components.prediction import interpolated, predicted_positions
 from symaware_cli.components.risk.body_pairs import state_covariance
 from symaware_cli.components.risk.failure_bound import BoundedSpecification, bounded, failure_bounds, is_linear
-from symaware_cli.components.risk.other_motion import OtherMotion
-from symaware_cli.components.risk.sampled_motion import MotionPlan, SampledMotion, root
-from symaware_cli.components.risk.sampled_noise import SampledNoise
-from symaware_cli.components.risk.worst_case import check_worst_case
+from symaware_cli.components.risk.sampled_motion import MotionPlan, OtherMotion, SampledMotion, SampledNoise, root
 from symaware_cli.components.uncertainty_conformal import REGION
 from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity, Signal, Tracks
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.forecast import Forecast
-from symaware_cli.specification.monitor_statuses import MonitorStatuses
-from symaware_cli.specification.node import Name, walk
+from symaware_cli.specification.formula import Formula, Not, Predicate, operands
+from symaware_cli.specification.monitor_statuses import monitor_of
+from symaware_cli.specification.node import Comparison, Name, Node, walk
 from symaware_cli.specification.predicted_scope import PredictedAgentScope, PredictedPairScope
 from symaware_cli.specification.scope import Scope
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
 from symaware_cli.world.chance import combined
 from symaware_cli.world.time import SECOND, nanoseconds
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 #: The most rows of predicted states that are computed at a time; they fit into the processor's cache.
 _ROWS = 30_000
@@ -134,7 +130,9 @@ class FailureProbability(GroupComponent):
         """Prepare the monitors for forecasts."""
         super().initialise_component(group)
         self._scope = PredictedAgentScope(group, self.environment, self.environment.groups, group.regions)
-        self._monitors = [self._monitor(name) for name in self.parameters.specifications]
+        self._monitors = [monitor_of(group, name) for name in self.parameters.specifications]
+        for monitor in self._monitors:
+            monitor.is_continued = True
         self._bounded = (
             []
             if self.parameters.method == "sampling"
@@ -157,13 +155,6 @@ class FailureProbability(GroupComponent):
             or any(region.around for region in regions)
             or any(monitor.specification.each is None for monitor in self._monitors)
         )
-
-    def _monitor(self, name: str) -> SpecificationMonitor:
-        statuses = self._group.specifications.get(name)
-        if not isinstance(statuses, MonitorStatuses):
-            raise ValueError(f"`{name}` is not monitored in this process")
-        statuses.monitor.is_continued = True
-        return statuses.monitor
 
     def _compute(self) -> RiskEstimate:
         parameters, group, environment = self.parameters, self._group, self.environment
@@ -250,7 +241,7 @@ class FailureProbability(GroupComponent):
         forecast = Forecast(monitor, rows, self.parameters.samples)
         return _Prediction(forecast, scope.look_up, [ids[place] for place in chosen], observers[chosen])
 
-    def _intended(self, instants: Sequence[int]) -> tuple[Array | None, NDArray[np.bool_]]:
+    def _intended(self, instants: Sequence[int]) -> tuple[Array | None, Mask]:
         """Return the intended positions of the agents, (n, len(instants), d), and who has an intent."""
         group = self._group
         nobody = np.zeros(len(group), bool)
@@ -301,3 +292,53 @@ def _rows(scope: Scope) -> Mapping[tuple[str, ...], tuple[int, bool]]:
     pairs = [scope.agents(row) for row in range(scope.rows)]
     turned = {pair[::-1]: (row, True) for row, pair in enumerate(pairs)}
     return turned | {pair: (row, False) for row, pair in enumerate(pairs)}
+
+
+#: The names that grow with the distance of others.
+_DISTANCES = frozenset({"distance", "nearest"})
+
+#: The names that depend on others in another way, in specifications of pairs.
+_OF_PAIRS = frozenset({"closing_speed", "position", "speed", "velocity"})
+
+
+def check_worst_case(specification: Specification) -> None:
+    """Check that the worst place of another in its region is the nearest one.
+
+    Raises:
+        ValueError: A predicate depends on others otherwise than by their distance, or fails where they are far away.
+    """
+    if specification.automaton is not None:
+        raise ValueError("with `others: regions`, it must not be in linear temporal logic")
+    moving = {name for name, each in specification.scope.regions.items() if each.region.around is not None}
+    dependent = _DISTANCES | moving | (_OF_PAIRS if specification.each is None else frozenset())
+    atoms = specification.formulation.atoms
+    for index, is_positive in sorted(_polarities(specification.formulation.formula, is_positive=True)):
+        node = atoms[index].node
+        if _names(node) & dependent and not _is_worst_nearby(node, is_positive, dependent):
+            raise ValueError(
+                f"with `others: regions`, `{atoms[index].text}` has no worst place of another: predicates about others "
+                "are comparisons such as `distance > 0.6` or `nearest > 0.6`, which hold if they are far away"
+            )
+
+
+def _is_worst_nearby(node: Node, is_positive: bool, dependent: frozenset[str]) -> bool:
+    match node:
+        case Comparison(operators=(operator,), operands=(left, right)) if operator in ("<", "<=", ">", ">="):
+            greater, less = (left, right) if operator in (">", ">=") else (right, left)
+            far, near = (greater, less) if is_positive else (less, greater)
+            return isinstance(far, Name) and far.name in _DISTANCES and not _names(near) & dependent
+    return False
+
+
+def _names(node: Node) -> set[str]:
+    return {each.name for each in walk(node) if isinstance(each, Name)}
+
+
+def _polarities(formula: Formula, *, is_positive: bool) -> set[tuple[int, bool]]:
+    """Return each predicate with whether the formula can only gain from its truth, or only lose."""
+    match formula:
+        case Predicate(index):
+            return {(index, is_positive)}
+        case Not(operand):
+            return _polarities(operand, is_positive=not is_positive)
+    return {found for each in operands(formula) for found in _polarities(each, is_positive=is_positive)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +14,18 @@ from symaware_cli.components.risk.failure_bound import bounded
 from symaware_cli.components.risk.predicate_bounds import NotLinearError
 from symaware_cli.components.risk.state_conditions import Conjunction, Moments, Negation, StateCondition
 from symaware_cli.core import AgentGroup
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 from symaware_cli.specification.columns import Lookup
 from symaware_cli.specification.formula import Always, And, Eventually, Formula, Not, Or, Predicate
-from symaware_cli.specification.monitor_statuses import MonitorStatuses
+from symaware_cli.specification.monitor_statuses import monitor_of
 from symaware_cli.specification.predicted_scope import PredictedAgentScope
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 Times = NDArray[np.int64]
 
 
-class Invariant:
+class Invariant(NamedTuple):
     """A condition that a specification demands of each instant of a window.
 
     Attributes:
@@ -35,11 +35,10 @@ class Invariant:
         condition: The condition.
     """
 
-    def __init__(self, specification: str, first: int, last: int | None, condition: StateCondition) -> None:
-        self.specification = specification
-        self.first = first
-        self.last = last
-        self.condition = condition
+    specification: str
+    first: int
+    last: int | None
+    condition: StateCondition
 
 
 def invariants(specification: Specification, group: AgentGroup) -> list[Invariant]:
@@ -99,14 +98,12 @@ class InvariantWindows:
         self.invariants: list[Invariant] = []
         self._monitors: list[SpecificationMonitor] = []
         for name in specifications:
-            statuses = group.specifications.get(name)
-            if not isinstance(statuses, MonitorStatuses):
-                raise ValueError(f"`{name}` is not monitored in this process")
-            of_name = invariants(statuses.monitor.specification, group)
+            monitor = monitor_of(group, name)
+            of_name = invariants(monitor.specification, group)
             self.invariants += of_name
-            self._monitors += [statuses.monitor] * len(of_name)
+            self._monitors += [monitor] * len(of_name)
 
-    def counting(self, times: Times, now: int, end: int | None) -> NDArray[np.bool_]:
+    def counting(self, times: Times, now: int, end: int | None) -> Mask:
         """Return which invariants must hold at some instants, for each agent; shape (invariants, n, instants).
 
         Args:

@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from symaware_cli.components.risk.gaussian import band_probability, polygon_probability
 from symaware_cli.geometry.minkowski import cornered, loosened, overlap_region, width, within
 from symaware_cli.geometry.pieces import Pieces
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Array, Indices, Mask
 
 #: How many deviations of velocities and headings are covered: the least of the resulting bounds is used.
 _COVERED = (2.5, 3.5, 5.0)
@@ -40,7 +37,7 @@ class Side(NamedTuple):
     headings: Array
     turn_rates: Array
     deviations: Array
-    by_motion: NDArray[np.bool_]
+    by_motion: Mask
 
     def take(self, rows: Indices) -> Side:
         """Return some rows."""
@@ -289,8 +286,7 @@ def _probability(mean: Array, covariance: Array, regions: Pieces) -> Array:
 
 
 def _along(directions: Array, vectors: Array) -> Array:
-    product: Array = directions[..., 0] * vectors[:, 0, None] + directions[..., 1] * vectors[:, 1, None]
-    return product
+    return directions[..., 0] * vectors[:, 0, None] + directions[..., 1] * vectors[:, 1, None]
 
 
 def _spread(directions: Array, covariance: Array) -> tuple[Array, Array, Array]:
@@ -298,12 +294,11 @@ def _spread(directions: Array, covariance: Array) -> tuple[Array, Array, Array]:
     x, y = directions[..., 0], directions[..., 1]
 
     def along(block: Array) -> Array:
-        result: Array = (
+        return (
             x * x * block[:, 0, 0, None]
             + x * y * (block[:, 0, 1, None] + block[:, 1, 0, None])
             + y * y * block[:, 1, 1, None]
         )
-        return result
 
     position, velocity = (np.maximum(along(covariance[:, part, part]), 0.0) for part in (slice(2), slice(2, 4)))
     return position, along(covariance[:, :2, 2:]), velocity

@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.components.risk.state_conditions import (
     Conjunction,
@@ -16,8 +15,7 @@ from symaware_cli.components.risk.state_conditions import (
     Polytope,
     StateCondition,
 )
-from symaware_cli.geometry.faces import region_faces
-from symaware_cli.geometry.region import Region, RegionShape
+from symaware_cli.geometry.region import Region, RegionShape, region_faces
 from symaware_cli.specification.columns import Lookup, values
 from symaware_cli.specification.node import (
     Arithmetic,
@@ -31,8 +29,6 @@ from symaware_cli.specification.node import (
     Vector,
     walk,
 )
-
-Array = NDArray[np.float64]
 
 
 class NotLinearError(ValueError):

@@ -6,16 +6,131 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from symaware_cli.components.risk.other_motion import OtherMotion
-from symaware_cli.components.risk.sampled_noise import SampledNoise
-from symaware_cli.core import AgentGroup
-from symaware_cli.geometry.vectors import lengths
+from symaware_cli.components.prediction import interpolated
+from symaware_cli.components.uncertainty_conformal import REGION
+from symaware_cli.core import AgentGroup, Tracks
+from symaware_cli.geometry.vectors import Array, Indices, Mask, lengths
+from symaware_cli.world.chance import Turn, generator, key_of, philox
 from symaware_cli.world.integration import integrate
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+Numbers = NDArray[np.uint64]
+
+#: The number of tables of samples; each agent uses one of them.
+_TABLES = 16
+
+
+class SampledNoise:
+    """Independent standard normal samples for each agent, for several draws in one turn.
+
+    There are a few tables of random numbers. Each agent uses one of them, and for each draw begins at a place of its
+    own in it. So the samples and draws of an agent are independent of each other; samples of different agents may
+    coincide, but not in all draws. Agents and tables are keyed by seed, purpose, turn and the number of the agent:
+    samples do not depend on which other agents there are.
+    """
+
+    def __init__(
+        self, seed: int, purpose: str, turn: Turn, numbers: Numbers, draws: int, width: int, samples: int
+    ) -> None:
+        """Draw the tables.
+
+        Args:
+            seed: The seed of the run.
+            purpose: What the samples are for.
+            turn: The turn in which they are drawn.
+            numbers: A number for each agent that depends on its id alone; shape (n,).
+            draws: The number of draws.
+            width: The number of elements of each sample.
+            samples: The number of samples of each agent in a draw.
+        """
+        tables = (numbers % np.uint64(_TABLES)).astype(np.intp)
+        used = np.unique(tables)
+        self._table = np.searchsorted(used, tables)
+        drawn = np.empty((draws, width, len(used), 3 * samples))
+        for place, table in enumerate(used.tolist()):
+            own = generator(seed, f"{purpose}\0{table}", turn)
+            drawn[:, :, place, : 2 * samples] = own.standard_normal((draws, width, 2 * samples))
+        drawn[..., 2 * samples :] = drawn[..., :samples]
+        self._windows = sliding_window_view(drawn, samples, axis=-1)
+        counters = np.repeat(numbers, draws)
+        words, _ = philox(
+            counters, np.tile(np.arange(draws, dtype=np.uint64), len(numbers)), key_of(seed, purpose, *turn)
+        )
+        self._offsets = (words[0] % np.uint32(2 * samples)).astype(np.intp).reshape(-1, draws)
+
+    def draw(self, number: int, agents: slice) -> Array:
+        """Return the samples of a draw.
+
+        Args:
+            number: The number of the draw.
+            agents: Which agents.
+
+        Returns:
+            Shape (width, agents, samples).
+        """
+        tables, offsets = self._table[agents], self._offsets[agents, number]
+        drawn: Array = self._windows[number][:, tables, offsets]
+        return drawn
+
+
+class OtherRegions(NamedTuple):
+    """Where others are, with a probability.
+
+    Attributes:
+        radii: The radii around the expected positions at each instant [m]; infinite where there is no region; shape
+            (K, m).
+        misses: The probability that any other is elsewhere, for each agent; shape (n,).
+    """
+
+    radii: Array
+    misses: Array
+
+
+class OtherMotion(NamedTuple):
+    """What agents expect of others.
+
+    Attributes:
+        tracks: Their tracks, of all agents of the group.
+        places: The expected positions at each instant [m]; shape (K, m, d).
+        spread: The root of the covariance of position and velocity, shape (m, 2d, 2d); None if they are known.
+        noise: Samples of the deviations of each; None if they are known.
+        regions: Where they are instead of at samples, if that is known.
+    """
+
+    tracks: Tracks
+    places: Array
+    spread: Array | None
+    noise: SampledNoise | None
+    regions: OtherRegions | None = None
+
+    @classmethod
+    def in_regions(cls, group: AgentGroup, tracks: Tracks, instants: Sequence[int]) -> OtherMotion:
+        """Return others as the regions say that agents are aware of.
+
+        Args:
+            group: The group.
+            tracks: Its tracks, m of them.
+            instants: The instants of the prediction, K of them [ns].
+        """
+        ids = group.surroundings.environment.roster.ids
+        places = np.repeat(tracks.positions[None], len(instants), axis=0)
+        radii, misses = np.full(places.shape[:2], np.inf), np.zeros(len(group))
+        for row, agent in enumerate(group.agents):
+            regions = agent.awareness_database.held_part(REGION.name)
+            for place in range(*tracks.pointers[row : row + 2].tolist()):
+                region = regions.get(ids[tracks.others[place]])
+                if region is None:
+                    continue
+                size = region.values.shape[1] - 2
+                places[:, place, :size] = interpolated(region.times, region.values[None, :, :size], instants)[0]
+                # A radius holds since the look-ahead before.
+                numbers = np.searchsorted(region.times, instants)
+                known = numbers < len(region)
+                radii[known, place] = region.values[numbers[known], size]
+                misses[row] = max(misses[row], 1.0 - float(region.values[0, size + 1]))
+        return cls(tracks, places, None, None, OtherRegions(radii, misses))
 
 
 class MotionPlan(NamedTuple):
@@ -33,7 +148,7 @@ class MotionPlan(NamedTuple):
     durations: Array
     spreads: Sequence[Array | None]
     intended: Array | None
-    has_intent: NDArray[np.bool_]
+    has_intent: Mask
     correction: float
 
 

@@ -11,13 +11,11 @@ from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from symaware_cli.geometry.faces import Faces, ball_faces
+from symaware_cli.geometry.region import Faces, ball_faces
+from symaware_cli.geometry.vectors import Array
 from symaware_cli.specification.columns import Lookup
-
-Array = NDArray[np.float64]
 
 #: What is assumed about the states: that they are normal, or nothing but their mean and covariance.
 Tail = Literal["normal", "chebyshev"]
@@ -240,8 +238,7 @@ def propagated(covariance: Array, transition: Array) -> Array:
 
 def quantile(probability: Array, tail: Tail) -> Array:
     """Return how many standard deviations of margin bound the probability of a negative quantity; see `exceeding`."""
-    found: Array = -ndtri(probability) if tail == "normal" else np.sqrt((1.0 - probability) / probability)
-    return found
+    return -ndtri(probability) if tail == "normal" else np.sqrt((1.0 - probability) / probability)
 
 
 def _score(sides: HalfSpaces, moments: Moments) -> Array:

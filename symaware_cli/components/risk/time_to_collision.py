@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.relative_motion import dot
@@ -11,8 +10,7 @@ from symaware_cli.components.risk.body_pairs import BodyPairs, PairRisk
 from symaware_cli.components.risk.outlines import first_touch
 from symaware_cli.core import Parameters
 from symaware_cli.geometry.minkowski import between
-
-Array = NDArray[np.float64]
+from symaware_cli.geometry.vectors import Array
 
 
 def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:

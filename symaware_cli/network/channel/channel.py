@@ -1,4 +1,4 @@
-"""The channel of a link: delays, loses, duplicates and queues messages."""
+"""The channel of a link: delays, loses, duplicates and queues messages; disturbances may add to that."""
 
 from __future__ import annotations
 
@@ -10,15 +10,37 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import nanoseconds
 from symaware_cli.core.message import Indices, Times
-from symaware_cli.network.channel.channel_parameters import Bursts, ChannelParameters
-from symaware_cli.network.channel.delay_distribution import delays
-from symaware_cli.network.channel.impairment import Impairment
+from symaware_cli.network.channel.channel_parameters import Bursts, ChannelParameters, DelayDistribution
 from symaware_cli.network.channel.link_states import FOREVER, LinkStates
 from symaware_cli.world.chance import Array, message_fractions
 
 #: The reasons why messages are dropped, by their numbers in `Fates.reason`; the first means not dropped.
 REASONS = ("", "loss", "queue-full", "too-old", "no-link", "absent")
 LOSS, QUEUE_FULL, TOO_OLD, NO_LINK, ABSENT = 1, 2, 3, 4, 5
+
+
+class Impairment(NamedTuple):
+    """The effects of disturbances on messages.
+
+    Attributes:
+        delay: Additional delay of each, in nanoseconds; shape (m,).
+        bandwidth: Limit of the bandwidth of each one's link [bytes/s]; infinite for none; shape (m,).
+        reason: The number of the reason why each is lost; 0 if not; shape (m,).
+    """
+
+    delay: Times
+    bandwidth: Array
+    reason: NDArray[np.uint8]
+
+    @classmethod
+    def none(cls, count: int) -> Impairment:
+        """Return no effects for a number of messages."""
+        return cls(np.zeros(count, np.int64), np.full(count, np.inf), np.zeros(count, np.uint8))
+
+    def take(self, indices: Indices) -> Impairment:
+        """Return the effects on some of the messages."""
+        return Impairment(self.delay[indices], self.bandwidth[indices], self.reason[indices])
+
 
 _DELAY, _JITTER, _LOSS, _STATE = range(4)
 _REPEATED, _AGAIN, _AGAIN_JITTER, _START = range(4)
@@ -183,11 +205,11 @@ class Channel:
         """Return the travel times of messages, in nanoseconds."""
         if self._constant is not None:
             return np.full(len(delay), self._constant, np.int64)
-        seconds = delays(self.parameters.delay, delay)
+        given = self.parameters.delay
+        seconds = given.quantiles(delay) if isinstance(given, DelayDistribution) else np.full(len(delay), given)
         if self.parameters.jitter:
             seconds = seconds + self.parameters.jitter * jitter
-        travelled: Times = np.rint(np.minimum(seconds, 1e9) * 1e9).astype(np.int64)
-        return travelled
+        return np.rint(np.minimum(seconds, 1e9) * 1e9).astype(np.int64)
 
     def _lost(
         self, states: LinkStates, links: Indices, drawn: Array, more: Array | None, counts: NDArray[np.bool_] | None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters
@@ -36,6 +38,26 @@ class DelayDistribution(Parameters):
         if self.uniform is not None and self.uniform[0] > self.uniform[1]:
             raise ValueError("the least delay comes first")
         return self
+
+    def quantiles(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the delays that are not exceeded with given probabilities in (0, 1) [s]; shape (m,)."""
+        if self.uniform is not None:
+            least, greatest = self.uniform
+            return self.constant + (least + (greatest - least) * shares)
+        if self.exponential is not None:
+            return self.constant - self.exponential * np.log1p(-shares)
+        from scipy.special import ndtr, ndtri
+
+        if self.lognormal is not None:
+            median, deviation = self.lognormal
+            return self.constant + median * np.exp(deviation * ndtri(shares))
+        assert self.normal is not None
+        mean, deviation = self.normal
+        if deviation == 0.0:
+            return np.full(len(shares), self.constant + mean)
+        # Truncated at 0: only quantiles of delays above it are used.
+        below = ndtr(-mean / deviation)
+        return self.constant + np.maximum(mean + deviation * ndtri(below + (1.0 - below) * shares), 0.0)
 
 
 class Bursts(Parameters):

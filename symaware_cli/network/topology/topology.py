@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from symaware_cli.core import Environment, Links, Parameters, Plugin, Roster, UnsupportedError
-
-Indices = NDArray[np.intp]
+from symaware_cli.geometry.vectors import Indices
 
 
 class TopologyError(UnsupportedError):

@@ -4,7 +4,7 @@ from itertools import permutations
 
 import numpy as np
 
-from symaware_cli.components.allocation.assignment import assignment
+from symaware_cli.components.allocation.auction import assignment
 
 AGENTS = ("a", "b", "c")
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 pytest.importorskip("casadi", reason="CasADi is an extra")
 
 from symaware_cli import Obstacle, Scenery
-from symaware_cli.components.control.mpc_route import Routes
+from symaware_cli.components.control.mpc_reference import Routes
 
 BOX = {"shape": {"box": {"length": 2.0, "width": 4.0}}, "position": [0.0, 0.0]}
 KEEP = 0.5
