@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 import yaml
@@ -18,6 +19,15 @@ from symaware_cli.world.plugin import ParameterError, Parameters
 
 #: The greatest length of a file [bytes].
 _MOST_BYTES = 1_000_000
+
+
+class _Names(yaml.SafeLoader):
+    """Reads names as they are written: a state may be called `on` or `1.0`."""
+
+    yaml_implicit_resolvers: ClassVar = {
+        first: [each for each in resolvers if each[0] == "tag:yaml.org,2002:null"]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
 
 
 class GraphName(Parameters):
@@ -46,6 +56,8 @@ class GraphFile(KnowledgeModel):
         """Read the file."""
         try:
             system = self._read()
+        except FileNotFoundError as error:  # reported with all files that are missing
+            raise ParameterError(str(error), ("graph", "file"), is_consequence=True) from None
         except (OSError, ValueError, yaml.YAMLError) as error:
             raise ParameterError(f"{self.parameters.graph.file}: {error}", ("graph", "file")) from None
         if not self.parameters.places:
@@ -78,7 +90,7 @@ class GraphFile(KnowledgeModel):
             return TransitionSystem.from_dot(text)
         if any(isinstance(each, yaml.AliasToken) for each in yaml.scan(text)):
             raise ValueError("a transition system is written without aliases")
-        return TransitionSystem.from_data(yaml.safe_load(text))
+        return TransitionSystem.from_data(yaml.load(text, Loader=_Names))
 
 
 def _named(system: TransitionSystem) -> TransitionSystem:
