@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from symaware_cli.components.knowledge_game import GameParameters, KnowledgeGame
 from symaware_cli.components.strategy_follower import Fallback, OverdueFallback, StrategyFollower
 from symaware_cli.components.strategy_memory import StrategyMemory, StrategyTurn, TurnReport
 from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
-from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, Signal
+from symaware_cli.core import AgentGroup, Environment, Event, GroupComponent, Level, Quantity, Signal
 from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.best_effort import best_effort_strategy
 from symaware_cli.synthesis.conflict import conflict
@@ -157,6 +157,15 @@ class KnowledgeStrategy(GroupComponent):
         """The agents that something is assumed of to happen again and again, by the number of the assumption."""
         return self._knowledge.awaited if hasattr(self, "_knowledge") else {}
 
+    @property
+    def named_agents(self) -> Mapping[tuple[str, str], str]:
+        """The agents that labels are about, by the name of the label and the key that names the agent."""
+        return self._knowledge.named_agents if hasattr(self, "_knowledge") else {}
+
+    def undefined_labels(self, group: AgentGroup, environment: Environment) -> Iterator[tuple[str, str]]:
+        """Yield the name of each label whose condition has no value at the beginning of a run, and the reason."""
+        return self._knowledge.undefined(group, environment)
+
     def _prepare(self, group: AgentGroup) -> None:
         """Make the game and the strategy.
 
@@ -239,8 +248,11 @@ class KnowledgeStrategy(GroupComponent):
     def _unrealisable(self, error: UnrealisableError) -> ParameterError:
         """Explain that there is no strategy, at each of the formulas that contradict each other."""
         guilty = conflict(self._game, self._knowledge.starts)
-        if not guilty.guarantees:
+        if not self._game.starts(self._knowledge.starts)[1].any():
             return ParameterError(f"there is no strategy: {error}", ("assumptions",))
+        if not guilty.guarantees:
+            said = "whatever the guarantees, the agent comes to a cell that it can neither stay in nor leave"
+            return ParameterError(f"there is no strategy: {said}, for example from: {error}", ("model",))
         *others, last = [
             *_places("assumptions", self._game.assumptions, (*guilty.helpful, *guilty.opposing)),
             *_places("guarantees", self._game.guarantees, guilty.guarantees),

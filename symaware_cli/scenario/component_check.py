@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from symaware_cli.core import AgentGroup
@@ -63,7 +63,9 @@ class ComponentCheck:
             )
         return set(component.knowledge) <= set(known)
 
-    def can_work(self, group: AgentGroup, component: BaseComponent[Any], path: Path, use: str) -> bool:
+    def can_work(
+        self, group: AgentGroup, component: BaseComponent[Any], path: Path, use: str, wrong: Collection[str] = ()
+    ) -> bool:
         """Check that a component can work for a group, as far as that is known before the run.
 
         Args:
@@ -71,6 +73,7 @@ class ComponentCheck:
             component: The component; it has the knowledge that it needs.
             path: The path of its section.
             use: Its entry-point name.
+            wrong: The names of components of the group that are themselves wrong, which is reported there.
         """
         try:
             component.check(group)
@@ -80,7 +83,8 @@ class ComponentCheck:
             raise
         except ParameterError as error:
             where = (*path, "with", *error.place)
-            if error.is_consequence:
+            named = getattr(component.parameters, str(error.place[0]), None) if len(error.place) == 1 else None
+            if error.is_consequence or (isinstance(named, str) and named in wrong):
                 return False
             if isinstance(error.__cause__, ExpressionError):
                 self._report_all([expression_problem(self._composition, str(error), where, error.__cause__)])

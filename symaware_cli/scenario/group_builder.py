@@ -97,10 +97,13 @@ class GroupBuilder:
         group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
         group.regions, group.folder = self._document.regions if self._document else {}, self._folder
         group.knowledge_models = self.knowledge_models
+        wrong = instances.keys() - capable
         component_entries = [
             ComponentEntry(group, component, uses[component], instances[component])
             for component in capable
-            if self._check.can_work(group, instances[component][0], (*path, "components", component), uses[component])
+            if self._check.can_work(
+                group, instances[component][0], (*path, "components", component), uses[component], wrong
+            )
         ]
         return group, component_entries
 
