@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 import yaml
@@ -24,10 +23,11 @@ _MOST_BYTES = 1_000_000
 class _Names(yaml.SafeLoader):
     """Reads names as they are written: a state may be called `on` or `1.0`."""
 
-    yaml_implicit_resolvers: ClassVar = {
-        first: [each for each in resolvers if each[0] == "tag:yaml.org,2002:null"]
-        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
+
+_Names.yaml_implicit_resolvers = {
+    first: [each for each in resolvers if each[0] == "tag:yaml.org,2002:null"]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
 
 
 class GraphName(Parameters):

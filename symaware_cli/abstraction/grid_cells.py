@@ -35,8 +35,9 @@ class GridCells(KnowledgeModel):
     def prepare(self, regions: Mapping[str, Region]) -> None:
         """Make the cells."""
         given = self.parameters
-        named = {("region",): given.region, **{("obstacles", i): each for i, each in enumerate(given.obstacles)}}
-        for place, name in named.items():
+        named: list[tuple[tuple[str | int, ...], str]] = [(("region",), given.region)]
+        named += [(("obstacles", number), name) for number, name in enumerate(given.obstacles)]
+        for place, name in named:
             if name not in regions:
                 raise ParameterError(f"there is no region `{name}`", place)
             if regions[name].around is not None:

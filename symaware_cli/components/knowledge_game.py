@@ -271,9 +271,7 @@ def _check_label(name: str, label: str | AgentInRegion | AgentCell, group: Agent
         said = f"there is no region `{label.inside}`; there are: {known}"
         raise ParameterError(said, ("labels", name, "inside"))
     if region.around is not None:
-        said = (
-            f"the region `{label.inside}` moves with `{region.around}`; a label needs one that keeps its place"
-        )
+        said = f"the region `{label.inside}` moves with `{region.around}`; a label needs one that keeps its place"
         raise ParameterError(said, ("labels", name, "inside"))
 
 
