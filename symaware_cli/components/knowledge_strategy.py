@@ -164,7 +164,7 @@ class KnowledgeStrategy(GroupComponent):
 
     def undefined_labels(self, group: AgentGroup, environment: Environment) -> Iterator[tuple[str, str]]:
         """Yield the name of each label whose condition has no value at the beginning of a run, and the reason."""
-        return self._knowledge.undefined(group, environment)
+        return self._knowledge.undefined(group, environment) if hasattr(self, "_knowledge") else iter(())
 
     def _prepare(self, group: AgentGroup) -> None:
         """Make the game and the strategy.
