@@ -24,7 +24,7 @@ from symaware_cli.synthesis.environment_cells import EnvironmentCells
 from symaware_cli.synthesis.game import Statement
 from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthesise
 from symaware_cli.synthesis.strategy_cache import StrategyCache, encoded
-from symaware_cli.synthesis.vocabulary import CELL
+from symaware_cli.synthesis.vocabulary import CELL, names_in_formula
 from symaware_cli.world.plugin import ParameterError
 
 Array = NDArray[np.float64]
@@ -257,9 +257,10 @@ class KnowledgeStrategy(GroupComponent):
             *_places("assumptions", self._game.assumptions, (*guilty.helpful, *guilty.opposing)),
             *_places("guarantees", self._game.guarantees, guilty.guarantees),
         ]
+        nowhere = _labels_of_no_cell(guilty.guarantees, self._knowledge.model.system.labels)
         return ParameterError(
             f"there is no strategy: whatever the agent does, the environment can keep all assumptions and prevent it. "
-            f"{guilty}, for example from: {error}. With `on_unrealisable: counterstrategy` the environment "
+            f"{guilty}, for example from: {error}{nowhere}. With `on_unrealisable: counterstrategy` the environment "
             f"shows in a run how",
             last,
             related=[(place, "this is a part of the conflict") for place in others],
@@ -354,6 +355,13 @@ class KnowledgeStrategy(GroupComponent):
                 model = self.parameters.model
                 raise ValueError(f"the knowledge `{name}` of {agent} lists {each!r}, which is no cell of `{model}`")
         return tuple(sorted({states.index(each) for each in cells}))
+
+
+def _labels_of_no_cell(statements: Sequence[Statement], labels: Mapping[str, Collection[int]]) -> str:
+    """Return a remark about the labels in some statements that no cell has; empty if there are none."""
+    nodes = (node for each in statements for one in each.clauses for node in (one.node, one.answer) if node)
+    found = sorted({name for node in nodes for name in names_in_formula(node) if name in labels and not labels[name]})
+    return f"; no cell has the label {' or '.join(f'`{name}`' for name in found)}" if found else ""
 
 
 def _places(section: str, statements: Sequence[Statement], guilty: Sequence[Statement]) -> list[tuple[str, int]]:
