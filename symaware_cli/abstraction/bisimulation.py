@@ -48,7 +48,12 @@ def bisimulation(model: KnowledgeModel, reach: float) -> Bisimulation:
     Args:
         model: The model, prepared.
         reach: How far the integrator moves at most along each axis in a step [m].
+
+    Raises:
+        ValueError: The states of the model have no places.
     """
+    if not len(model.bounds):
+        raise ValueError("the states of the model have no places, so no integrator moves between them")
     low, high = model.bounds[:, :, 0], model.bounds[:, :, 1]
     forward, backward = low[None] - low[:, None], high[:, None] - high[None]
     farthest = np.maximum(forward, backward).max(axis=2)  # from the worst point of a cell, along the worse axis

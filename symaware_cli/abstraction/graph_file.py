@@ -20,6 +20,16 @@ from symaware_cli.world.plugin import ParameterError, Parameters
 _MOST_BYTES = 1_000_000
 
 
+class _Names(yaml.SafeLoader):
+    """Reads names as they are written: a state may be called `on` or `1.0`."""
+
+
+_Names.yaml_implicit_resolvers = {
+    first: [each for each in resolvers if each[0] == "tag:yaml.org,2002:null"]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+
+
 class GraphName(Parameters):
     """The file of a transition system."""
 
@@ -46,6 +56,8 @@ class GraphFile(KnowledgeModel):
         """Read the file."""
         try:
             system = self._read()
+        except FileNotFoundError as error:  # reported with all files that are missing
+            raise ParameterError(str(error), ("graph", "file"), is_consequence=True) from None
         except (OSError, ValueError, yaml.YAMLError) as error:
             raise ParameterError(f"{self.parameters.graph.file}: {error}", ("graph", "file")) from None
         if not self.parameters.places:
@@ -78,7 +90,7 @@ class GraphFile(KnowledgeModel):
             return TransitionSystem.from_dot(text)
         if any(isinstance(each, yaml.AliasToken) for each in yaml.scan(text)):
             raise ValueError("a transition system is written without aliases")
-        return TransitionSystem.from_data(yaml.safe_load(text))
+        return TransitionSystem.from_data(yaml.load(text, Loader=_Names))
 
 
 def _named(system: TransitionSystem) -> TransitionSystem:

@@ -11,7 +11,7 @@ from symaware_cli.abstraction.box_in_region import lies_within, overlaps
 from symaware_cli.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.abstraction.transition_system import TransitionSystem
 from symaware_cli.geometry.region import Region
-from symaware_cli.world.plugin import Parameters
+from symaware_cli.world.plugin import ParameterError, Parameters
 
 #: The greatest number of cells.
 _MOST_CELLS = 10_000
@@ -35,23 +35,27 @@ class GridCells(KnowledgeModel):
     def prepare(self, regions: Mapping[str, Region]) -> None:
         """Make the cells."""
         given = self.parameters
-        for name in (given.region, *given.obstacles):
+        named: list[tuple[tuple[str | int, ...], str]] = [(("region",), given.region)]
+        named += [(("obstacles", number), name) for number, name in enumerate(given.obstacles)]
+        for place, name in named:
             if name not in regions:
-                raise ValueError(f"there is no region `{name}`")
+                raise ParameterError(f"there is no region `{name}`", place)
             if regions[name].around is not None:
-                raise ValueError(f"the region `{name}` moves with an agent")
+                raise ParameterError(f"the region `{name}` moves with an agent", place)
         box = regions[given.region].box
         if box is None or len(box) < 4:
-            raise ValueError(f"the region `{given.region}` is not a box of two coordinates")
+            raise ParameterError(f"the region `{given.region}` is not a box of two coordinates", ("region",))
         counts = [round((box[2 * axis + 1] - box[2 * axis]) / given.cell) for axis in (0, 1)]
         for axis, count in enumerate(counts):
             if count < 1 or abs(count * given.cell - (box[2 * axis + 1] - box[2 * axis])) > 1e-9 * count:
-                raise ValueError(
+                raise ParameterError(
                     f"cells of {given.cell:g} m do not fill the region `{given.region}`: it extends over "
-                    f"{box[2 * axis + 1] - box[2 * axis]:g} m along {'xy'[axis]}"
+                    f"{box[2 * axis + 1] - box[2 * axis]:g} m along {'xy'[axis]}",
+                    ("cell",),
                 )
         if counts[0] * counts[1] > _MOST_CELLS:
-            raise ValueError(f"there would be {counts[0] * counts[1]:,} cells: at most {_MOST_CELLS:,} are possible")
+            said = f"there would be {counts[0] * counts[1]:,} cells: at most {_MOST_CELLS:,} are possible"
+            raise ParameterError(said, ("cell",))
         places, bounds = [], []
         for row in range(counts[1]):
             for column in range(counts[0]):
@@ -62,7 +66,7 @@ class GridCells(KnowledgeModel):
                     places.append((column, row))
                     bounds.append(cell)
         if not places:
-            raise ValueError("obstacles cover every cell")
+            raise ParameterError("obstacles cover every cell", ("obstacles",))
         index = {place: number for number, place in enumerate(places)}
         self.bounds = np.array(bounds)
         self.system = TransitionSystem(

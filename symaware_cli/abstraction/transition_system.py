@@ -85,10 +85,14 @@ class TransitionSystem:
         unknown = sorted(map(str, data.keys() - {"transitions", "initial", "labels"}))
         if unknown:
             raise ValueError(f"a transition system has no `{unknown[0]}`; it has transitions, initial and labels")
-        transitions = {str(name): [str(each) for each in after or []] for name, after in data["transitions"].items()}
-        labels = {str(name): [str(each) for each in where] for name, where in (data.get("labels") or {}).items()}
-        initial = data.get("initial")
-        return cls.of(transitions, None if initial is None else [str(each) for each in initial], labels)
+        marked, initial = data.get("labels") or {}, data.get("initial")
+        if not isinstance(marked, Mapping):
+            raise ValueError("`labels` of a transition system is a list of states for each label")
+        transitions = {
+            str(name): _names(after, f"the states after `{name}`") for name, after in data["transitions"].items()
+        }
+        labels = {str(name): _names(where, f"the states with the label `{name}`") for name, where in marked.items()}
+        return cls.of(transitions, None if initial is None else _names(initial, "`initial`"), labels)
 
     @classmethod
     def from_dot(cls, text: str) -> Self:
@@ -108,7 +112,8 @@ class TransitionSystem:
             if (
                 not bare
                 or bare == "}"
-                or bare.startswith(("digraph", "rankdir", "node ", "edge ", "#", "init;", "init ["))
+                or (bare.startswith("digraph") and bare.endswith("{"))
+                or bare.startswith(("rankdir", "node ", "edge ", "#", "init;", "init ["))
             ):
                 continue
             if edge := _EDGE.match(bare):
@@ -125,7 +130,7 @@ class TransitionSystem:
                     for label in found.group(1).split():
                         labels.setdefault(label, []).append(name)
             else:
-                raise ValueError(f"line {number} is not a node or an edge: {bare}")
+                raise ValueError(f"line {number} is not a node or an edge: {bare}; write one on each line")
         return cls.of(transitions, initial or None, labels)
 
     def observation(self, state: int) -> frozenset[str]:
@@ -171,3 +176,16 @@ class TransitionSystem:
         for state, after in enumerate(self.successors):
             lines += [f'  "{self.states[state]}" -> "{self.states[following]}";' for following in after]
         return "\n".join([*lines, "}", ""])
+
+
+def _names(value: Any, what: str) -> list[str]:
+    """Return the names in a list of plain data; nothing at all is an empty list.
+
+    Raises:
+        ValueError: The value is no list.
+    """
+    if value is None:
+        return []
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{what}: {value!r} is no list of states")
+    return [str(each) for each in value]

@@ -61,8 +61,12 @@ def _draw(scenario: Path, output: Path | None, *, as_json: bool) -> None:
     """Draw the knowledge models of a scenario."""
     with trouble_shown(as_json):
         from symaware_cli.api.scenario import load
+        from symaware_cli.recording.output import whole_file
         from symaware_cli.scenario.files import unused_path
+        from symaware_cli.viewing.plotting.request import check_format
 
+        if output is not None:
+            check_format(output)
         models = load(scenario).knowledge_models()
         if not models:
             fail(f"{scenario} has no knowledge models", WRONG_INPUT, as_json)
@@ -71,7 +75,8 @@ def _draw(scenario: Path, output: Path | None, *, as_json: bool) -> None:
         file = output or unused_path(scenario.stem, suffix=".svg")
         with matplotlib_required():
             from symaware_cli.viewing.plotting.cell_map import draw_models
-        draw_models(models, file)
+        with whole_file(file, scenario) as partial:
+            draw_models(models, partial)
     facts = {
         name: {"cells": len(model.system.states), "transitions": sum(map(len, model.system.successors))}
         for name, model in models.items()

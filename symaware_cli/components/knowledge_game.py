@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, cast
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from symaware_cli.abstraction.knowledge_model import model_named
-from symaware_cli.core import AgentGroup, Parameters
+from symaware_cli.core import AgentGroup, Environment, Parameters
 from symaware_cli.geometry.vectors import Array, Indices
 from symaware_cli.specification import formula as stl
-from symaware_cli.specification.columns import COLUMN_FUNCTIONS
+from symaware_cli.specification.columns import COLUMN_FUNCTIONS, KindError
 from symaware_cli.specification.expression import FUNCTIONS
 from symaware_cli.specification.formulation import Formulation, formulate
 from symaware_cli.specification.node import Node, Temporal, walk
@@ -51,11 +51,27 @@ class AgentCell(Parameters):
         return self.cell_of
 
 
+def _kind(label: object) -> str:
+    """Return which kind of label was meant."""
+    if isinstance(label, AgentCell) or (isinstance(label, Mapping) and {"agent", "inside"}.isdisjoint(label)):
+        return "the cell of an agent"
+    return "an agent in a region" if isinstance(label, Mapping | AgentInRegion) else "a condition"
+
+
+#: A label; a problem with it is one with the kind that was meant.
+Label = Annotated[
+    Annotated[str, Tag("a condition")]
+    | Annotated[AgentInRegion, Tag("an agent in a region")]
+    | Annotated[AgentCell, Tag("the cell of an agent")],
+    Discriminator(_kind),
+]
+
+
 class GameParameters(Parameters):
     """What is known about the environment, and what is to be achieved."""
 
     model: str = Field(description="The knowledge model, by its name under `knowledge_models`.")
-    labels: dict[str, str | AgentInRegion | AgentCell] = Field(
+    labels: dict[str, Label] = Field(
         default_factory=dict,
         description="What formulas say about the environment, by name: a condition on what the agent believes, such"
         " as `knowledge.open > 0`; {agent: ID, inside: REGION}; or the cell of another agent, {cell_of: ID}.",
@@ -86,6 +102,7 @@ class KnowledgeGame:
             if isinstance(label, AgentCell) and model.parts():
                 said = f"where `{label.cell_of}` is does not tell all of its state in a product; name a region instead"
                 raise ParameterError(f"{said}: {{agent: {label.cell_of}, inside: REGION}}", ("labels", name))
+            _check_label(name, label, group)
         self._regions = {
             name: PlacedRegion(name, group.regions, _nowhere)
             for name, region in group.regions.items()
@@ -118,8 +135,6 @@ class KnowledgeGame:
     def _proposition(self, name: str, text: str, group: AgentGroup) -> Formulation:
         """Parse a condition on what an agent believes."""
         try:
-            if not name.isidentifier() or name in RESERVED or name in COLUMN_FUNCTIONS:
-                raise ParameterError(f"`{name}` cannot be a name in a formula", ("labels", name))
             scope = BeliefScope(group, cast("World", None), [], {})
             functions = {each: count for each, (count, _) in FUNCTIONS.items()}
             tree = parse(text, {*scope.names, *self._regions}, functions)
@@ -139,6 +154,24 @@ class KnowledgeGame:
                     about = [label for name, label in self._labels.items() if name in names]
                     found.setdefault(number, set()).update(each.other for each in about if not isinstance(each, str))
         return found
+
+    @property
+    def named_agents(self) -> dict[tuple[str, str], str]:
+        """The agents that labels are about, by the name of the label and the key that names the agent."""
+        return {
+            (name, "cell_of" if isinstance(label, AgentCell) else "agent"): label.other
+            for name, label in self._labels.items()
+            if not isinstance(label, str)
+        }
+
+    def undefined(self, group: AgentGroup, environment: Environment) -> Iterator[tuple[str, str]]:
+        """Yield the name of each label whose condition has no value at the beginning, and the reason."""
+        scope = BeliefScope(group, environment, [], {})
+        for name, formulation in self._propositions.items():
+            try:
+                self._truth(formulation, group, scope)
+            except (KindError, ValueError, TypeError, KeyError, IndexError, ArithmeticError) as error:
+                yield name, str(error).strip("'\"")
 
     def check_others(self, roster: Roster) -> None:
         """Check that the agents that labels are about exist.
@@ -218,6 +251,26 @@ def _holds(formula: stl.Formula, values: Sequence[Array]) -> Any:
         case stl.Or(operands=operands):
             return np.logical_or.reduce(np.broadcast_arrays(*(_holds(each, values) for each in operands)))
     raise TypeError(f"{type(formula).__name__} is not about one instant")
+
+
+def _check_label(name: str, label: str | AgentInRegion | AgentCell, group: AgentGroup) -> None:
+    """Check that a label has a name that formulas can use, and is about a region that an agent knows the place of.
+
+    Raises:
+        ParameterError: It is not so.
+    """
+    if not name.isidentifier() or name in RESERVED or name in COLUMN_FUNCTIONS:
+        raise ParameterError(f"`{name}` cannot be a name in a formula", ("labels", name))
+    if not isinstance(label, AgentInRegion):
+        return
+    region = group.regions.get(label.inside)
+    if region is None:
+        known = ", ".join(sorted(group.regions)) or "none"
+        said = f"there is no region `{label.inside}`; there are: {known}"
+        raise ParameterError(said, ("labels", name, "inside"))
+    if region.around is not None:
+        said = f"the region `{label.inside}` moves with `{region.around}`; a label needs one that keeps its place"
+        raise ParameterError(said, ("labels", name, "inside"))
 
 
 def _check_momentary(tree: Node) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -20,7 +20,7 @@ from symaware_cli.components.strategy_follower import (
     TurnReport,
 )
 from symaware_cli.components.strategy_revision import RevisionParameters, StrategyRevisions
-from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, Signal
+from symaware_cli.core import AgentGroup, Environment, Event, GroupComponent, Level, Quantity, Signal
 from symaware_cli.geometry.vectors import Indices
 from symaware_cli.specification.scope import BeliefScope
 from symaware_cli.synthesis.best_effort import best_effort_strategy
@@ -30,7 +30,7 @@ from symaware_cli.synthesis.environment_cells import EnvironmentCells
 from symaware_cli.synthesis.game import Statement
 from symaware_cli.synthesis.strategy import Strategy, UnrealisableError, synthesise
 from symaware_cli.synthesis.strategy_cache import StrategyCache, encoded
-from symaware_cli.synthesis.vocabulary import CELL
+from symaware_cli.synthesis.vocabulary import CELL, names_in_formula
 from symaware_cli.world.plugin import ParameterError
 
 PLAN = Signal(
@@ -161,6 +161,15 @@ class KnowledgeStrategy(GroupComponent):
         """The agents that something is assumed of to happen again and again, by the number of the assumption."""
         return self._knowledge.awaited if hasattr(self, "_knowledge") else {}
 
+    @property
+    def named_agents(self) -> Mapping[tuple[str, str], str]:
+        """The agents that labels are about, by the name of the label and the key that names the agent."""
+        return self._knowledge.named_agents if hasattr(self, "_knowledge") else {}
+
+    def undefined_labels(self, group: AgentGroup, environment: Environment) -> Iterator[tuple[str, str]]:
+        """Yield the name of each label whose condition has no value at the beginning of a run, and the reason."""
+        return self._knowledge.undefined(group, environment) if hasattr(self, "_knowledge") else iter(())
+
     def _prepare(self, group: AgentGroup) -> None:
         """Make the game and the strategy.
 
@@ -243,15 +252,19 @@ class KnowledgeStrategy(GroupComponent):
     def _unrealisable(self, error: UnrealisableError) -> ParameterError:
         """Explain that there is no strategy, at each of the formulas that contradict each other."""
         guilty = conflict(self._game, self._knowledge.starts)
-        if not guilty.guarantees:
+        if not self._game.starts(self._knowledge.starts)[1].any():
             return ParameterError(f"there is no strategy: {error}", ("assumptions",))
+        if not guilty.guarantees:
+            said = "whatever the guarantees, the agent comes to a cell that it can neither stay in nor leave"
+            return ParameterError(f"there is no strategy: {said}, for example from: {error}", ("model",))
         *others, last = [
             *_places("assumptions", self._game.assumptions, (*guilty.helpful, *guilty.opposing)),
             *_places("guarantees", self._game.guarantees, guilty.guarantees),
         ]
+        nowhere = _labels_of_no_cell(guilty.guarantees, self._knowledge.model.system.labels)
         return ParameterError(
             f"there is no strategy: whatever the agent does, the environment can keep all assumptions and prevent it. "
-            f"{guilty}, for example from: {error}. With `on_unrealisable: counterstrategy` the environment "
+            f"{guilty}, for example from: {error}{nowhere}. With `on_unrealisable: counterstrategy` the environment "
             f"shows in a run how",
             last,
             related=[(place, "this is a part of the conflict") for place in others],
@@ -346,6 +359,13 @@ class KnowledgeStrategy(GroupComponent):
                 model = self.parameters.model
                 raise ValueError(f"the knowledge `{name}` of {agent} lists {each!r}, which is no cell of `{model}`")
         return tuple(sorted({states.index(each) for each in cells}))
+
+
+def _labels_of_no_cell(statements: Sequence[Statement], labels: Mapping[str, Collection[int]]) -> str:
+    """Return a remark about the labels in some statements that no cell has; empty if there are none."""
+    nodes = (node for each in statements for one in each.clauses for node in (one.node, one.answer) if node)
+    found = sorted({name for node in nodes for name in names_in_formula(node) if name in labels and not labels[name]})
+    return f"; no cell has the label {' or '.join(f'`{name}`' for name in found)}" if found else ""
 
 
 def _places(section: str, statements: Sequence[Statement], guilty: Sequence[Statement]) -> list[tuple[str, int]]:

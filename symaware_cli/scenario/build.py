@@ -29,6 +29,7 @@ from symaware_cli.scenario.document import ScenarioDocument, TopologyUse
 from symaware_cli.scenario.fault_builder import FaultBuilder
 from symaware_cli.scenario.group_builder import GroupBuilder
 from symaware_cli.scenario.knowledge_model_builder import KnowledgeModelBuilder
+from symaware_cli.scenario.label_check import check_label_agents, check_label_values
 from symaware_cli.scenario.network_builder import NetworkBuilder
 from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parts import check_omitted
@@ -195,6 +196,8 @@ class _SimulationBuilder:
             check_assets(document, environment, self._folder, self._diagnosis)
             check_consensus(document, environment.time_step, component_entries, self._diagnosis)
             check_circular_assumptions(component_entries, self._diagnosis)
+            if len(groups) == len(document.agents):
+                check_label_agents(groups, component_entries, self._diagnosis)
             if document.topology is not None and len(groups) == len(document.agents):
                 network, links = self._network(
                     document.topology, networks, document, environment, groups, component_entries
@@ -205,6 +208,7 @@ class _SimulationBuilder:
             self._diagnosis.raise_problems()
         simulation = self._simulation(document, environment, groups, component_entries)
         check_values(options.specifications, self._diagnosis)
+        check_label_values(environment, component_entries, self._diagnosis)
         if self._world is None:
             check_cells(document, environment, component_entries, self._diagnosis)
         if self._problems:

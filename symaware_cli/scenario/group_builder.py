@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -59,7 +59,9 @@ class ComponentCheck:
             )
         return set(component.knowledge) <= set(known)
 
-    def can_work(self, group: AgentGroup, component: BaseComponent[Any], path: Path, use: str) -> bool:
+    def can_work(
+        self, group: AgentGroup, component: BaseComponent[Any], path: Path, use: str, wrong: Collection[str] = ()
+    ) -> bool:
         """Check that a component can work for a group, as far as that is known before the run.
 
         Args:
@@ -67,6 +69,7 @@ class ComponentCheck:
             component: The component; it has the knowledge that it needs.
             path: The path of its section.
             use: Its entry-point name.
+            wrong: The names of components of the group that are themselves wrong, which is reported there.
         """
         try:
             component.check(group)
@@ -76,7 +79,8 @@ class ComponentCheck:
             raise
         except ParameterError as error:
             where = (*path, "with", *error.place)
-            if error.is_consequence:
+            named = getattr(component.parameters, str(error.place[0]), None) if len(error.place) == 1 else None
+            if error.is_consequence or (isinstance(named, str) and named in wrong):
                 return False
             if isinstance(error.__cause__, ExpressionError):
                 self._diagnosis.report_expression(str(error), where, error.__cause__)
@@ -172,10 +176,13 @@ class GroupBuilder:
         group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
         group.regions, group.folder = self._document.regions if self._document else {}, self._folder
         group.knowledge_models = self.knowledge_models
+        wrong = instances.keys() - capable
         component_entries = [
             ComponentEntry(group, component, uses[component], instances[component])
             for component in capable
-            if self._check.can_work(group, instances[component][0], (*path, "components", component), uses[component])
+            if self._check.can_work(
+                group, instances[component][0], (*path, "components", component), uses[component], wrong
+            )
         ]
         return group, component_entries
 

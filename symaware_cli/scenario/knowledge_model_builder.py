@@ -58,7 +58,8 @@ class KnowledgeModelBuilder:
         try:
             model.prepare(self._regions)
         except ParameterError as error:
-            self._report("unsuitable", str(error), (*path, "with", *error.place))
+            if not error.is_consequence:
+                self._report("unsuitable", str(error), (*path, "with", *error.place))
         except (ValueError, KeyError) as error:
             said = f"{quoted(entry['use'])} cannot make this: {words(error)}"
             self._report("unsuitable", said, path, key=True)

@@ -181,7 +181,9 @@ class _ErrorTranslator:
 
     def _unknown(self, inner: Path) -> Problem:
         path, name = (*self._base, *inner), str(inner[-1])
-        known = sorted(_fields(_model_at(self._model, inner[:-1])))
+        owners = _models_in(_annotation_at(self._model, inner[:-1]))
+        # Of a union, another branch may have it.
+        known = sorted({each for owner in owners for each in _fields(owner)} - {name})
         suggestion = nearest(name, known)
         home = self._valid_path(path, name)
         # A name that is valid elsewhere takes precedence over a slightly similar one.
@@ -372,8 +374,12 @@ def _branches(annotation: Any) -> list[Any]:
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
-    found = [each for each in _branches(annotation) if isinstance(each, type) and issubclass(each, BaseModel)]
+    found = _models_in(annotation)
     return found[0] if len(found) == 1 else None
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    return [each for each in _branches(annotation) if isinstance(each, type) and issubclass(each, BaseModel)]
 
 
 def _element(annotation: Any) -> type[BaseModel] | None:

@@ -262,6 +262,9 @@ class _Parser:
         name = token.text
         if name in _CONSTANTS:
             return Constant(token.span, _CONSTANTS[name])
+        if name in PRECEDENCE[LEVEL["not"]]:
+            said = f"`{name}` cannot stand after an operator that binds more tightly: put it in brackets, ({name} ...)"
+            raise ExpressionError(said, token.span)
         if name in RESERVED:
             raise ExpressionError(f"`{name}` cannot stand here: a value is missing before it", token.span)
         if name in _FOREIGN:

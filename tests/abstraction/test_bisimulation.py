@@ -1,9 +1,11 @@
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from symaware_cli.abstraction.bisimulation import bisimulation
+from symaware_cli.abstraction.graph_file import GraphFile
 from symaware_cli.abstraction.grid_cells import GridCells
 from symaware_cli.abstraction.transition_system import TransitionSystem
 from symaware_cli.geometry.region import Region
@@ -56,3 +58,12 @@ def test_moves_drawn_at_random_agree_with_the_comparison() -> None:
         names = model.system.states[one], model.system.states[other]
         expected = names in found.missing or other in model.system.successors[one]
         assert seen[one, other] == expected, names
+
+
+def test_states_without_places_are_not_compared_with_an_integrator(tmp_path: Path) -> None:
+    (tmp_path / "gripper.yaml").write_text("transitions: {empty: [empty]}")
+    gripper = GraphFile(GraphFile.Parameters.model_validate({"graph": {"file": "gripper.yaml"}, "places": False}))
+    gripper.folder = tmp_path
+    gripper.prepare({})
+    with pytest.raises(ValueError, match="have no places"):
+        bisimulation(gripper, 1.0)

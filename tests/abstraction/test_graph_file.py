@@ -38,12 +38,26 @@ def test_yaml_and_dot_say_the_same(tmp_path: Path) -> None:
         ("transitions: {hall: [hall]}\nlabels: {lab: [hall]}", "`lab` is a region"),
         ("transitions: {hall: hall", "while parsing"),
         ("[1, 2]", "`transitions`"),
+        ("transitions: {hall: 3}", "the states after `hall`: '3' is no list of states"),
+        ("transitions: {hall: hall}", "the states after `hall`: 'hall' is no list of states"),
+        ("transitions: {hall: [hall]}\ninitial: hall", "`initial`: 'hall' is no list of states"),
+        ("transitions: {hall: [hall]}\nlabels: [hall]", "`labels` of a transition system"),
+        ("transitions: {hall: [hall]}\nlabels: {work: hall}", "the states with the label `work`"),
         ("x" * 1_000_001, "longer than"),
     ],
 )
 def test_files_that_are_no_model_are_refused(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         read(tmp_path, "a.yaml", text)
+
+
+def test_names_in_yaml_are_texts(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("transitions: {on: [off, 1.0], off: [on], 1.0: }\ninitial: [off]")
+    model = GraphFile(GraphFile.Parameters.model_validate({"graph": {"file": "a.yaml"}, "places": False}))
+    model.folder = tmp_path
+    model.prepare({})
+    assert model.system.states == ("on", "off", "1.0")
+    assert model.system.successors == ((1, 2), (0,), ())
 
 
 def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path: Path) -> None:

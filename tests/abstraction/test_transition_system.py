@@ -21,6 +21,8 @@ def test_a_system_survives_dot() -> None:
 def test_a_line_that_is_no_dot_is_named() -> None:
     with pytest.raises(ValueError, match=r"line 2 is not a node or an edge: a => b"):
         TransitionSystem.from_dot("digraph {\na => b\n}")
+    with pytest.raises(ValueError, match=r"line 1 is not a node or an edge: .*; write one on each line"):
+        TransitionSystem.from_dot("digraph { a -> b }")
 
 
 def test_a_system_is_made_from_plain_data() -> None:

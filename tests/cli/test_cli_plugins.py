@@ -72,6 +72,24 @@ def test_the_knowledge_models_of_a_scenario_are_drawn(command: Command, tmp_path
     assert "has no knowledge models" in without.stderr
 
 
+@pytest.mark.parametrize(
+    ("file", "status", "said"),
+    [
+        ("floor.jpg", 2, "cannot draw floor.jpg: the suffix '.jpg' is not a known format; use .png, .svg or .pdf"),
+        ("floor", 2, "cannot draw floor: a name without a suffix is not a known format"),
+        ("nowhere/floor.png", 1, "cannot write nowhere/floor.png: its folder does not exist"),
+    ],
+)
+def test_a_figure_of_knowledge_models_that_cannot_be_written_is_refused_in_a_sentence(
+    file: str, status: int, said: str, command: Command, tmp_path: Path
+) -> None:
+    refused = command("show", Path(__file__).parents[2] / "scenarios" / "door.yaml", "--output", file)
+    assert refused.returncode == status
+    assert said in refused.stderr
+    assert "Traceback" not in refused.stderr
+    assert not list(tmp_path.glob("*floor*"))
+
+
 def test_a_misspelt_plugin_is_answered_with_the_nearest(command: Command) -> None:
     done = command("show", "unicicle")
     assert (done.returncode, done.stdout) == (2, "")

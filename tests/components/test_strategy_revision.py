@@ -304,6 +304,30 @@ def test_a_robot_stays_while_something_is_overdue_or_for_good(tmp_path: Path, fa
     assert ((3, 2) in cells(log, "robot")) == passes
 
 
+def test_while_something_is_overdue_a_robot_goes_back_to_the_last_cell_with_another_way(tmp_path: Path) -> None:
+    # The robot comes from the southern door, which opens while it waits at the northern one. Only in the cell before
+    # the southern door, while that is open, is there a strategy without the other: that door may close at any time.
+    changes = {
+        "agents.robot.state": [2.5, 0.5, 1.5],
+        "agents.southern.components.slide.with.loop": False,
+        f"{DECIDE}.assumptions": ["always eventually north_open"],
+        f"{DECIDE}.guarantees": [
+            "always (not north_open and not north implies not next north)",
+            "always (not south_open and not south implies not next south)",
+            "always eventually shelf",
+        ],
+        f"{DECIDE}.patience": 8.0,
+        f"{DECIDE}.on_overdue": "last-safe-cell",
+        f"{DECIDE}.revision": None,
+        "run.duration": 25.0,
+    }
+    log = run(tmp_path / "a.mcap", changes, "two-doors.yaml")
+    told = [each.text for each in open_log(log).events() if each.name == "retreated"]
+    assert told == [f"goes back to c2_{row}" for row in (3, 2, 1, 0)]
+    assert (2, 4) in cells(log, "robot")
+    assert open_log(log).series("robot", "state").values[-1, :2].tolist() == pytest.approx([2.5, 0.5])
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -68,6 +68,8 @@ def test_what_binds_more_tightly(text: str, bracketed: str) -> None:
         ("eventually[a, 2] b", "a window is two times in seconds", "a"),
         ("next[0, 1] a", "`next` has no window", "next"),
         ("a until", "the expression breaks off here", "l"),
+        ("a == next b", "`next` cannot stand after an operator that binds more tightly: put it in brackets", "next"),
+        ("2 * not a", "`not` cannot stand after an operator that binds more tightly", "not"),
         ("until b", "`until` cannot stand here: a value is missing before it", "until"),
         ("a b", "`b` cannot stand here: an operator is missing before it", "b"),
         ("inside(position)", "inside(...) takes 2 arguments, not 1", "inside(position)"),

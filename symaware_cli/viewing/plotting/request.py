@@ -140,6 +140,18 @@ class Window:
         return cls(start, end, at)
 
 
+def check_format(path: Path) -> None:
+    """Check that a figure can be written in the format that the suffix of its file names.
+
+    Raises:
+        UnknownNameError: The suffix is not one of `FORMATS`.
+    """
+    if path.suffix.lower() not in FORMATS:
+        what = f"the suffix {path.suffix!r}" if path.suffix else "a name without a suffix"
+        message = f"cannot draw {path}: {what} is not a known format; use {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
+        raise UnknownNameError(message, path.suffix.lower(), FORMATS)
+
+
 def check_output(path: Path, request: PlotRequest) -> None:
     """Check that a figure can be written to a file, before drawing it.
 
@@ -147,10 +159,7 @@ def check_output(path: Path, request: PlotRequest) -> None:
         UnknownNameError: The suffix is not one of `FORMATS`.
         LogError: The figure is too small to show anything, or too large for memory.
     """
-    if path.suffix.lower() not in FORMATS:
-        what = f"the suffix {path.suffix!r}" if path.suffix else "a name without a suffix"
-        message = f"cannot draw {path}: {what} is not a known format; use {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
-        raise UnknownNameError(message, path.suffix.lower(), FORMATS)
+    check_format(path)
     if request.size is None:
         return
     width, height = request.size
