@@ -148,7 +148,7 @@ def run(
         typer.echo(f"symaware: {summary.failure}", err=True)
         if summary.log is None:
             typer.echo(summary.traceback or "", err=True, nl=False)
-        else:
+        elif summary.traceback:
             typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
     sys.stdout.flush()
     if result.viewer:
