@@ -25,8 +25,7 @@ from symaware_cli.study.signed_statement import read_statement
 from symaware_cli.study.sweep_files import JOURNAL, SWEEP, WRITTEN
 from symaware_cli.study.sweep_journal import SweepJournal
 from symaware_cli.viewing.embedded_viewer import POLICY, embedded_viewer
-from symaware_cli.viewing.moving_map import moving_map
-from symaware_cli.viewing.plotting.plot import plot
+from symaware_cli.viewing.plotting.plot import matplotlib_required, plot
 from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.viewer import require
 
@@ -172,6 +171,8 @@ def _of_specifications(log: Log) -> Iterator[str]:
 
 
 def _of_motion(log: Log, *, viewer: bool) -> Iterator[str]:
+    with matplotlib_required():
+        from symaware_cli.viewing.moving_map import moving_map
     if viewer:
         yield from _on_screen("Replay", *_of_replay(log))
     try:

@@ -14,6 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from symaware_cli.api.comparison import ScenarioChange, differing_values
+from symaware_cli.api.sweeps import require_pyarrow
 from symaware_cli.api.verification import VersionDifference, version_differences
 from symaware_cli.recording.error import LogError
 from symaware_cli.study import table_file
@@ -108,9 +109,10 @@ def compare_sweeps(
 
     Raises:
         SweepError: One of them is not the folder of a sweep.
-        LogError: One of them has no table yet, or there is nothing to draw.
+        LogError: One of them has no table yet, there is nothing to draw, or pyarrow is not installed.
         OutputError: The figure cannot be written.
     """
+    require_pyarrow()
     if plot is not None:
         check_output(Path(plot), PlotRequest())
     folders = SweepFolder.opened(one), SweepFolder.opened(other)

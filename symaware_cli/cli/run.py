@@ -148,7 +148,7 @@ def run(
         typer.echo(f"symaware: {summary.failure}", err=True)
         if summary.log is None:
             typer.echo(summary.traceback or "", err=True, nl=False)
-        else:
+        elif summary.traceback:
             typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
     sys.stdout.flush()
     if result.viewer:
@@ -163,8 +163,11 @@ def run(
 def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_json: bool) -> Scenario:
     """Return the scenario of a run of a sweep; exit if the options are inconsistent."""
     from symaware_cli.api.sweeps import scenario_of
+    from symaware_cli.study.sweep_files import is_sweep
 
     if index is None:
+        if not is_sweep(folder):
+            fail(f"{folder} is a folder, and not that of a sweep: give a scenario or a log", WRONG_INPUT, as_json)
         fail(f"{folder} is a folder: say which run of its sweep to repeat, with --index", WRONG_INPUT, as_json)
     if not folder.is_dir():
         fail("--index goes with the folder of a sweep", WRONG_INPUT, as_json)

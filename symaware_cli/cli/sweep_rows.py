@@ -38,9 +38,10 @@ def show_rows(
         SweepError: There is no sweep, or the condition is not valid.
         UnknownNameError: There is no such column.
     """
-    import pyarrow
+    from symaware_cli.api.sweeps import read_rows, require_pyarrow
 
-    from symaware_cli.api.sweeps import read_rows
+    require_pyarrow()
+    import pyarrow
 
     table, planned = read_rows(folder, where, sort, None, columns)
     shown = table if limit is None else table.slice(0, limit)

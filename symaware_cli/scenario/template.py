@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from string import Template
 
+#: Where the comments begin.
+_COMMENTS = 33
+
 _YAML = Template("""\
 # $name: what to look for when it runs.
 # Check it with `symaware validate $name.yaml`, run it with `symaware run $name.yaml`.
 symaware: 1                      # version of the scenario format
-name: $name                      # names the log
+$name_line# names the log
 seed: 1                          # the same seed gives the same run, byte for byte
 
 run:
@@ -37,7 +40,7 @@ _TOML = Template("""\
 # $name: what to look for when it runs.
 # Check it with `symaware validate $name.toml`, run it with `symaware run $name.toml`.
 symaware = 1                     # version of the scenario format
-name = "$name"                   # names the log
+$name_line# names the log
 seed = 1                         # the same seed gives the same run, byte for byte
 
 [run]
@@ -75,4 +78,5 @@ def template(name: str, *, toml: bool = False) -> str:
     """
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,63}", name):
         raise TemplateError(f"`{name}` is not a name: expected a letter or _, then letters, digits, _ or -")
-    return (_TOML if toml else _YAML).substitute(name=name)
+    name_line = f'name = "{name}" ' if toml else f"name: {name} "
+    return (_TOML if toml else _YAML).substitute(name=name, name_line=name_line.ljust(_COMMENTS))

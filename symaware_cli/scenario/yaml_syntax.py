@@ -60,6 +60,11 @@ def report_syntax_error(source: Source, error: yaml.YAMLError) -> None:
         source.report("syntax", f"this is not valid YAML: {reason or type(error).__name__}", None)
         return
     here = _Position(source, mark)
+    if re.search(r"mapping values are not allowed|expected key|<block end>|could not find expected ':'", reason):
+        colon = _colon_without_space(source, here)
+        if colon is not None:
+            source.report("syntax", "a space is missing after this `:`", colon)
+            return
     if "cannot start any token" in reason:
         _report_stray_character(source, here)
     elif context_mark is not None and ("',' or ']'" in reason or "',' or '}'" in reason):
@@ -72,6 +77,16 @@ def report_syntax_error(source: Source, error: yaml.YAMLError) -> None:
         _report_misfit(source, here, _Position(source, context_mark))
     else:
         _report_by_words(source, reason, here, _Position(source, context_mark) if context_mark is not None else None)
+
+
+def _colon_without_space(source: Source, here: "_Position") -> TextSpan | None:
+    """Find the colon that joins a key and its value to one text, so that what follows fits nothing."""
+    above = next((line for line in range(here.line - 1, 0, -1) if (source.line_text(line) or "").strip()), here.line)
+    for line in (here.line, above):
+        joined = re.match(r" *[A-Za-z_][\w.-]*:(?=[^\s:/])", source.line_text(line) or "")
+        if joined:
+            return TextSpan(source.name, line, joined.end(), joined.end() + 1)
+    return None
 
 
 class _Position:

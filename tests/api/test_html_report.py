@@ -3,6 +3,8 @@
 import json
 import re
 import shutil
+import subprocess
+import sys
 import time
 from io import BytesIO
 from pathlib import Path
@@ -54,6 +56,15 @@ def data(page: str) -> dict[str, Any]:
     assert found
     content: dict[str, Any] = json.loads(found[1])
     return content
+
+
+def test_without_matplotlib_the_command_that_installs_it_is_told(log: Path) -> None:
+    code = "import sys; sys.modules['matplotlib'] = None; from symaware_cli.cli import main; main()"
+    line = [sys.executable, "-c", code, "report", str(log)]
+    done = subprocess.run(line, cwd=log.parent, capture_output=True, text=True, timeout=60, check=False)
+    told = "symaware: plots need the module `matplotlib`, which is not installed: pip install 'symaware-cli[plot]'\n"
+    assert (done.returncode, done.stderr) == (2, told)
+    assert not list(log.parent.glob("*.html"))
 
 
 def test_a_report_is_one_page_that_fetches_nothing(log: Path) -> None:

@@ -40,6 +40,15 @@ def test_every_public_name_can_be_imported() -> None:
     assert [name for name in sa.__all__ if getattr(sa, name).__name__ != name] == []
 
 
+def test_every_public_name_can_be_imported_without_the_extras() -> None:
+    extras = [
+        *("casadi", "cmaes", "cryptography", "daqp", "foxglove_schemas_protobuf", "highspy", "matplotlib", "optuna"),
+        *("pyarrow", "pybullet", "pymunk", "ray", "rerun", "rfc8785", "zenoh"),
+    ]
+    code = f"import sys; sys.modules.update(dict.fromkeys({extras})); from symaware_cli import *"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_a_scenario_that_was_loaded_tells_what_it_is_about(path: Path) -> None:
     outline = sa.load(path, {"agents.robot.count": 4}).outline
     assert outline is not None

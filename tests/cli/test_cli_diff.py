@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -144,3 +146,13 @@ def test_a_folder_is_compared_with_another_sweep_only(sweeps: Path, tmp_path: Pa
     status, _, err = diff(sweeps / "one", tmp_path / "unfinished")
     assert status == 2
     assert "has no table yet" in err
+
+
+@pytest.mark.parametrize("verb", [["diff", "swept", "swept"], ["inspect", "swept"]])
+def test_without_pyarrow_the_command_that_installs_it_is_told(verb: list[str], tmp_path: Path) -> None:
+    sweep(HELLO, tmp_path / "swept", runs=2, changes={"run.duration": 0.5}, jobs=0)
+    code = "import sys; sys.modules['pyarrow'] = None; from symaware_cli.cli import main; main()"
+    line = [sys.executable, "-c", code, *verb]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    told = "symaware: a sweep needs the module `pyarrow`, which is not installed: pip install 'symaware-cli[sweep]'\n"
+    assert (done.returncode, done.stderr) == (2, told)

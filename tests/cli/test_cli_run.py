@@ -69,6 +69,20 @@ def test_a_quiet_run_says_nothing(command: Command, scenario: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def test_a_folder_that_is_not_that_of_a_sweep_is_refused(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "plain").mkdir()
+    done = command("run", "plain")
+    told = "symaware: plain is a folder, and not that of a sweep: give a scenario or a log\n"
+    assert (done.returncode, done.stderr) == (2, told)
+
+
+def test_a_failure_without_an_exception_promises_no_traceback(command: Command, scenario: Path) -> None:
+    done = command("run", "swap.yaml", "-q", "--set", "agents.robot.model.with.process_noise=1e15")
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "beyond 1e+15" in done.stderr
+
+
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
 def test_a_run_needs_no_standard_streams(closed: str, scenario: Path, tmp_path: Path) -> None:
     shell = ["sh", "-c", f'exec "$@" {closed}', "sh"]

@@ -37,6 +37,7 @@ def test_a_new_scenario_says_how_to_run_it_and_explains_its_lines(toml: bool) ->
     text = template("fresh", toml=toml)
     assert f"symaware run fresh.{'toml' if toml else 'yaml'}" in text
     assert text.count("#") >= 10
+    assert text.splitlines()[2].index("#") == text.splitlines()[3].index("#")
     assert all(len(line) <= 120 and line == line.rstrip() for line in text.splitlines())
     # Quantities are explained with their units.
     assert set(re.findall(r"\[(s|m|m/s|rad)\]", text)) == {"s", "m", "m/s", "rad"}
