@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from symaware_cli.core import Environment
+from symaware_cli.core import EntityGroup, Environment
 from symaware_cli.environments.column_environment import Array, ColumnEnvironment
 
 
@@ -44,3 +44,7 @@ class RecordedEnvironment(ColumnEnvironment):
     def step(self) -> None:
         """Refuse: the next states are in the log."""
         raise NotImplementedError("a recorded world cannot be stepped")
+
+    def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
+        """Refuse: sudden changes are in the recorded states. Scenarios whose faults cause them can still be checked."""
+        raise NotImplementedError("a recorded world cannot be pushed")
