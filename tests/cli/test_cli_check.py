@@ -52,6 +52,29 @@ def test_a_new_formula_is_for_each_agent_unless_said_otherwise(logs: Path) -> No
     assert json.loads(out)["specifications"][0]["counts"] == {"violated": 1, "undecided": 0, "satisfied": 2}
 
 
+@pytest.mark.parametrize(
+    ("formula", "option", "first", "last", "marked"),
+    [
+        ("always spee < 1", ("--each", "robot"), 8, 12, "--formula"),
+        ("always spee < 1", (), 8, 12, "--formula"),
+        ('always position["first"][0] + y < 1', ("--pairs", "robot"), 1, 36, "--formula"),
+        ("always speed < 1", ("--each", "robto"), 1, 6, "--each"),
+        ("always distance < 1", ("--pairs", "robto"), 1, 6, "--pairs"),
+    ],
+)
+def test_a_mistake_is_located_in_the_option_in_which_it_was_typed(
+    logs: Path, formula: str, option: tuple[str, ...], first: int, last: int, marked: str
+) -> None:
+    status, out, _ = check(logs / "patrol.mcap", "--formula", formula, *option, "--json")
+    assert status == 2
+    (problem,) = json.loads(out)["problems"]
+    assert problem["span"] == {"file": marked, "line": 1, "column": first, "end_column": last}
+    assert problem["source_line"] == (formula if marked == "--formula" else "robto")
+    _, _, said = check(logs / "patrol.mcap", "--formula", formula, *option)
+    assert said.startswith(f"{marked}:1:{first}: ")
+    assert "--set" not in said
+
+
 def test_a_folder_of_logs_is_a_table(logs: Path) -> None:
     status, out, _ = check(logs)
     assert status == 3
