@@ -13,7 +13,7 @@ from hashlib import sha256
 from math import asin, comb, exp, fsum, isfinite, log, sin, sqrt
 from pathlib import Path
 
-folder = Path(sys.argv[1])
+folder = Path(sys.argv[1]) if sys.argv[1:] and Path(sys.argv[1]).is_dir() else sys.exit(__doc__)
 read = json.loads(Path(sys.argv[2] if len(sys.argv) > 2 else folder / "certificate.json").read_bytes())
 read = json.loads(base64.b64decode(read["payload"])) if "payload" in read else read
 said, subject = read["predicate"], {each["name"]: each["digest"]["sha256"] for each in read["subject"]}
