@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import FAILED, VIOLATED, WRONG_INPUT, Json, fail, print_json, printable, trouble_shown
+from symaware_cli.cli.terminal import (
+    DATA_LOST,
+    FAILED,
+    VIOLATED,
+    WRONG_INPUT,
+    Json,
+    fail,
+    print_json,
+    printable,
+    trouble_shown,
+)
 
 if TYPE_CHECKING:
     from symaware_cli.api.checking import CheckResult
@@ -79,7 +89,12 @@ def check(
         typer.echo("\n".join(_lines(results[0])))
     else:
         typer.echo("\n".join(_table(results)))
-    raise typer.Exit(VIOLATED if any(result.violated for result in results) else 0)
+        for result in results:
+            if result.damage:
+                typer.echo(f"symaware: {result.log}: {result.damage}", err=True)
+    if any(result.violated for result in results):
+        raise typer.Exit(VIOLATED)
+    raise typer.Exit(DATA_LOST if any(result.damage for result in results) else 0)
 
 
 def _logs(paths: Sequence[Path], *, as_json: bool) -> list[Path]:
@@ -143,6 +158,8 @@ def _notes(result: CheckResult) -> list[str]:
     notes = []
     if result.sampled is not None:
         notes.append(f"sampled: the log has an instant every {result.sampled:g} s; --again looks at every step")
+    if result.damage:
+        notes.append(f"the log is damaged, so verdicts are about a part of the run only: {result.damage}")
     if not result.is_whole:
         notes.append("the run did not come to its end, so what was not decided by then stays undecided")
     return notes

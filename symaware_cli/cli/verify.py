@@ -181,6 +181,8 @@ def _lines(result: VerificationResult) -> Iterator[str]:
     for version in result.versions:
         there = f"{version.then or 'not installed'} in the log, {version.now or 'not installed'} here"
         yield f"  {'version':<12} {printable(f'{version.name}: {there}')}"
+    if result.damage:
+        yield f"  {'damage':<12} {printable(result.damage)}"
     if not result.is_whole:
         yield f"  {'note':<12} the log ends before its run did; it was compared as far as it goes"
 

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 from typer.testing import CliRunner
 
 from symaware_cli.cli.application import application
@@ -75,6 +76,33 @@ def test_a_mistake_is_located_in_the_option_in_which_it_was_typed(
     assert "--set" not in said
 
 
+def test_what_a_damaged_log_lacks_is_told_with_exit_status_3(logs: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "damaged"
+    folder.mkdir()
+    log = folder / "patrol.mcap"
+    execute(build(SCENARIOS / "patrol.yaml", ["run.duration=10", "specifications.fetch=null"]), log)
+    before = check(log)[0]
+    damaged(log)
+    status, out, _ = check(log)
+    assert (before, status) == (0, 3)
+    assert "  note       the log is damaged, so verdicts are about a part of the run only: " in out
+    assert "1 damaged chunk left out" in json.loads(check(log, "--json")[1])["damage"]
+    shutil.copy(logs / "patrol.mcap", folder / "sound.mcap")
+    status, _, said = check(folder)
+    assert status == 3
+    assert said.startswith(f"symaware: {log}: 1 damaged chunk left out")
+
+
+def damaged(log: Path) -> None:
+    """Change one byte in the first chunk of a log."""
+    content = bytearray(log.read_bytes())
+    start = 8
+    while content[start] != Opcode.CHUNK:
+        start += 9 + int.from_bytes(content[start + 1 : start + 9], "little")
+    content[start + 8 + int.from_bytes(content[start + 1 : start + 9], "little") - 50] ^= 1
+    log.write_bytes(content)
+
+
 def test_a_folder_of_logs_is_a_table(logs: Path) -> None:
     status, out, _ = check(logs)
     assert status == 3
@@ -122,7 +150,7 @@ def test_a_damaged_log_is_checked_as_far_as_it_goes(logs: Path, tmp_path: Path) 
     with broken.open("r+b") as file:
         file.truncate(broken.stat().st_size * 2 // 3)
     status, out, _ = check(broken)
-    assert status == 0
+    assert status == 3
     assert "the run did not come to its end" in out
 
 

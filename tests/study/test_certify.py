@@ -251,7 +251,7 @@ def test_what_is_no_certificate_is_refused(certified: Path, tmp_path: Path) -> N
     assert "cannot read" in symaware("verify", certified / "none.json", status=2)
 
 
-DAMAGES = {
+DAMAGES: dict[str, tuple[str, bytes | str]] = {
     "garbage for a table": ("runs.parquet", b"PAR1 is not enough"),
     "garbage for a journal": ("journal.sqlite", b"no database" * 100),
     "garbage for an identity": ("identity.json", b"{]"),
