@@ -39,9 +39,9 @@ def root(leaves):  # RFC 6962, section 2.1; split at the largest power of two be
     return leaves[0] if len(leaves) == 1 else sha256(b"\1" + root(leaves[:split]) + root(leaves[split:])).digest()
 
 
-def evidence(k, n):  # of k failures in n runs
+def evidence(k, n, e=Decimal(epsilon)):  # of k failures in n runs
     if claim["rule"] == "fixed":  # 1 / P(X <= k), X binomial
-        return 1 / fsum(comb(n, i) * epsilon**i * (1 - epsilon) ** (n - i) for i in range(k + 1))
+        return 1 / float(max(sum(comb(n, i) * e**i * (1 - e) ** (n - i) for i in range(k + 1)), Decimal("1e-300")))
     # The mean likelihood ratio of p = sin(t)^2 to epsilon, t uniform: that is Beta(1/2, 1/2), truncated.
     chances = (sin(asin(sqrt(epsilon)) * (i + 0.5) / 20_000) ** 2 for i in range(20_000))
     return fsum(exp(k * log(p / epsilon) + (n - k) * log((1 - p) / (1 - epsilon))) for p in chances) / 20_000

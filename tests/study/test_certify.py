@@ -284,3 +284,16 @@ def test_an_envelope_without_a_signature_is_no_certificate(certified: Path) -> N
     path = certified / "certificate.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"signatures": []}))
     assert "not a certificate: an envelope has one signature" in symaware("verify", path, status=2)
+
+
+@pytest.mark.parametrize("failing", [0, 100])
+def test_the_script_decides_claims_about_many_runs(tmp_path: Path, failing: int) -> None:
+    claim = "P(near) > 0.1 with confidence 0.9" if failing else "P(near) > 0.5 with confidence 0.9"
+    out = swept(tmp_path, "--runs", 1_200, "--set", SAFE, "--set", "run.duration=0.1", claim=claim)
+    sa.certify(out)
+    with closing(sqlite3.connect(out / "journal.sqlite")) as journal, journal:
+        journal.execute("UPDATE runs SET state = 'failed' WHERE \"index\" < ?", (5 * failing,))
+    said = derived(out)
+    assert "Traceback" not in said.stderr
+    assert f"combination 0: 1200 runs, {5 * failing} against, evidence " in said.stdout
+    assert said.returncode == (1 if failing else 0)
