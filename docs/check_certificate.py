@@ -13,7 +13,7 @@ from hashlib import sha256
 from math import asin, comb, exp, fsum, isfinite, log, sin, sqrt
 from pathlib import Path
 
-folder = Path(sys.argv[1])
+folder = Path(sys.argv[1]) if sys.argv[1:] and Path(sys.argv[1]).is_dir() else sys.exit(__doc__)
 read = json.loads(Path(sys.argv[2] if len(sys.argv) > 2 else folder / "certificate.json").read_bytes())
 read = json.loads(base64.b64decode(read["payload"])) if "payload" in read else read
 said, subject = read["predicate"], {each["name"]: each["digest"]["sha256"] for each in read["subject"]}
@@ -39,9 +39,9 @@ def root(leaves):  # RFC 6962, section 2.1; split at the largest power of two be
     return leaves[0] if len(leaves) == 1 else sha256(b"\1" + root(leaves[:split]) + root(leaves[split:])).digest()
 
 
-def evidence(k, n):  # of k failures in n runs
+def evidence(k, n, e=Decimal(epsilon)):  # of k failures in n runs
     if claim["rule"] == "fixed":  # 1 / P(X <= k), X binomial
-        return 1 / fsum(comb(n, i) * epsilon**i * (1 - epsilon) ** (n - i) for i in range(k + 1))
+        return 1 / float(max(sum(comb(n, i) * e**i * (1 - e) ** (n - i) for i in range(k + 1)), Decimal("1e-300")))
     # The mean likelihood ratio of p = sin(t)^2 to epsilon, t uniform: that is Beta(1/2, 1/2), truncated.
     chances = (sin(asin(sqrt(epsilon)) * (i + 0.5) / 20_000) ** 2 for i in range(20_000))
     return fsum(exp(k * log(p / epsilon) + (n - k) * log((1 - p) / (1 - epsilon))) for p in chances) / 20_000

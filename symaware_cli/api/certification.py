@@ -69,7 +69,7 @@ class CertificateVerification:
     Attributes:
         path: The certificate.
         public_key: The key of its signature, raw, in hexadecimal; None if it has none.
-        is_known_signer: Whether it is the key that was asked for.
+        is_known_signer: Whether it is the key that was asked for, and the signature is valid.
         findings: What in the certificate is not as the folder says.
         sweep: What was found in the folder.
     """
@@ -180,12 +180,15 @@ def verify_certificate(
     except ValueError as error:
         raise LogError(f"{path} is not a certificate: {error}") from None
     if not is_sweep(place):
-        raise SweepError(f"{place} is not the folder of the sweep that {path} is about")
+        raise SweepError(
+            f"{place} is not the folder of the sweep that {path} is about: a certificate is verified there"
+        )
     wanted = None if key is None else public_key_of(Path(key))
     sweep = SweepFolder.opened(place)
     findings = [*_of_signature(read, wanted), *_of_statement(sweep, read), *_of_rows(sweep, path)]
     result = verify_folder(sweep, level, rows, secrets.randbits(32) if seed is None else seed, on_progress)
-    return CertificateVerification(path, read.public_key, wanted is not None, findings, result)
+    is_known = wanted is not None and read.public_key == wanted and read.is_signed_by(wanted)
+    return CertificateVerification(path, read.public_key, is_known, findings, result)
 
 
 def _of_signature(read: SignedStatement, wanted: str | None) -> Iterator[Finding]:

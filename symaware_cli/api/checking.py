@@ -30,6 +30,7 @@ class CheckResult:
         sampled: Time between two recorded steps [s], if not every step was recorded; None otherwise.
         is_whole: Whether the run reached its declared end; otherwise open verdicts remain undecided.
         specifications: The outcome of each specification.
+        damage: What of the log could not be read, and so is not part of the outcomes; None if nothing.
     """
 
     log: Path
@@ -38,6 +39,7 @@ class CheckResult:
     sampled: float | None
     is_whole: bool
     specifications: tuple[Outcome, ...]
+    damage: str | None = None
 
     @property
     def violated(self) -> tuple[str, ...]:
@@ -96,7 +98,8 @@ def check_log(
     if is_whole:
         monitors.finish(simulation.clock.now)
     sampled = seconds(period) if period != recorded.step else None
-    return CheckResult(path, simulation.name, simulation.seed, sampled, is_whole, monitors.outcomes())
+    damage = str(log.damage) if log.damage and log.damage.lost else None
+    return CheckResult(path, simulation.name, simulation.seed, sampled, is_whole, monitors.outcomes(), damage)
 
 
 def _repeated(path: Path, overrides: Sequence[str], statements: Path | None) -> CheckResult:

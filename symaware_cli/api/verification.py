@@ -56,6 +56,7 @@ class VerificationResult:
         writer: The path of the component that wrote what differs, or ``environment``; "" if it is not known.
         attachments: How attachments, the outcome and what channels say of their columns differ.
         versions: What differs in versions and machine.
+        damage: What of the log could not be read; None if nothing.
     """
 
     log: Path
@@ -68,6 +69,7 @@ class VerificationResult:
     writer: str
     attachments: Sequence[LogDifference]
     versions: Sequence[VersionDifference]
+    damage: str | None = None
 
     @property
     def is_equal(self) -> bool:
@@ -124,6 +126,7 @@ def verify_log(path: Path, on_progress: Callable[[int, int], object] | None = No
         writer,
         attachments,
         version_differences(logged_versions(log), counting(versions())),
+        str(log.damage) if log.damage and log.damage.lost else None,
     )
 
 

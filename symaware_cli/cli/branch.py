@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def branch(
     log: Annotated[Path, typer.Argument(help="The log.", metavar="LOG")],
     at: Annotated[
-        str, typer.Option(help="When the branch begins: a time [s], or an event as in `violated(safe) - 2.0`.")
+        str, typer.Option(help="When the branch begins: a time in seconds, or an event as in `violated(safe) - 2.0`.")
     ],
     overrides: Overrides = None,
     over: Annotated[

@@ -45,6 +45,8 @@ def certify(
         try:
             made = certify(folder, claim=claim, key=key, output=output)
         except ValueError as error:
+            if claim is None:
+                raise
             fail(f"--claim {claim}: {error}", WRONG_INPUT, as_json)
     if as_json:
         print_json(made.to_json())

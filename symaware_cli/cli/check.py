@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import FAILED, VIOLATED, WRONG_INPUT, Json, fail, print_json, printable, trouble_shown
+from symaware_cli.cli.terminal import (
+    DATA_LOST,
+    FAILED,
+    VIOLATED,
+    WRONG_INPUT,
+    Json,
+    fail,
+    print_json,
+    printable,
+    trouble_shown,
+)
 
 if TYPE_CHECKING:
     from symaware_cli.api.checking import CheckResult
@@ -57,7 +70,7 @@ def check(
         fail(f"--of takes truth or belief, not {of}", WRONG_INPUT, as_json)
     logs = _logs(paths, as_json=as_json)
     results = []
-    with trouble_shown(as_json):
+    with trouble_shown(as_json), _located({"--formula": formula, "--each": each, "--pairs": pairs}):
         from symaware_cli.api.checking import check_log
         from symaware_cli.runtime.failure import RunError
 
@@ -76,7 +89,12 @@ def check(
         typer.echo("\n".join(_lines(results[0])))
     else:
         typer.echo("\n".join(_table(results)))
-    raise typer.Exit(VIOLATED if any(result.violated for result in results) else 0)
+        for result in results:
+            if result.damage:
+                typer.echo(f"symaware: {result.log}: {result.damage}", err=True)
+    if any(result.violated for result in results):
+        raise typer.Exit(VIOLATED)
+    raise typer.Exit(DATA_LOST if any(result.damage for result in results) else 0)
 
 
 def _logs(paths: Sequence[Path], *, as_json: bool) -> list[Path]:
@@ -88,6 +106,31 @@ def _logs(paths: Sequence[Path], *, as_json: bool) -> list[Path]:
             fail(f"there are no logs in {path}", WRONG_INPUT, as_json)
         logs += found
     return logs
+
+
+@contextmanager
+def _located(options: Mapping[str, str | None]) -> Iterator[None]:
+    """Locate the problems of a formula in the options in which it was typed, instead of in the scenario's changes."""
+    from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan
+
+    def typed(problem: Problem) -> Problem:
+        span, line = problem.span, problem.source_line
+        if span is None or line is None or not span.file.startswith("--set specifications="):
+            return problem
+        for option, text in options.items():
+            if text is not None:
+                stated = json.dumps(text)
+                start = line.rfind(stated, 0, span.column - 1 + len(stated))
+                if 0 <= start < span.column <= start + len(stated):
+                    first, last = (min(max(at - start - 1, 1), len(text) + 1) for at in (span.column, span.end_column))
+                    place = TextSpan(option, 1, first, max(last, first))
+                    return replace(problem, span=place, source_line=text)
+        return problem
+
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError(map(typed, error.problems)) from None
 
 
 def _stated(log: Path, stated: Mapping[str, str], each: str | None, pairs: str | None) -> Mapping[str, Any]:
@@ -115,6 +158,8 @@ def _notes(result: CheckResult) -> list[str]:
     notes = []
     if result.sampled is not None:
         notes.append(f"sampled: the log has an instant every {result.sampled:g} s; --again looks at every step")
+    if result.damage:
+        notes.append(f"the log is damaged, so verdicts are about a part of the run only: {result.damage}")
     if not result.is_whole:
         notes.append("the run did not come to its end, so what was not decided by then stays undecided")
     return notes

@@ -98,7 +98,7 @@ def _lines(found: Falsification) -> Iterator[str]:
     result, outcome = found.result, found.outcome
     failed = f", {result.failed:,} of them failed" if result.failed else ""
     one_by_one = [] if result.one_by_one is None else [f"  {'one by one':<12} {printable(result.one_by_one)}"]
-    looked = f"{result.runs:,} runs by {found.method}, seed {found.seed}{failed}"
+    looked = f"{_count(result.runs, 'run')} by {found.method}, seed {found.seed}{failed}"
     if not found.is_found:
         yield f"{found.scenario}: no violation of {found.specification} found, which does not prove that there is none"
         yield f"  {'looked':<12} {looked}"
@@ -120,8 +120,13 @@ def _lines(found: Falsification) -> Iterator[str]:
         yield f"  {'with':<12} {path}={json.dumps(value)}"
     if not result.values:
         yield f"  {'with':<12} nothing changed: the scenario itself violates it"
-    yield f"  {'found after':<12} {looked}; {result.shrinking:,} more to simplify {len(result.found or ()):,} values"
+    values = _count(len(result.found or ()), "value")
+    yield f"  {'found after':<12} {looked}; {result.shrinking:,} more to simplify {values}"
     yield from one_by_one
     if found.folder is not None:
         yield f"  {'to repeat':<12} symaware run {found.folder / 'counterexample.yaml'}"
         yield f"  {'log':<12} {found.folder / 'counterexample.mcap'}"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"

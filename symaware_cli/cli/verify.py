@@ -54,6 +54,8 @@ def verify(
     """Repeat runs and compare: equal, or what differs and where. Exit status 1 if something does."""
     if path.suffix == ".json":
         raise typer.Exit(_verify_certificate(path, level, rows, seed, key, quiet=quiet, as_json=as_json))
+    if key is not None:
+        fail(f"--key is for certificates, and {path} is none", WRONG_INPUT, as_json)
     if path.is_dir():
         raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet=quiet, as_json=as_json))
     with trouble_shown(as_json), output_kept(as_json):
@@ -107,9 +109,11 @@ def _verify_certificate(
         print_json(result.to_json())
     elif not quiet:
         findings = result.findings
-        typer.echo(f"{path}: {f'{len(findings):,} findings' if findings else 'sound'}")
+        typer.echo(f"{path}: {_outcome(findings)}")
         if result.public_key is not None:
             whose = "the key that was asked for" if result.is_known_signer else "nobody says whose: --key does"
+            if any(each.column == "signature" for each in findings):
+                whose = "which is not accepted"
             typer.echo(f"  {'signed by':<12} {result.public_key}, {whose}")
         else:
             typer.echo(f"  {'signed by':<12} nobody")
@@ -129,7 +133,7 @@ def _level(level: str, *, as_json: bool) -> Level:
 def _report(result: SweepVerification) -> Iterator[str]:
     """The report on the folder of a sweep."""
     findings = result.findings
-    yield f"{result.folder}: {f'{len(findings):,} findings' if findings else 'sound'}, level {result.level}"
+    yield f"{result.folder}: {_outcome(findings)}, level {result.level}"
     yield f"  {'rows':<12} {result.rows:,}, {result.repeated:,} of them made again, {result.logs:,} logs read"
     yield from _findings(findings)
     for line in result.versions[:_MOST]:
@@ -142,6 +146,10 @@ def _report(result: SweepVerification) -> Iterator[str]:
         yield f"  {'note':<12} lost runs, which are not made again: {result.lost:,}"
     if result.level == "arithmetic":
         yield f"  {'note':<12} a table that was forged consistently is found by repetition only"
+
+
+def _outcome(findings: Sequence[Finding]) -> str:
+    return f"{len(findings):,} finding{'s' if len(findings) > 1 else ''}" if findings else "sound"
 
 
 def _findings(findings: Sequence[Finding]) -> Iterator[str]:
@@ -173,6 +181,8 @@ def _lines(result: VerificationResult) -> Iterator[str]:
     for version in result.versions:
         there = f"{version.then or 'not installed'} in the log, {version.now or 'not installed'} here"
         yield f"  {'version':<12} {printable(f'{version.name}: {there}')}"
+    if result.damage:
+        yield f"  {'damage':<12} {printable(result.damage)}"
     if not result.is_whole:
         yield f"  {'note':<12} the log ends before its run did; it was compared as far as it goes"
 

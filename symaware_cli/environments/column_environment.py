@@ -141,3 +141,7 @@ class RecordedEnvironment(ColumnEnvironment):
     def step(self) -> None:
         """Refuse: the next states are in the log."""
         raise NotImplementedError("a recorded world cannot be stepped")
+
+    def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
+        """Refuse: sudden changes are in the recorded states. Scenarios whose faults cause them can still be checked."""
+        raise NotImplementedError("a recorded world cannot be pushed")

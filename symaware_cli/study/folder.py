@@ -92,8 +92,16 @@ class SweepFolder:
 
     @cached_property
     def identity(self) -> SweepIdentity:
-        """What the rows were made of."""
-        return SweepIdentity(**json.loads((self.path / IDENTITY).read_bytes()))
+        """What the rows were made of.
+
+        Raises:
+            SweepError: The file is damaged.
+        """
+        file = self.path / IDENTITY
+        try:
+            return SweepIdentity(**json.loads(file.read_bytes()))
+        except (OSError, TypeError, ValueError) as error:
+            raise SweepError(f"{file} is damaged: {error}") from error
 
     @property
     def specifications(self) -> Sequence[str]:

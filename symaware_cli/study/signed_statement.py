@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symaware_cli.recording.error import LogError
+from symaware_cli.recording.error import LogError, reason
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
@@ -106,6 +106,8 @@ def read_statement(content: bytes) -> SignedStatement:
         if found["payloadType"] != _PAYLOAD:
             raise ValueError(f"payload of the type {found['payloadType']}")
         payload = base64.b64decode(found["payload"], validate=True)
+        if len(found["signatures"]) != 1:
+            raise ValueError("an envelope has one signature")
         (signature,) = found["signatures"]
         sealed = base64.b64decode(signature["sig"], validate=True)
         return SignedStatement(_checked(read_json(payload)), sealed, str(signature["keyid"]), payload)
@@ -128,8 +130,10 @@ def public_key_of(path: Path) -> str:
         if b"PRIVATE" in content:
             return _private_key(path).public_key().public_bytes_raw().hex()
         key: Ed25519PublicKey | Any = load_pem_public_key(content)
-    except (OSError, ValueError) as error:
-        raise SignatureError(f"{path} is not a key in PEM: {error}") from None
+    except OSError as error:
+        raise SignatureError(f"cannot read {path}: {reason(error)}") from None
+    except ValueError:
+        raise SignatureError(f"{path} is not a key in PEM") from None
     if not isinstance(key, Ed25519PublicKey):
         raise SignatureError(f"{path} is not a key of Ed25519")
     return key.public_bytes_raw().hex()
@@ -147,10 +151,14 @@ def _private_key(path: Path) -> Ed25519PrivateKey:
 
     try:
         key = load_pem_private_key(path.read_bytes(), None)
-    except (OSError, ValueError, TypeError) as error:
-        raise SignatureError(f"{path} is not an unencrypted private key in PEM: {error}") from None
+    except OSError as error:
+        raise SignatureError(f"cannot read {path}: {reason(error)}") from None
+    except TypeError:
+        raise SignatureError(f"{path} is encrypted; signing needs an unencrypted private key") from None
+    except ValueError:
+        raise SignatureError(f"{path} is not a private key in PEM") from None
     if not isinstance(key, Ed25519PrivateKey):
-        raise SignatureError(f"{path} is not a key of Ed25519: openssl genpkey -algorithm ed25519 -out {path}")
+        raise SignatureError(f"{path} is not a key of Ed25519; `openssl genpkey -algorithm ed25519` makes one")
     return key
 
 

@@ -13,11 +13,16 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from symaware_cli.recording.error import OutputError
 from symaware_cli.study.row import Row
+from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_plan import SweepPlan
 
 #: Wall time between two commits [s].
 _INTERVAL = 0.5
+
+#: Errors of SQLite that are about the disk or its rights, not about the content of the file.
+_OF_OUTPUT = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN)
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS runs (
@@ -71,20 +76,35 @@ class JournalRecord(NamedTuple):
 
 
 class SweepJournal:
-    """The journal of a sweep; used in a ``with`` statement."""
+    """The journal of a sweep; used in a ``with`` statement, which turns errors of SQLite into those below.
+
+    Raises:
+        SweepError: The file is damaged.
+        OutputError: It cannot be opened or written.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._database = sqlite3.connect(path, isolation_level=None)
-        self._database.execute("PRAGMA journal_mode = WAL")
-        self._database.execute("PRAGMA synchronous = NORMAL")
-        self._database.execute(_SCHEMA)
+        self._path = path
         self._due = 0.0
+        try:
+            self._database = sqlite3.connect(path, isolation_level=None)
+            self._database.execute("PRAGMA journal_mode = WAL")
+            self._database.execute("PRAGMA synchronous = NORMAL")
+            self._database.execute(_SCHEMA)
+        except sqlite3.Error as error:
+            raise self._named(error) from error
 
     def __enter__(self) -> SweepJournal:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, _: object, error: BaseException | None, trace: object) -> None:
+        try:
+            self.close()
+        except sqlite3.Error as late:
+            if error is None:
+                raise self._named(late) from late
+        if isinstance(error, sqlite3.Error):
+            raise self._named(error) from error
 
     def close(self) -> None:
         """Commit, and close the file."""
@@ -105,6 +125,13 @@ class SweepJournal:
         self._database.execute(f"INSERT INTO runs VALUES ({','.join('?' * len(values))})", values)
         if time.monotonic() >= self._due:
             self.commit()
+
+    def _named(self, error: sqlite3.Error) -> SweepError | OutputError:
+        """Return what to raise for an error of SQLite."""
+        code = getattr(error, "sqlite_errorcode", None)  # an error of the module itself has none
+        if code is not None and code & 0xFF in _OF_OUTPUT:
+            return OutputError(f"cannot write {self._path}: {error}")
+        return SweepError(f"{self._path} is damaged: {error}")
 
     def commit(self) -> None:
         """Make sure that all rows survive."""
@@ -170,5 +197,11 @@ def _text(content: Any) -> str:
 
 
 def _row(values: tuple[Any, ...]) -> Row:
-    index, state, verdicts, robustness, metrics, *rest = values
-    return Row(index, state, json.loads(verdicts), json.loads(robustness), json.loads(metrics), *rest)
+    index, state, *texts = values[:5]
+    try:
+        contents = [json.loads(text) for text in texts]
+    except (TypeError, ValueError):
+        contents = [None]
+    if not all(isinstance(content, dict) for content in contents):
+        raise SweepError(f"the journal is damaged: the row of run {index} is none")
+    return Row(index, state, *contents, *values[5:])

@@ -12,6 +12,7 @@ from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
 from symaware_cli.study.custom_metrics import CustomMetrics
 from symaware_cli.study.metrics import BUILT_IN
+from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_journal import JournalRecord
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.table_file import PLANNED, write
@@ -75,19 +76,25 @@ def batches(
         records: In order of their index.
         plan: Whose rows they are.
         specifications: The names of the specifications.
+
+    Raises:
+        SweepError: The journal has a value that no run gives.
     """
     import pyarrow
 
     columns = schema(plan, specifications)
     while some := list(islice(records, _AT_ONCE)):
-        values = _columns(some, plan)
-        # What no row has, such as the verdict of a specification of another cell, is missing.
-        arrays = [
-            pyarrow.array(_told(values[field.name], field.type), field.type)
-            if field.name in values
-            else pyarrow.nulls(len(some), field.type)
-            for field in columns
-        ]
+        try:
+            values = _columns(some, plan)
+            # What no row has, such as the verdict of a specification of another cell, is missing.
+            arrays = [
+                pyarrow.array(_told(values[field.name], field.type), field.type)
+                if field.name in values
+                else pyarrow.nulls(len(some), field.type)
+                for field in columns
+            ]
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise SweepError(f"the journal is damaged: runs {some[0].index} to {some[-1].index}: {error}") from error
         yield pyarrow.RecordBatch.from_arrays(arrays, schema=columns)
 
 

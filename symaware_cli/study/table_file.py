@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_files import TABLE
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ def read(folder: Path) -> tuple[pyarrow.Table, int] | None:
     """Return the table in the folder of a sweep, and how many runs are planned; None where there is none.
 
     There is none while the sweep is made, and after runs were added to it.
+
+    Raises:
+        SweepError: The file is damaged.
     """
     from pyarrow import parquet
 
@@ -39,6 +43,9 @@ def read(folder: Path) -> tuple[pyarrow.Table, int] | None:
         # `read_table` would import what reads whole folders first.
         with parquet.ParquetFile(folder / TABLE) as file:
             table = file.read()
+        return table, int(table.schema.metadata[PLANNED])
     except FileNotFoundError:
         return None
-    return table, int(table.schema.metadata[PLANNED])
+    except (LookupError, OSError, TypeError, ValueError) as error:
+        first = next(iter(str(error).splitlines()), "")
+        raise SweepError(f"{folder / TABLE} is damaged, `symaware sweep {folder}` writes it again: {first}") from error

@@ -101,13 +101,17 @@ def _data(log: Log, panel: Trajectories) -> dict[str, Any]:
 
 def _regions(panel: Trajectories, digits: int) -> Iterator[dict[str, Any]]:
     for area in panel.regions:
+        # The page writes the name at the position: the middle of what is drawn.
+        drawn = [np.asarray(each, float)[:, :2] for each in area.outlines]
+        corners = np.concatenate([np.zeros((0, 2)), *drawn])
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0 if len(corners) else np.zeros(2)
         yield {
             "name": area.label or area.name,
             "colour": hexadecimal(area.colour),
             "region": True,
-            "outlines": [_corners(each) for each in area.outlines],
-            "x": _rounded(area.positions[:1, 0], digits),
-            "y": _rounded(area.positions[:1, 1], digits),
+            "outlines": [_corners(each - middle) for each in drawn],
+            "x": _rounded(area.positions[:1, 0] + middle[0], digits),
+            "y": _rounded(area.positions[:1, 1] + middle[1], digits),
             "heading": [0.0],
         }
 

@@ -58,6 +58,25 @@ def test_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: Path) -> 
         assert each.robustness == said.robustness or not each.is_exact
 
 
+@pytest.mark.parametrize(
+    "change",
+    [{"push": {"of": "robot.0", "by": [0.0, 30.0, 0.0]}}, {"place": {"of": "robot.0", "state": [0.0, 30.0, 0.0]}}],
+    ids=["push", "place"],
+)
+def test_a_log_of_a_run_in_which_a_state_changes_suddenly_can_be_checked(
+    change: dict[str, object], tmp_path: Path
+) -> None:
+    stated = {"near": {"each": "robot", "formula": "always norm(position) < 20"}}
+    overrides = [f"specifications={json.dumps(stated)}", f"faults={json.dumps({'gust': {'at': 1.0, **change}})}"]
+    hello = next(each for each in SCENARIOS if each.name == "hello.yaml")
+    summary = execute(build(hello, ["run.duration=2", *overrides]), tmp_path / "run.mcap")
+    checked = check_log(tmp_path / "run.mcap")
+    assert checked.violated == ("near",)
+    assert [each.to_json() for each in checked.specifications] == [each.to_json() for each in summary.specifications]
+    (by_definition,) = evaluate_log(tmp_path / "run.mcap").specifications
+    assert by_definition.verdict == "violated"
+
+
 @pytest.mark.parametrize("scenario", ["auction.yaml", "errands.yaml"])
 def test_what_is_offered_is_evaluated_by_who_accepted_it_until_when(scenario: str, tmp_path: Path) -> None:
     path = next(each for each in SCENARIOS if each.name == scenario)

@@ -93,6 +93,19 @@ def test_the_map_has_the_recorded_positions(log: Path) -> None:
     assert len(content["marks"]) >= 1
 
 
+def test_the_map_writes_the_name_of_a_region_in_its_middle(tmp_path: Path) -> None:
+    shelf = {"shelf": {"circle": {"centre": [4.0, -3.0], "radius": 1.0}}}
+    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO | {"regions": shelf}))
+    log = sa.load(tmp_path / "tiny.yaml").run(output=tmp_path / "run.mcap").log_path
+    assert log is not None
+    solids = data(sa.write_report(log, tmp_path / "run.html").read_text())["solids"]
+    (region,) = [each for each in solids if each["name"] == "shelf"]
+    assert (region["x"], region["y"]) == ([4.0], [-3.0])
+    (outline,) = region["outlines"]
+    assert max(x for x, _ in outline) == pytest.approx(1.0, abs=0.01)
+    assert min(y for _, y in outline) == pytest.approx(-1.0, abs=0.01)
+
+
 def test_the_report_of_a_sweep_has_statistics_the_certificate_and_the_worst_run(tmp_path: Path) -> None:
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
     changes = {"specifications.apart.formula": "always distance > 0"}

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 from typer.testing import CliRunner
 
 from symaware_cli.cli.application import application
@@ -50,6 +51,56 @@ def test_a_new_formula_is_for_each_agent_unless_said_otherwise(logs: Path) -> No
     assert found["specifications"][0]["counts"] == {"violated": 0, "undecided": 0, "satisfied": 3}
     _, out, _ = check(logs / "patrol.mcap", "--formula", "always distance > 1.7", "--pairs", "robot", "--json")
     assert json.loads(out)["specifications"][0]["counts"] == {"violated": 1, "undecided": 0, "satisfied": 2}
+
+
+@pytest.mark.parametrize(
+    ("formula", "option", "first", "last", "marked"),
+    [
+        ("always spee < 1", ("--each", "robot"), 8, 12, "--formula"),
+        ("always spee < 1", (), 8, 12, "--formula"),
+        ('always position["first"][0] + y < 1', ("--pairs", "robot"), 1, 36, "--formula"),
+        ("always speed < 1", ("--each", "robto"), 1, 6, "--each"),
+        ("always distance < 1", ("--pairs", "robto"), 1, 6, "--pairs"),
+    ],
+)
+def test_a_mistake_is_located_in_the_option_in_which_it_was_typed(
+    logs: Path, formula: str, option: tuple[str, ...], first: int, last: int, marked: str
+) -> None:
+    status, out, _ = check(logs / "patrol.mcap", "--formula", formula, *option, "--json")
+    assert status == 2
+    (problem,) = json.loads(out)["problems"]
+    assert problem["span"] == {"file": marked, "line": 1, "column": first, "end_column": last}
+    assert problem["source_line"] == (formula if marked == "--formula" else "robto")
+    _, _, said = check(logs / "patrol.mcap", "--formula", formula, *option)
+    assert said.startswith(f"{marked}:1:{first}: ")
+    assert "--set" not in said
+
+
+def test_what_a_damaged_log_lacks_is_told_with_exit_status_3(logs: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "damaged"
+    folder.mkdir()
+    log = folder / "patrol.mcap"
+    execute(build(SCENARIOS / "patrol.yaml", ["run.duration=10", "specifications.fetch=null"]), log)
+    before = check(log)[0]
+    damaged(log)
+    status, out, _ = check(log)
+    assert (before, status) == (0, 3)
+    assert "  note       the log is damaged, so verdicts are about a part of the run only: " in out
+    assert "1 damaged chunk left out" in json.loads(check(log, "--json")[1])["damage"]
+    shutil.copy(logs / "patrol.mcap", folder / "sound.mcap")
+    status, _, said = check(folder)
+    assert status == 3
+    assert said.startswith(f"symaware: {log}: 1 damaged chunk left out")
+
+
+def damaged(log: Path) -> None:
+    """Change one byte in the first chunk of a log."""
+    content = bytearray(log.read_bytes())
+    start = 8
+    while content[start] != Opcode.CHUNK:
+        start += 9 + int.from_bytes(content[start + 1 : start + 9], "little")
+    content[start + 8 + int.from_bytes(content[start + 1 : start + 9], "little") - 50] ^= 1
+    log.write_bytes(content)
 
 
 def test_a_folder_of_logs_is_a_table(logs: Path) -> None:
@@ -99,7 +150,7 @@ def test_a_damaged_log_is_checked_as_far_as_it_goes(logs: Path, tmp_path: Path) 
     with broken.open("r+b") as file:
         file.truncate(broken.stat().st_size * 2 // 3)
     status, out, _ = check(broken)
-    assert status == 0
+    assert status == 3
     assert "the run did not come to its end" in out
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from altered_logs import altered
+from mcap.opcode import Opcode
 from typer.testing import CliRunner
 
 from symaware_cli.cli.application import application
@@ -69,3 +70,16 @@ def test_a_folder_without_a_sweep_is_wrong_input(tmp_path: Path) -> None:
     status, _, err = verify(tmp_path)
     assert status == 2
     assert "is not the folder of a sweep" in err
+
+
+def test_what_a_damaged_log_lacks_is_told(log: Path, tmp_path: Path) -> None:
+    content = bytearray(log.read_bytes())
+    start = 8
+    while content[start] != Opcode.CHUNK:
+        start += 9 + int.from_bytes(content[start + 1 : start + 9], "little")
+    content[start + 8 + int.from_bytes(content[start + 1 : start + 9], "little") - 50] ^= 1
+    (tmp_path / "damaged.mcap").write_bytes(content)
+    status, out, _ = verify(tmp_path / "damaged.mcap")
+    assert status == 1
+    assert "  damage       1 damaged chunk left out" in out
+    assert json.loads(verify(log, "--json")[1])["damage"] is None

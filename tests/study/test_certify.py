@@ -6,13 +6,20 @@ import json
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 import rfc8785
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, PublicFormat
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    PublicFormat,
+)
 from sweeping import rows, symaware, tiny
 
 import symaware_cli as sa
@@ -172,6 +179,40 @@ def findings(folder: Path, **options: Any) -> list[tuple[int | None, str]]:
 def test_a_signature_says_by_which_key(certified: Path, tmp_path: Path) -> None:
     assert findings(certified, key=tmp_path / "key.pub") == []
     assert findings(certified, key=private_key(tmp_path, "other.pem")) == [(None, "signature")]
+
+
+def test_a_signer_is_known_only_by_the_key_that_was_asked_for(certified: Path, tmp_path: Path) -> None:
+    path, other = certified / "certificate.json", private_key(tmp_path, "other.pem")
+    accepted = symaware("verify", path, "--level", "arithmetic", "--key", tmp_path / "key.pub")
+    assert "the key that was asked for" in accepted
+    refused = symaware("verify", path, "--level", "arithmetic", "--key", other, status=1)
+    assert refused.startswith(f"{path}: 1 finding\n")
+    assert "which is not accepted" in refused
+    assert "asked for" not in refused
+    assert not sa.verify_certificate(path, "arithmetic", key=other).is_known_signer
+    envelope = json.loads(path.read_text())
+    envelope["signatures"][0]["sig"] = base64.b64encode(bytes(64)).decode()
+    path.write_text(json.dumps(envelope))
+    forged = sa.verify_certificate(path, "arithmetic", key=tmp_path / "key.pub")
+    assert not forged.is_known_signer
+    assert not forged.is_sound
+
+
+def test_what_is_no_key_is_refused_in_plain_words(certified: Path, tmp_path: Path) -> None:
+    assert "[Errno" not in symaware("certify", certified, "--key", tmp_path / "none.pem", status=2)
+    encrypted = tmp_path / "encrypted.pem"
+    key = Ed25519PrivateKey.generate()
+    encrypted.write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"secret")))
+    assert "needs an unencrypted private key" in symaware("certify", certified, "--key", encrypted, status=2)
+    assert "not a private key in PEM" in symaware("certify", certified, "--key", tmp_path / "key.pub", status=2)
+    assert "--key is for certificates" in symaware("verify", certified, "--key", tmp_path / "key.pub", status=2)
+
+
+def test_the_script_without_a_folder_says_how_it_is_used(certified: Path) -> None:
+    said = derived(certified / "certificate.json")
+    assert said.returncode == 1
+    assert "python check_certificate.py DIR" in said.stderr
+    assert "Traceback" not in said.stderr
     envelope = json.loads((certified / "certificate.json").read_text())
     payload = base64.b64decode(envelope["payload"])
     assert payload == rfc8785.dumps(json.loads(payload))
@@ -208,3 +249,51 @@ def test_what_is_no_certificate_is_refused(certified: Path, tmp_path: Path) -> N
         (certified / "certificate.json").write_bytes(content)
         assert "is not a certificate" in symaware("verify", certified / "certificate.json", status=2)
     assert "cannot read" in symaware("verify", certified / "none.json", status=2)
+
+
+DAMAGES: dict[str, tuple[str, bytes | str]] = {
+    "garbage for a table": ("runs.parquet", b"PAR1 is not enough"),
+    "garbage for a journal": ("journal.sqlite", b"no database" * 100),
+    "garbage for an identity": ("identity.json", b"{]"),
+    "an identity of nothing": ("identity.json", b"{}"),
+    "metrics that are no JSON": ("journal.sqlite", "UPDATE runs SET metrics = '[1' WHERE \"index\" = 1"),
+    "metrics that are a list": ("journal.sqlite", "UPDATE runs SET metrics = '[1]' WHERE \"index\" = 1"),
+    "text that is none": ("journal.sqlite", "UPDATE runs SET metrics = CAST(x'ff' AS TEXT) WHERE \"index\" = 1"),
+    "a seed that is none": ("journal.sqlite", "UPDATE runs SET seed = 'x' WHERE \"index\" = 1"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_folder_is_refused_by_the_name_of_what_is_damaged(certified: Path, damage: str) -> None:
+    name, change = DAMAGES[damage]
+    if isinstance(change, bytes):
+        (certified / name).write_bytes(change)
+    else:
+        with closing(sqlite3.connect(certified / name)) as journal, journal:
+            journal.execute(change)
+    (certified / "certificate.html").unlink()
+    for verb in (["verify", certified, "--level", "arithmetic"], ["certify", certified]):
+        said = symaware(*verb, status=2)
+        assert said.startswith("symaware: ")
+        assert "is damaged" in said
+        assert "--claim" not in said
+    assert not (certified / "certificate.html").exists()
+
+
+def test_an_envelope_without_a_signature_is_no_certificate(certified: Path) -> None:
+    path = certified / "certificate.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"signatures": []}))
+    assert "not a certificate: an envelope has one signature" in symaware("verify", path, status=2)
+
+
+@pytest.mark.parametrize("failing", [0, 100])
+def test_the_script_decides_claims_about_many_runs(tmp_path: Path, failing: int) -> None:
+    claim = "P(near) > 0.1 with confidence 0.9" if failing else "P(near) > 0.5 with confidence 0.9"
+    out = swept(tmp_path, "--runs", 1_200, "--set", SAFE, "--set", "run.duration=0.1", claim=claim)
+    sa.certify(out)
+    with closing(sqlite3.connect(out / "journal.sqlite")) as journal, journal:
+        journal.execute("UPDATE runs SET state = 'failed' WHERE \"index\" < ?", (5 * failing,))
+    said = derived(out)
+    assert "Traceback" not in said.stderr
+    assert f"combination 0: 1200 runs, {5 * failing} against, evidence " in said.stdout
+    assert said.returncode == (1 if failing else 0)
