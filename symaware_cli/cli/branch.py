@@ -90,7 +90,7 @@ def branch(
 def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
     """All combinations of the values of some parameters, as changes; one without changes if there are none."""
     from symaware_cli.api.changes import texts
-    from symaware_cli.study.values import expanded, is_range
+    from symaware_cli.study.sweep_document import expanded, is_range
 
     axes: list[list[str]] = []
     for text in over:
