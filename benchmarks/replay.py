@@ -29,9 +29,9 @@ from symaware_cli.recording import others_message, wire
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
-from symaware_cli.viewing.beliefs import read_beliefs
 from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.rerun.columns import TIMELINE
+from symaware_cli.viewing.scene.others import read_beliefs
 from symaware_cli.viewing.viewer import require
 from symaware_cli.viewing.views import GroupView, RunView, run_view_of
 

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from symaware_cli.api.html_report import write_report
     from symaware_cli.api.rare_events import RareEventEstimate, estimate
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
-    from symaware_cli.api.scenario import Scenario, load
-    from symaware_cli.api.scenario_outline import GroupOutline, Outline
+    from symaware_cli.api.scenario import GroupOutline, Outline, Scenario, load
     from symaware_cli.api.stepping import SteppedSimulation
     from symaware_cli.api.sweep_comparison import SweepComparison, compare_sweeps
     from symaware_cli.api.sweep_verification import SweepVerification
@@ -233,9 +232,8 @@ _HOMES = {
     "symaware_cli.api.html_report": ("write_report",),
     "symaware_cli.api.branch_changes": ("BranchError",),
     "symaware_cli.api.branching": ("BranchResult", "branch", "branches"),
-    "symaware_cli.api.scenario_outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
-    "symaware_cli.api.scenario": ("Scenario", "load"),
+    "symaware_cli.api.scenario": ("GroupOutline", "Outline", "Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
     "symaware_cli.api.sweep_comparison": ("SweepComparison", "compare_sweeps"),
     "symaware_cli.api.sweep_verification": ("SweepVerification",),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.api.recorded_specifications import RecordedSpecifications
+from symaware_cli.api.recorded_run import RecordedSpecifications
 from symaware_cli.core import seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.specifications import Specifications

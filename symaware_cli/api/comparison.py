@@ -22,7 +22,7 @@ from symaware_cli.recording.log_comparison import (
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.files import RESOLVED, extracted
-from symaware_cli.viewing.plotting.run_difference import plot_logs
+from symaware_cli.viewing.plotting.plot import plot_logs
 
 
 @dataclass(frozen=True, slots=True)

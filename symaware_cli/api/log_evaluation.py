@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.api.recorded_names import RecordedNames
-from symaware_cli.api.recorded_specifications import RecordedSpecifications
+from symaware_cli.api.recorded_run import RecordedSpecifications
 from symaware_cli.core import Event
 from symaware_cli.runtime.scope import STATUS_NAMES
 from symaware_cli.runtime.timing import Trigger, concerned

@@ -9,12 +9,9 @@ from typing import Any
 
 from symaware_cli.api.changes import Changes, texts
 from symaware_cli.api.scenario import FilePath
-from symaware_cli.study.executor import Blocks
-from symaware_cli.study.pilot import Pilot, pilot
+from symaware_cli.study.executor import Blocks, signals_raised
 from symaware_cli.study.rare_event import EventKind, RareEvent
-from symaware_cli.study.repeats import Repeat, RepeatWork, SplittingPlan, check
-from symaware_cli.study.signals import signals_raised
-from symaware_cli.study.splitting import mean_of_repeats
+from symaware_cli.study.splitting import Pilot, Repeat, RepeatWork, SplittingPlan, check, mean_of_repeats, pilot
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.study.worker_pool import executor_of
 

@@ -1,8 +1,10 @@
-"""Replays a log into a simulation of its scenario: sets the recorded states, beliefs and events, instant by instant."""
+"""Replays a log into a simulation of its scenario, instant by instant, and evaluates specifications on it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,15 +12,23 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
 from symaware_cli.awareness.tracks import Tracks
-from symaware_cli.core import AgentGroup, Contact, Event, Level, TimeSeries
+from symaware_cli.core import AgentGroup, Contact, Event, Level, TimeSeries, nanoseconds
 from symaware_cli.environments.column_environment import RecordedEnvironment
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.logged_events import contact as contact_entry
 from symaware_cli.recording.logged_events import event as event_entry
-from symaware_cli.recording.reader import Log
+from symaware_cli.recording.reader import Log, open_log
+from symaware_cli.runtime.event_router import EventRouter
+from symaware_cli.runtime.run_summary import Observer
+from symaware_cli.runtime.scope import WorldColumns, WorldScope
 from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.files import open_scenario
+from symaware_cli.specification.formulation import formulate
+from symaware_cli.specification.node import Name, walk
+from symaware_cli.specification.specification import Specification
 
 Array = NDArray[np.float64]
 
@@ -181,3 +191,79 @@ def _changed(before: Array, content: Any) -> Array:
     after = np.array(before)
     after[content.rows] = content.values
     return after
+
+
+class RecordedSpecifications:
+    """A log that is replayed into a simulation of its scenario, and specifications about it.
+
+    Attributes:
+        log: The log.
+        simulation: The simulation.
+        options: The options of the run.
+        specifications: What is to hold, with windows in steps of `period`.
+        router: Connects the events of the log with what they bring about.
+        observer: Watches the simulation, for what is said of the world.
+        step: The time step of the world, in nanoseconds.
+        period: The time between two instants, in nanoseconds: that of the recorded steps.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        overrides: Sequence[str] = (),
+        statements: Path | None = None,
+        catalogue: Catalogue | None = None,
+    ) -> None:
+        """Open a log.
+
+        Args:
+            path: The log.
+            overrides: Changes of its scenario.
+            statements: A file of other specifications.
+            catalogue: The installed plugins, if they were listed before.
+
+        Raises:
+            LogError: The log cannot be read.
+            ScenarioError: A specification is invalid.
+        """
+        self.log = open_log(path)
+        built = open_scenario(path, overrides, None, RecordedEnvironment, statements, catalogue)
+        self.simulation, self.options = built.simulation, built.options
+        recording = built.document.recording
+        omitted = recording.omit
+        self._left_out = {*omitted, *(("requested_control", "applied_control") if "control" in omitted else ())}
+        stated: Sequence[Specification] = self.options.specifications
+        self.step = self.simulation.environment.time_step
+        self.period = max(1, -(-nanoseconds(recording.interval) // self.step)) * self.step
+        if self.period != self.step:
+            stated = [replace(each, formulation=formulate(each.formulation.tree, self.period)) for each in stated]
+        self.specifications = stated
+        self.router = EventRouter(self.simulation.events)
+        self.observer = Observer(self.simulation)
+        for each in stated:
+            if isinstance(each.scope, WorldColumns):
+                each.scope.source = WorldScope(self.simulation, self.observer)
+
+    def instants(self) -> Iterator[int]:
+        """Yield the recorded instants in nanoseconds, at each of which names have their recorded values.
+
+        Raises:
+            LogError: The log is damaged.
+        """
+        yield from RecordedRun(self.log, self.simulation).instants(self.period)
+
+    def missing(self, specification: Specification) -> Sequence[str]:
+        """Return which data that a specification needs the scenario leaves out of the log."""
+        names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
+        moving = {"closing_speed", "control_input", "speed", "velocity"}
+        if specification.of == "belief":
+            needed = {"state", *({"requested_control"} if names & moving else ())}
+            needed |= {"awareness"} & {*map(_kind, names)}
+            needed |= names & {"intent", "risk", "uncertainty"}
+        else:
+            needed = {"world", *({"requested_control", "applied_control"} if names & moving else ())}
+        return sorted(needed & self._left_out)
+
+
+def _kind(name: str) -> str:
+    return "awareness" if name == "nearest" else name

@@ -24,9 +24,9 @@ from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.specification.specification import SpecificationError
 from symaware_cli.study import sweep_table, table_file
-from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
 from symaware_cli.study.folder import SweepFolder, identity_of
 from symaware_cli.study.identity import counting, differences
+from symaware_cli.study.metrics import MOST_AGENTS, PREFIX
 from symaware_cli.study.row import Row
 from symaware_cli.study.runner import Runner
 from symaware_cli.study.sweep_files import JOURNAL

@@ -10,24 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import (
-    FAILED,
-    INTERRUPTED,
-    VIOLATED,
-    WRONG_INPUT,
-    Json,
-    Overrides,
-    fail,
-    output_kept,
-    print_json,
-    printable,
-    progress_shown,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
-    from symaware_cli.api.branch_table import Cell
-    from symaware_cli.api.branching import BranchResult
+    from symaware_cli.api.branching import BranchResult, Cell
 
 
 def branch(
@@ -35,7 +21,7 @@ def branch(
     at: Annotated[
         str, typer.Option(help="When the branch begins: a time in seconds, or an event as in `violated(safe) - 2.0`.")
     ],
-    overrides: Overrides = None,
+    overrides: terminal.Overrides = None,
     over: Annotated[
         list[str] | None,
         typer.Option(
@@ -54,29 +40,25 @@ def branch(
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Repeat a run up to an instant, and continue with something changed."""
-    with trouble_shown(as_json), output_kept(as_json):
-        from symaware_cli.api.branch_table import branch_rows, write_branch_table
+    with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
         from symaware_cli.api.branching import branch as branched
-        from symaware_cli.api.branching import branches
+        from symaware_cli.api.branching import branch_rows, branches, write_branch_table
         from symaware_cli.scenario.files import unused_path
 
         points = _points(over or (), as_json=as_json)
         path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
-        try:
-            with progress_shown("branches", not (quiet or as_json)) as shown:
-                if over:
-                    results = branches(log, at, [[*(overrides or ()), *each] for each in points], path, None, shown)
-                else:
-                    results = [branched(log, at, overrides, path, shown)]
-        except KeyboardInterrupt:
-            fail(f"{log}: interrupted", INTERRUPTED, as_json)
+        with terminal.progress_shown("branches", not (quiet or as_json)) as shown:
+            if over:
+                results = branches(log, at, [[*(overrides or ()), *each] for each in points], path, None, shown)
+            else:
+                results = [branched(log, at, overrides, path, shown)]
         rows = branch_rows(results, points)
         table = write_branch_table(rows, path) if over else None
     if as_json:
-        print_json([each.to_json() for each in results] if over else results[0].to_json())
+        terminal.print_json([each.to_json() for each in results] if over else results[0].to_json())
     elif not quiet:
         if table:
             _print_table(log, results, rows, table)
@@ -84,13 +66,15 @@ def branch(
             _print(log, results[0])
     sys.stdout.flush()
     failed = any(each.summary.status == "failed" for each in results)
-    raise typer.Exit(FAILED if failed else VIOLATED if any(each.summary.violated for each in results) else 0)
+    raise typer.Exit(
+        terminal.FAILED if failed else terminal.VIOLATED if any(each.summary.violated for each in results) else 0
+    )
 
 
 def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
     """All combinations of the values of some parameters, as changes; one without changes if there are none."""
     from symaware_cli.api.changes import texts
-    from symaware_cli.study.values import expanded, is_range
+    from symaware_cli.study.sweep_document import expanded, is_range
 
     axes: list[list[str]] = []
     for text in over:
@@ -98,9 +82,9 @@ def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
         try:
             values: list[Any] = expanded(listed) if is_range(listed) else _listed(listed)
         except ValueError as error:
-            fail(f"--over {text}: {error}", WRONG_INPUT, as_json)
+            terminal.fail(f"--over {text}: {error}", terminal.WRONG_INPUT, as_json)
         if not equals or not values:
-            fail(f"--over takes PATH=VALUES, not {text}", WRONG_INPUT, as_json)
+            terminal.fail(f"--over takes PATH=VALUES, not {text}", terminal.WRONG_INPUT, as_json)
         axes.append([texts({path: value})[0] for value in values])
     return [list(each) for each in product(*axes)]
 
@@ -118,7 +102,7 @@ def _listed(text: str) -> list[Any]:
 def _print(log: Path, result: BranchResult) -> None:
     _print_head(log, result)
     for change in result.changes:
-        typer.echo(f"  {'changed':<12} {printable(change)}")
+        typer.echo(f"  {'changed':<12} {terminal.printable(change)}")
     summary = result.summary
     typer.echo(f"  {'status':<12} {summary.status}, {summary.log}")
     for each in summary.specifications:
@@ -127,16 +111,16 @@ def _print(log: Path, result: BranchResult) -> None:
 
 
 def _print_table(log: Path, results: Sequence[BranchResult], rows: Sequence[dict[str, Cell]], table: Path) -> None:
-    from symaware_cli.api.branch_table import branch_lines
+    from symaware_cli.api.branching import branch_lines
 
     _print_head(log, results[0])
     shared = sum(each.way == "capture" for each in results)
     if shared:
         typer.echo(f"  {'captured':<12} {shared} of {len(results)} continue from the state of one run to the instant")
     for why in dict.fromkeys(each.reason for each in results if each.reason and len(results) > 1):
-        typer.echo(f"  {'repeated':<12} {sum(each.reason == why for each in results)}: {printable(why)}")
+        typer.echo(f"  {'repeated':<12} {sum(each.reason == why for each in results)}: {terminal.printable(why)}")
     for line in branch_lines(rows):
-        typer.echo(f"  {printable(line)}")
+        typer.echo(f"  {terminal.printable(line)}")
     typer.echo(f"  {'table':<12} {table}")
 
 

@@ -7,27 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import (
-    INTERRUPTED,
-    WRONG_INPUT,
-    Jobs,
-    Json,
-    Overrides,
-    ScenarioPath,
-    fail,
-    job_count,
-    output_kept,
-    print_json,
-    progress_shown,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
     from symaware_cli.api.rare_events import RareEventEstimate
 
 
 def estimate(
-    scenario: ScenarioPath,
+    scenario: terminal.ScenarioPath,
     specification: Annotated[
         str, typer.Option("--specification", help="The specification that the event is about.", metavar="NAME")
     ],
@@ -45,40 +32,39 @@ def estimate(
         int, typer.Option(min=2, max=1_000_000, help="Independent repeats, from which the interval is computed.")
     ] = 20,
     confidence: Annotated[float, typer.Option(help="Confidence of the interval.")] = 0.95,
-    overrides: Overrides = None,
+    overrides: terminal.Overrides = None,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of all random draws.")] = 0,
-    jobs: Jobs = None,
-    as_json: Json = False,
+    jobs: terminal.Jobs = None,
+    as_json: terminal.Json = False,
 ) -> None:
     """Estimate how probable a rare event is, by splitting runs where they come closer to it."""
-    with trouble_shown(as_json), output_kept(as_json):
+    with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
         from symaware_cli.api.rare_events import estimate
         from symaware_cli.study.rare_event import EVENT_KINDS
 
         kind = next((each for each in EVENT_KINDS if each == event), None)
         if kind is None:
-            fail(f"--event takes {' or '.join(EVENT_KINDS)}, not {event}", WRONG_INPUT, as_json)
+            terminal.fail(f"--event takes {' or '.join(EVENT_KINDS)}, not {event}", terminal.WRONG_INPUT, as_json)
         if not 0.0 < confidence < 1.0:
-            fail(f"--confidence is between 0 and 1, such as 0.95, not {confidence:g}", WRONG_INPUT, as_json)
-        try:
-            with progress_shown("repeats", not as_json) as shown:
-                found = estimate(
-                    scenario,
-                    specification,
-                    _numbers(levels, as_json),
-                    event=kind,
-                    trials=trials,
-                    repeats=repeats,
-                    changes=overrides,
-                    seed=seed,
-                    confidence=confidence,
-                    jobs=job_count(jobs),
-                    on_progress=shown,
-                )
-        except KeyboardInterrupt:
-            fail(f"{scenario}: interrupted", INTERRUPTED, as_json)
+            terminal.fail(
+                f"--confidence is between 0 and 1, such as 0.95, not {confidence:g}", terminal.WRONG_INPUT, as_json
+            )
+        with terminal.progress_shown("repeats", not as_json) as shown:
+            found = estimate(
+                scenario,
+                specification,
+                _numbers(levels, as_json),
+                event=kind,
+                trials=trials,
+                repeats=repeats,
+                changes=overrides,
+                seed=seed,
+                confidence=confidence,
+                jobs=terminal.job_count(jobs),
+                on_progress=shown,
+            )
     if as_json:
-        print_json(found.to_json())
+        terminal.print_json(found.to_json())
     else:
         typer.echo("\n".join(_lines(found)))
 
@@ -89,7 +75,7 @@ def _numbers(text: str | None, as_json: bool) -> Sequence[float] | None:
     try:
         return [float(each) for each in text.split(",")]
     except ValueError:
-        fail(f"--levels takes numbers such as `3,2,1`, or `none`, not {text}", WRONG_INPUT, as_json)
+        terminal.fail(f"--levels takes numbers such as `3,2,1`, or `none`, not {text}", terminal.WRONG_INPUT, as_json)
 
 
 def _lines(found: RareEventEstimate) -> Iterator[str]:

@@ -13,18 +13,7 @@ import typer
 
 from symaware_cli.api.progress import progress
 from symaware_cli.api.report import size_in_words
-from symaware_cli.cli.terminal import (
-    DATA_LOST,
-    INTERRUPTED,
-    WRONG_INPUT,
-    Json,
-    fail,
-    is_lively,
-    names,
-    print_json,
-    span,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
@@ -59,40 +48,39 @@ def export(
     ] = None,
     start: Annotated[float | None, typer.Option("--from", help="First simulated time, in seconds.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="Last simulated time, in seconds.")] = None,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Export a log as tables (Parquet, CSV), or as an MCAP file for Foxglove."""
     filters = {"--fields": fields, "--agents": agents, "--from": start, "--to": end}
     given = [option for option, value in filters.items() if value is not None]
     if form is Target.foxglove and given:
-        fail(f"{given[0]} goes with tables only; Foxglove is given all of the log", WRONG_INPUT, as_json)
+        terminal.fail(
+            f"{given[0]} goes with tables only; Foxglove is given all of the log", terminal.WRONG_INPUT, as_json
+        )
     # An interruption leaves no partial files.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with trouble_shown(as_json):
-            from symaware_cli.recording.reader import open_log
+    with terminal.trouble_shown(as_json):
+        from symaware_cli.recording.reader import open_log
 
-            log = open_log(path)
-            place = output or Path(f"{path.stem}-{form}{'.mcap' if form is Target.foxglove else ''}")
-            shown = is_lively(sys.stderr) and not as_json
-            with progress(path.name, log.start_time or 0, log.end_time or 0, shown) as on_progress:
-                if form is Target.foxglove:
-                    report = _foxglove(log, place, on_progress)
-                else:
-                    window = span(start, end, as_json)
-                    report = _tables(log, place, form, _listed(fields), _listed(agents), window, on_progress)
-    except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None
+        log = open_log(path)
+        place = output or Path(f"{path.stem}-{form}{'.mcap' if form is Target.foxglove else ''}")
+        shown = terminal.is_lively(sys.stderr) and not as_json
+        with progress(path.name, log.start_time or 0, log.end_time or 0, shown) as on_progress:
+            if form is Target.foxglove:
+                report = _foxglove(log, place, on_progress)
+            else:
+                window = terminal.span(start, end, as_json)
+                report = _tables(log, place, form, _listed(fields), _listed(agents), window, on_progress)
     lost = bool(log.damage and log.damage.lost)
     if as_json:
-        print_json(
+        terminal.print_json(
             {"log": str(path), "output": str(place), **report, "damage": str(log.damage) if log.damage else None}
         )
     else:
         typer.echo(_text(path, place, report))
         if lost:
             typer.echo(f"symaware: {log.damage}", err=True)
-    raise typer.Exit(DATA_LOST if lost else 0)
+    raise typer.Exit(terminal.DATA_LOST if lost else 0)
 
 
 def _tables(
@@ -127,7 +115,7 @@ def _foxglove(log: Log, place: Path, on_progress: Progress) -> dict[str, Any]:
 
 
 def _listed(text: str | None) -> list[str] | None:
-    return None if text is None else names(text)
+    return None if text is None else terminal.names(text)
 
 
 def _text(path: Path, place: Path, report: dict[str, Any]) -> str:

@@ -9,29 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import (
-    INTERRUPTED,
-    VIOLATED,
-    WRONG_INPUT,
-    Jobs,
-    Json,
-    Overrides,
-    ScenarioPath,
-    fail,
-    job_count,
-    output_kept,
-    print_json,
-    printable,
-    progress_shown,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
     from symaware_cli.api.falsifying import Falsification
 
 
 def falsify(
-    scenario: ScenarioPath,
+    scenario: terminal.ScenarioPath,
     specification: Annotated[
         str, typer.Option("--specification", help="The specification to violate.", metavar="NAME")
     ],
@@ -46,7 +31,7 @@ def falsify(
     seeds: Annotated[
         int, typer.Option(min=0, help="Also vary the seed, from 0 to N - 1; by default it is that of the scenario.")
     ] = 0,
-    overrides: Overrides = None,
+    overrides: terminal.Overrides = None,
     method: Annotated[
         str, typer.Option(help="How to search: random, differential-evolution, tpe or cma-es.")
     ] = "differential-evolution",
@@ -55,59 +40,56 @@ def falsify(
         typer.Option(min=1, max=10_000_000, help="Greatest number of runs, without those that simplify."),
     ] = 200,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the search.")] = 0,
-    jobs: Jobs = None,
+    jobs: terminal.Jobs = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="A new folder for the counterexample and its log.", metavar="DIR"),
     ] = None,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Search for a violation of a specification, and simplify what is found. Exit status 3 if there is one."""
-    with trouble_shown(as_json), output_kept(as_json):
+    with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
         from symaware_cli.api.falsifying import falsify
         from symaware_cli.study.search_method import METHODS
 
         chosen = next((each for each in METHODS if each == method), None)
         if chosen is None:
-            fail(f"--method takes {' or '.join(METHODS)}, not {method}", WRONG_INPUT, as_json)
-        try:
-            with progress_shown("runs", not as_json) as shown:
-                found = falsify(
-                    scenario,
-                    specification,
-                    output,
-                    over=over or (),
-                    seeds=seeds,
-                    changes=overrides,
-                    method=chosen,
-                    runs=runs,
-                    seed=seed,
-                    jobs=job_count(jobs),
-                    on_progress=shown,
-                )
-        except KeyboardInterrupt:
-            fail(f"{scenario}: interrupted", INTERRUPTED, as_json)
+            terminal.fail(f"--method takes {' or '.join(METHODS)}, not {method}", terminal.WRONG_INPUT, as_json)
+        with terminal.progress_shown("runs", not as_json) as shown:
+            found = falsify(
+                scenario,
+                specification,
+                output,
+                over=over or (),
+                seeds=seeds,
+                changes=overrides,
+                method=chosen,
+                runs=runs,
+                seed=seed,
+                jobs=terminal.job_count(jobs),
+                on_progress=shown,
+            )
     if as_json:
-        print_json(found.to_json())
+        terminal.print_json(found.to_json())
     else:
         typer.echo("\n".join(_lines(found)))
-    raise typer.Exit(VIOLATED if found.is_found else 0)
+    raise typer.Exit(terminal.VIOLATED if found.is_found else 0)
 
 
 def _lines(found: Falsification) -> Iterator[str]:
     result, outcome = found.result, found.outcome
     failed = f", {result.failed:,} of them failed" if result.failed else ""
-    one_by_one = [] if result.one_by_one is None else [f"  {'one by one':<12} {printable(result.one_by_one)}"]
+    one_by_one = [] if result.one_by_one is None else [f"  {'one by one':<12} {terminal.printable(result.one_by_one)}"]
     looked = f"{_count(result.runs, 'run')} by {found.method}, seed {found.seed}{failed}"
     if not found.is_found:
         yield f"{found.scenario}: no violation of {found.specification} found, which does not prove that there is none"
         yield f"  {'looked':<12} {looked}"
         if result.failure is not None:
-            yield f"  {'failed':<12} the first because of: {printable(result.failure)}"
+            yield f"  {'failed':<12} the first because of: {terminal.printable(result.failure)}"
         for text in found.over:
-            yield f"  {'over':<12} {printable(text)}"
+            yield f"  {'over':<12} {terminal.printable(text)}"
         if outcome is not None:
-            yield f"  {'least robust':<12} {printable(str(outcome))}"
+            yield f"  {'least robust':<12} {terminal.printable(str(outcome))}"
         for path, value in result.values.items():
             yield f"  {'with':<12} {path}={json.dumps(value)}"
         if found.bound is not None:
@@ -115,7 +97,7 @@ def _lines(found: Falsification) -> Iterator[str]:
         yield from one_by_one
         return
     yield f"{found.scenario}: {found.specification} is violated"
-    yield f"  {'reason':<12} {printable(str(outcome))}"
+    yield f"  {'reason':<12} {terminal.printable(str(outcome))}"
     for path, value in result.values.items():
         yield f"  {'with':<12} {path}={json.dumps(value)}"
     if not result.values:

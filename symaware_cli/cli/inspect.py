@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import (
-    DATA_LOST,
-    WRONG_INPUT,
-    Json,
-    fail,
-    names,
-    print_json,
-    printable,
-    span,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 from symaware_cli.study.sweep_files import is_sweep
 
 if TYPE_CHECKING:
@@ -153,7 +143,7 @@ def inspect(
         typer.Option(help="Compare paired variants in this column, run by run.", rich_help_panel=ROWS),
     ] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.", rich_help_panel=ROWS)] = False,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Show what a log contains: agents, times, channels, the scenario, what is missing; or the table of a sweep."""
     views = {
@@ -186,11 +176,13 @@ def inspect(
     if is_sweep(path):
         for option, value in {**{view: wanted or None for view, wanted in views.items()}, **given}.items():
             if value is not None and option != "--limit":
-                fail(f"{option} goes with a log, not with the folder of a sweep", WRONG_INPUT, as_json)
+                terminal.fail(
+                    f"{option} goes with a log, not with the folder of a sweep", terminal.WRONG_INPUT, as_json
+                )
         is_selected = any(each is not None for each in (where, sort, columns, limit)) or as_csv
         if (shares or compare is not None) and (is_selected or (shares and compare)):
-            fail("--shares and --compare are about all rows, each by itself", WRONG_INPUT, as_json)
-        with trouble_shown(as_json):
+            terminal.fail("--shares and --compare are about all rows, each by itself", terminal.WRONG_INPUT, as_json)
+        with terminal.trouble_shown(as_json):
             from symaware_cli.cli.sweep_rows import show_differences, show_rows, show_shares
 
             if compare is not None:
@@ -198,27 +190,27 @@ def inspect(
             elif shares:
                 show_shares(path, as_json)
             else:
-                show_rows(path, where, sort, limit, names(columns), as_json=as_json, as_csv=as_csv)
+                show_rows(path, where, sort, limit, terminal.names(columns), as_json=as_json, as_csv=as_csv)
         return
     given |= of_rows
     view = _view([view for view, wanted in views.items() if wanted], given, as_json=as_json)
-    with trouble_shown(as_json):
+    with terminal.trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
 
         log = open_log(path)
-        first, last = span(start, end, as_json)
+        first, last = terminal.span(start, end, as_json)
         if series is not None:
-            from symaware_cli.cli.series_table import show_series
+            from symaware_cli.cli.log_views import show_series
 
             if every is not None and not 0 < every < float("inf"):
-                fail(f"--every takes a time above 0, not {every:g}", WRONG_INPUT, as_json)
+                terminal.fail(f"--every takes a time above 0, not {every:g}", terminal.WRONG_INPUT, as_json)
             show_series(log, series, start=first, end=last, every=every, limit=limit, as_json=as_json)
         elif view in ("--events", "--messages", "--contacts"):
-            from symaware_cli.cli.listing import show_entries
+            from symaware_cli.cli.log_views import show_entries
             from symaware_cli.recording.entry_filter import EntryFilter
 
             wanted = EntryFilter(
-                agents=tuple(names(agents)),
+                agents=tuple(terminal.names(agents)),
                 name=name,
                 source=source,
                 level=level.upper() if level else None,
@@ -235,21 +227,23 @@ def inspect(
         lost = bool(log.damage and log.damage.lost)
     if lost and view:
         typer.echo(f"symaware: {log.damage}", err=True)
-    raise typer.Exit(DATA_LOST if lost else 0)
+    raise typer.Exit(terminal.DATA_LOST if lost else 0)
 
 
 def _view(chosen: list[str], filters: dict[str, Any], *, as_json: bool) -> str:
     """Return the requested view, after a check that the filters apply to it; None for the overview."""
     if len(chosen) > 1:
-        fail(f"choose one of {' and '.join(chosen)}", WRONG_INPUT, as_json)
+        terminal.fail(f"choose one of {' and '.join(chosen)}", terminal.WRONG_INPUT, as_json)
     view = chosen[0] if chosen else ""
     for option, value in filters.items():
         if value is not None and view not in FILTERS[option]:
-            fail(f"{option} goes with {' or '.join(FILTERS[option])}", WRONG_INPUT, as_json)
+            terminal.fail(f"{option} goes with {' or '.join(FILTERS[option])}", terminal.WRONG_INPUT, as_json)
     stage = filters["--stage"]
     stages = STAGES.get(view, ())
     if stage is not None and stage not in stages:
-        fail(f"--stage {stage} does not go with {view}; there are {', '.join(stages)}", WRONG_INPUT, as_json)
+        terminal.fail(
+            f"--stage {stage} does not go with {view}; there are {', '.join(stages)}", terminal.WRONG_INPUT, as_json
+        )
     return view
 
 
@@ -260,10 +254,10 @@ def _show_digest(log: Log, *, as_json: bool) -> None:
 
     result = digest(log)
     if as_json:
-        print_json(asdict(result))
+        terminal.print_json(asdict(result))
         return
     for name, value in [*result.channels.items(), *result.attachments.items(), ("combined", result.combined)]:
-        typer.echo(f"{value}  {printable(name)}")
+        typer.echo(f"{value}  {terminal.printable(name)}")
 
 
 def _show_overview(log: Log, *, as_json: bool) -> None:
@@ -271,8 +265,8 @@ def _show_overview(log: Log, *, as_json: bool) -> None:
 
     summary = overview(log)
     if as_json:
-        print_json(summary.to_json())
+        terminal.print_json(summary.to_json())
         return
-    from symaware_cli.cli.overview_text import text
+    from symaware_cli.cli.log_views import overview_text
 
-    typer.echo(text(summary))
+    typer.echo(overview_text(summary))

@@ -12,7 +12,7 @@ import typer
 
 from symaware_cli.api.progress import progress
 from symaware_cli.api.report import size_in_words
-from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, is_lively, print_json, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, Json, is_lively, print_json, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.distributed.merging import Merged
@@ -32,19 +32,16 @@ def merge(
     """Merge the logs of the processes of one run into one log."""
     # An interruption leaves no partial file.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with trouble_shown(as_json):
-            from symaware_cli.distributed.merging import merge as write
-            from symaware_cli.distributed.process_log import missing_in_words, open_process_logs
+    with trouble_shown(as_json):
+        from symaware_cli.distributed.merging import merge as write
+        from symaware_cli.distributed.process_log import missing_in_words, open_process_logs
 
-            parts = open_process_logs(paths)
-            start = min((part.log.start_time or 0 for part in parts), default=0)
-            end = max((part.log.end_time or 0 for part in parts), default=0)
-            shown = is_lively(sys.stderr) and not as_json
-            with progress(output.name, start, end, shown) as on_progress:
-                merged = write(parts, output, on_progress)
-    except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None
+        parts = open_process_logs(paths)
+        start = min((part.log.start_time or 0 for part in parts), default=0)
+        end = max((part.log.end_time or 0 for part in parts), default=0)
+        shown = is_lively(sys.stderr) and not as_json
+        with progress(output.name, start, end, shown) as on_progress:
+            merged = write(parts, output, on_progress)
     lost = [part for part in parts if part.log.damage and part.log.damage.lost]
     if as_json:
         print_json(_plain(parts, merged, lost))

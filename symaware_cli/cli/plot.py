@@ -9,19 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from symaware_cli.api.report import size_in_words
-from symaware_cli.cli.terminal import (
-    DATA_LOST,
-    INTERRUPTED,
-    WRONG_INPUT,
-    Json,
-    fail,
-    instant,
-    names,
-    print_json,
-    progress_shown,
-    span,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 from symaware_cli.study.sweep_files import is_sweep
 
 
@@ -83,39 +71,43 @@ def plot(
     title: Annotated[str | None, typer.Option(help="Title of the figure.")] = None,
     size: Annotated[str | None, typer.Option(help="Width and height in inches, such as 12x8.", metavar="WxH")] = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Plot a log in one figure: trajectories, separation, risk, or any series by name; or the results of a sweep."""
     if is_sweep(path):
         others = {"--specifications": specifications, "--series": series, "--agents": agents, "--from": start}
         for option, value in {**others, "--to": end, "--at": at}.items():
             if value not in (None, False, []):
-                fail(f"{option} goes with a log, and {path} is a folder", WRONG_INPUT, as_json)
+                terminal.fail(f"{option} goes with a log, and {path} is a folder", terminal.WRONG_INPUT, as_json)
         measures = _measures(size, as_json=as_json)
         if trajectories:
             if show is not None:
-                fail("--show names metrics, and --trajectories is another picture", WRONG_INPUT, as_json)
+                terminal.fail(
+                    "--show names metrics, and --trajectories is another picture", terminal.WRONG_INPUT, as_json
+                )
             _plot_paths(path, output, runs, title, measures, dpi, as_json=as_json)
             return
         if runs is not None:
-            fail("--runs goes with --trajectories", WRONG_INPUT, as_json)
-        _plot_sweep(path, output, names(show), title, measures, dpi, as_json=as_json)
+            terminal.fail("--runs goes with --trajectories", terminal.WRONG_INPUT, as_json)
+        _plot_sweep(path, output, terminal.names(show), title, measures, dpi, as_json=as_json)
         return
     if trajectories or runs is not None:
-        fail("--trajectories and --runs go with the folder of a sweep; see --show", WRONG_INPUT, as_json)
-    span(start, end, as_json)
-    instant("--at", at, as_json)
+        terminal.fail(
+            "--trajectories and --runs go with the folder of a sweep; see --show", terminal.WRONG_INPUT, as_json
+        )
+    terminal.span(start, end, as_json)
+    terminal.instant("--at", at, as_json)
     measures = _measures(size, as_json=as_json)
-    with trouble_shown(as_json):
+    with terminal.trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
         from symaware_cli.scenario.files import unused_path
         from symaware_cli.viewing.plotting.plot import plot
         from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
 
         request = PlotRequest(
-            show=(*names(show), *(("trajectories", "specifications") if specifications else ())),
+            show=(*terminal.names(show), *(("trajectories", "specifications") if specifications else ())),
             series=tuple(SeriesName.parse(name) for name in series or ()),
-            agents=tuple(names(agents)),
+            agents=tuple(terminal.names(agents)),
             start=start,
             end=end,
             at=at,
@@ -125,19 +117,16 @@ def plot(
         )
         log = open_log(path)
         file = output or unused_path(path.stem, suffix=".png")
-        try:
-            content = plot(log, file, request)
-        except KeyboardInterrupt:
-            raise typer.Exit(INTERRUPTED) from None
+        content = plot(log, file, request)
     damage = str(log.damage) if log.damage and log.damage.lost else None
     facts = {"log": str(path), "file": str(file), "size": file.stat().st_size, **content.facts(), "damage": damage}
     if as_json:
-        print_json(facts)
+        terminal.print_json(facts)
     else:
         typer.echo(_text(facts))
     if damage:
         typer.echo(f"symaware: {damage}", err=True)
-        raise typer.Exit(DATA_LOST)
+        raise typer.Exit(terminal.DATA_LOST)
 
 
 def _plot_sweep(
@@ -150,15 +139,12 @@ def _plot_sweep(
     *,
     as_json: bool,
 ) -> None:
-    with trouble_shown(as_json):
+    with terminal.trouble_shown(as_json):
         from symaware_cli.scenario.files import unused_path
         from symaware_cli.study.picture.sweep_picture import plot_sweep
 
         file = output or unused_path(folder.resolve().name, suffix=".png")
-        try:
-            picture = plot_sweep(folder, file, show, title, size, dpi)
-        except KeyboardInterrupt:
-            raise typer.Exit(INTERRUPTED) from None
+        picture = plot_sweep(folder, file, show, title, size, dpi)
     runs = picture.runs
     panels = [{"panel": each.metric.name, "kind": each.kind, "of": each.caption} for each in picture.panels]
     facts: dict[str, Any] = {
@@ -172,7 +158,7 @@ def _plot_sweep(
         "notes": list(picture.notes),
     }
     if as_json:
-        print_json(facts)
+        terminal.print_json(facts)
         return
     shown = ", ".join(dict.fromkeys(each.metric.name for each in picture.panels))
     typer.echo(f"{file}: {shown}; {size_in_words(facts['size'])}")
@@ -192,16 +178,13 @@ def _plot_paths(
     *,
     as_json: bool,
 ) -> None:
-    with trouble_shown(as_json):
+    with terminal.trouble_shown(as_json):
         from symaware_cli.scenario.files import unused_path
         from symaware_cli.study.picture.sweep_picture import plot_paths
 
         file = output or unused_path(f"{folder.resolve().name}-trajectories", suffix=".png")
-        try:
-            with progress_shown("runs made again", not as_json) as tell:
-                picture = plot_paths(folder, file, count, title, size, dpi, tell)
-        except KeyboardInterrupt:
-            raise typer.Exit(INTERRUPTED) from None
+        with terminal.progress_shown("runs made again", not as_json) as tell:
+            picture = plot_paths(folder, file, count, title, size, dpi, tell)
     panels: list[dict[str, Any]] = [
         {"of": panel.caption, "runs": len(panel.paths), "violating": sum(panel.violated)} for panel in picture.panels
     ]
@@ -214,7 +197,7 @@ def _plot_paths(
         "notes": list(picture.notes),
     }
     if as_json:
-        print_json(facts)
+        terminal.print_json(facts)
         return
     typer.echo(f"{file}: trajectories; {size_in_words(facts['size'])}")
     violating = sum(panel["violating"] for panel in panels)
@@ -229,7 +212,9 @@ def _measures(size: str | None, *, as_json: bool) -> tuple[float, float] | None:
         return None
     found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*[x×]\s*(\d+(?:\.\d*)?)", size.strip())
     if not found:
-        fail(f"--size takes width and height in inches, such as 12x8, not {size!r}", WRONG_INPUT, as_json)
+        terminal.fail(
+            f"--size takes width and height in inches, such as 12x8, not {size!r}", terminal.WRONG_INPUT, as_json
+        )
     return float(found[1]), float(found[2])
 
 

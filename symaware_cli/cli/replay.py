@@ -14,21 +14,7 @@ import typer
 
 from symaware_cli.api.progress import progress
 from symaware_cli.api.report import size_in_words
-from symaware_cli.cli.terminal import (
-    DATA_LOST,
-    FAILED,
-    INTERRUPTED,
-    WRONG_INPUT,
-    Json,
-    fail,
-    instant,
-    is_lively,
-    names,
-    print_json,
-    refuse,
-    span,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
@@ -73,7 +59,7 @@ def replay(
     ] = None,
     start: Annotated[float | None, typer.Option("--from", help="The first simulated time, in seconds.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Show a log in the Rerun viewer: motion, beliefs, intents, risks and messages of all agents."""
     ways, is_part = (save, screenshot, web, connect), against is not None or start is not None or end is not None
@@ -86,22 +72,22 @@ def replay(
         (_ends_otherwise(screenshot, ".png"), f"--screenshot writes a PNG; {named} .png, not {screenshot}"),
         (at is not None and not screenshot, "--at goes with --screenshot"),
     )
-    refuse(reasons, as_json)
-    first, last = span(start, end, as_json)
-    moment = instant("--at", at, as_json)
+    terminal.refuse(reasons, as_json)
+    first, last = terminal.span(start, end, as_json)
+    moment = terminal.instant("--at", at, as_json)
     _require_sound(size, bind, as_json=as_json)
-    bar = is_lively(sys.stderr) and not as_json
+    bar = terminal.is_lively(sys.stderr) and not as_json
     facts: dict[str, object] = {"log": str(path)}
-    with trouble_shown(as_json):
+    with terminal.trouble_shown(as_json):
         from symaware_cli.viewing.viewer import ViewerError, require
 
         require()
         log = _opened(path, follow=follow)
         if log.foreign and (agents or is_part):
             options = "--agents, --against, --from and --to"
-            fail(f"{path} was not written by SymAware; leave out {options}", WRONG_INPUT, as_json)
+            terminal.fail(f"{path} was not written by SymAware; leave out {options}", terminal.WRONG_INPUT, as_json)
         _require_shown(moment, log, first, last, as_json=as_json)
-        shown = _replay_session(log, names(agents), first, last, against)
+        shown = _replay_session(log, terminal.names(agents), first, last, against)
         facts["shown"] = shown.words
         try:
             if file := save or screenshot:
@@ -125,13 +111,11 @@ def replay(
                     as_json=as_json,
                 )
         except ViewerError as error:
-            fail(str(error), FAILED, as_json)
-        except KeyboardInterrupt:
-            raise typer.Exit(INTERRUPTED) from None
+            terminal.fail(str(error), terminal.FAILED, as_json)
     # A log that is still being written has no end yet.
     if not follow and log.damage and log.damage.lost:
         typer.echo(f"symaware: {log.damage}", err=True)
-        raise typer.Exit(DATA_LOST)
+        raise typer.Exit(terminal.DATA_LOST)
 
 
 def _replay_session(
@@ -201,11 +185,13 @@ def _require_sound(size: str, bind: str, *, as_json: bool) -> None:
     width, _, height = size.partition("x")
     if not all(side.isdecimal() and len(side) < 6 and _SMALLEST <= int(side) <= _LARGEST for side in (width, height)):
         why = f"--size is two numbers of pixels from {_SMALLEST} to {_LARGEST}, such as 1600x1000, not {size!r}"
-        fail(why, WRONG_INPUT, as_json)
+        terminal.fail(why, terminal.WRONG_INPUT, as_json)
     try:
         ipaddress.ip_address(bind)
     except ValueError:
-        fail(f"--bind is an IP address, such as 127.0.0.1 or 0.0.0.0, not {bind!r}", WRONG_INPUT, as_json)
+        terminal.fail(
+            f"--bind is an IP address, such as 127.0.0.1 or 0.0.0.0, not {bind!r}", terminal.WRONG_INPUT, as_json
+        )
 
 
 def _require_shown(moment: int | None, log: Log, first: int | None, last: int | None, *, as_json: bool) -> None:
@@ -214,7 +200,7 @@ def _require_shown(moment: int | None, log: Log, first: int | None, last: int | 
     end = min((time for time in (log.end_time, last) if time is not None), default=None)
     if moment is not None and end is not None and not begin <= moment <= end:
         what = f"{log.path}, of which {begin / 1e9:g} to {end / 1e9:g} s are shown"
-        fail(f"--at {moment / 1e9:g} is not in {what}", WRONG_INPUT, as_json)
+        terminal.fail(f"--at {moment / 1e9:g} is not in {what}", terminal.WRONG_INPUT, as_json)
 
 
 def _opened(path: Path, *, follow: bool) -> Log:
@@ -229,7 +215,7 @@ def _opened(path: Path, *, follow: bool) -> Log:
 
 def _tell(facts: dict[str, object], *, as_json: bool) -> None:
     if as_json:
-        print_json(facts)
+        terminal.print_json(facts)
         return
     if "file" in facts:
         typer.echo(f"{facts['file']}: {size_in_words(int(str(facts['size'])))}")

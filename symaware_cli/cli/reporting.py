@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import INTERRUPTED, Json, fail, output_kept, print_json, trouble_shown
+from symaware_cli.cli.terminal import Json, output_kept, print_json, trouble_shown
 
 
 def report(
@@ -27,16 +27,13 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write a page of HTML that needs no network: what ran, a map to play, figures, verdicts, how to repeat it."""
-    with trouble_shown(as_json), output_kept(as_json):
+    with trouble_shown(as_json, path), output_kept(as_json):
         from symaware_cli.api.html_report import write_report
         from symaware_cli.api.report import size_in_words
         from symaware_cli.scenario.files import unused_path
 
         name = path.resolve().name if path.is_dir() else path.stem
-        try:
-            page = write_report(path, output or unused_path(name, suffix=".html"), viewer, pdf)
-        except KeyboardInterrupt:
-            fail(f"{path}: interrupted", INTERRUPTED, as_json)
+        page = write_report(path, output or unused_path(name, suffix=".html"), viewer, pdf)
         files = [page, *([pdf] if pdf else [])]
         sizes = [file.stat().st_size for file in files]
     if as_json:

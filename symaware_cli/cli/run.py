@@ -14,22 +14,7 @@ import typer
 
 from symaware_cli import processor
 from symaware_cli.api.result import RunFailedError, RunInterrupted
-from symaware_cli.cli.terminal import (
-    FAILED,
-    INTERRUPTED,
-    VIOLATED,
-    WRONG_INPUT,
-    Json,
-    Overrides,
-    ScenarioPath,
-    Seed,
-    fail,
-    is_lively,
-    names,
-    output_kept,
-    print_json,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
     from symaware_cli.api.scenario import Scenario
@@ -40,9 +25,9 @@ _SPREAD = "Several processes"
 
 
 def run(
-    scenario: ScenarioPath,
-    seed: Seed = None,
-    overrides: Overrides = None,
+    scenario: terminal.ScenarioPath,
+    seed: terminal.Seed = None,
+    overrides: terminal.Overrides = None,
     index: Annotated[
         int | None, typer.Option(min=0, help="Of the folder of a sweep, the run to repeat.", metavar="N")
     ] = None,
@@ -64,7 +49,7 @@ def run(
         str | None, typer.Option("--connect", help="Like --live, in a running viewer.", metavar="URL")
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.")] = False,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -114,10 +99,10 @@ def run(
     ] = 60.0,
 ) -> None:
     """Run a scenario and record it in a log."""
-    place = _place(listen, bind, join, names(",".join(only or ())), key_file, name, wait, as_json=as_json)
+    place = _place(listen, bind, join, terminal.names(",".join(only or ())), key_file, name, wait, as_json=as_json)
     warnings.filterwarnings("ignore", category=processor.ProcessorWarning)
     shows = not quiet and not as_json
-    with trouble_shown(as_json), _refusals_shown(as_json), output_kept(as_json):
+    with terminal.trouble_shown(as_json), _refusals_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.api.scenario import Scenario
 
         if index is not None or os.path.isdir(scenario):
@@ -129,7 +114,7 @@ def run(
                 output=output,
                 record=not no_record,
                 timeout=timeout,
-                progress=shows and is_lively(sys.stderr),
+                progress=shows and terminal.is_lively(sys.stderr),
                 on_event=_tell if place and shows else None,
                 live=connect or live,
                 place=place,
@@ -141,7 +126,7 @@ def run(
     if shortfall and not quiet:
         typer.echo(f"symaware: {shortfall}", err=True)
     if as_json:
-        print_json(summary.to_json())
+        terminal.print_json(summary.to_json())
     elif not quiet:
         typer.echo(result)
     if summary.failure and not as_json:
@@ -156,8 +141,10 @@ def run(
         with suppress(KeyboardInterrupt):
             result.viewer.wait()
         result.viewer.close()
-    finished = VIOLATED if summary.violated else 0
-    raise typer.Exit({"finished": finished, "failed": FAILED, "interrupted": INTERRUPTED}[result.status])
+    finished = terminal.VIOLATED if summary.violated else 0
+    raise typer.Exit(
+        {"finished": finished, "failed": terminal.FAILED, "interrupted": terminal.INTERRUPTED}[result.status]
+    )
 
 
 def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_json: bool) -> Scenario:
@@ -167,12 +154,14 @@ def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_j
 
     if index is None:
         if not is_sweep(folder):
-            fail(f"{folder} is a folder, and not that of a sweep: give a scenario or a log", WRONG_INPUT, as_json)
-        fail(f"{folder} is a folder: say which run of its sweep to repeat, with --index", WRONG_INPUT, as_json)
+            said = f"{folder} is a folder, and not that of a sweep: give a scenario or a log"
+        else:
+            said = f"{folder} is a folder: say which run of its sweep to repeat, with --index"
+        terminal.fail(said, terminal.WRONG_INPUT, as_json)
     if not folder.is_dir():
-        fail("--index goes with the folder of a sweep", WRONG_INPUT, as_json)
+        terminal.fail("--index goes with the folder of a sweep", terminal.WRONG_INPUT, as_json)
     if any(others):
-        fail("--seed and --set would make another run of it", WRONG_INPUT, as_json)
+        terminal.fail("--seed and --set would make another run of it", terminal.WRONG_INPUT, as_json)
     return scenario_of(folder, index)
 
 
@@ -191,7 +180,7 @@ def _refusals_shown(as_json: bool) -> Iterator[None]:
     try:
         yield
     except (DistributionError, TransportError) as error:
-        fail(str(error), WRONG_INPUT, as_json)
+        terminal.fail(str(error), terminal.WRONG_INPUT, as_json)
 
 
 def _place(
@@ -209,16 +198,18 @@ def _place(
     if listen is None and join is None:
         for option, given in (("--only", only), ("--bind", bind), ("--key-file", key), ("--name", name)):
             if given:
-                fail(
+                terminal.fail(
                     f"{option} is for a run of several processes: with --listen PORT or --join HOST:PORT",
-                    WRONG_INPUT,
+                    terminal.WRONG_INPUT,
                     as_json,
                 )
         return None
     if listen is not None and join is not None:
-        fail("--listen is for the host and --join for all others: give one of them", WRONG_INPUT, as_json)
+        terminal.fail(
+            "--listen is for the host and --join for all others: give one of them", terminal.WRONG_INPUT, as_json
+        )
     if bind and join:
-        fail("--bind says where a host listens: it goes with --listen", WRONG_INPUT, as_json)
+        terminal.fail("--bind says where a host listens: it goes with --listen", terminal.WRONG_INPUT, as_json)
     from symaware_cli.scenario.place import Place
 
     if join is not None:

@@ -14,19 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from symaware_cli.cli.terminal import (
-    FAILED,
-    INTERRUPTED,
-    Jobs,
-    Json,
-    Overrides,
-    is_lively,
-    job_count,
-    output_kept,
-    print_json,
-    refuse,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
     from symaware_cli.study.folder import SweepFolder
@@ -95,7 +83,7 @@ def sweep(
             rich_help_panel=_PLAN,
         ),
     ] = None,
-    overrides: Overrides = None,
+    overrides: terminal.Overrides = None,
     variants: Annotated[
         list[str] | None,
         typer.Option(
@@ -149,7 +137,7 @@ def sweep(
         float | None,
         typer.Option(min=0.001, help="Wall time after which a run is given up, in seconds.", rich_help_panel=_PLAN),
     ] = None,
-    jobs: Jobs = None,
+    jobs: terminal.Jobs = None,
     ray: Annotated[
         str | None,
         typer.Option(
@@ -182,7 +170,7 @@ def sweep(
         bool, typer.Option("--dry-run", help="Check everything and show the plan; run nothing.", rich_help_panel=_MEANS)
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.")] = False,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Run a scenario many times, over parameters, variants and seeds; resumable, with one table at the end."""
     options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
@@ -198,8 +186,8 @@ def sweep(
         (target.is_dir() and is_given, f"{target} says what to run: only --add-runs adds to it"),
         (add_runs is not None and not target.is_dir(), "--add-runs goes with the folder of a sweep"),
     )
-    refuse(reasons, as_json)
-    with trouble_shown(as_json), output_kept(as_json):
+    terminal.refuse(reasons, as_json)
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.api.sweeps import opened
         from symaware_cli.study.request import SweepRequest
         from symaware_cli.study.session import conduct
@@ -215,7 +203,7 @@ def sweep(
             with _shown(folder, not quiet and not as_json) as tell:
                 outcome = conduct(
                     folder,
-                    0 if ray and jobs is None else job_count(jobs),
+                    0 if ray and jobs is None else terminal.job_count(jobs),
                     ray=ray,
                     batch=_BATCHES[batch] if batch in _BATCHES else int(batch),
                     retry_lost=retry is not None,
@@ -224,7 +212,7 @@ def sweep(
                 )
             shown = outcome.to_json()
     if as_json:
-        print_json(shown)
+        terminal.print_json(shown)
     elif dry_run:
         typer.echo(_plan_text(shown))
     elif not quiet:
@@ -232,8 +220,8 @@ def sweep(
     if dry_run:
         return
     if outcome.is_interrupted:
-        raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(FAILED if outcome.counts.done < outcome.planned else 0)
+        raise typer.Exit(terminal.INTERRUPTED)
+    raise typer.Exit(terminal.FAILED if outcome.counts.done < outcome.planned else 0)
 
 
 def _is_count(text: str) -> bool:
@@ -305,7 +293,7 @@ def _text(outcome: SweepOutcome) -> str:
 @contextmanager
 def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress], None] | None]:
     """Show how far a sweep is, on a terminal."""
-    if not shown or not is_lively(sys.stderr):
+    if not shown or not terminal.is_lively(sys.stderr):
         yield None
         return
     from rich.console import Console

@@ -177,8 +177,13 @@ def span(start: float | None, end: float | None, as_json: bool = False) -> tuple
 
 
 @contextmanager
-def trouble_shown(as_json: bool = False) -> Iterator[None]:
-    """Report problems with scenarios and logs, and exit with their status."""
+def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator[None]:
+    """Report problems with scenarios and logs, and exit with their status.
+
+    Args:
+        as_json: Whether to report them as JSON.
+        interrupted: What is said to be interrupted by Ctrl-C; None to exit without a word.
+    """
     from symaware_cli.recording.error import LogError, OutputError, UnknownNameError
     from symaware_cli.scenario.problem import ScenarioError, nearest, render, to_json
 
@@ -197,6 +202,10 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
         fail(f"{error}; did you mean `{near}`?" if near else str(error), WRONG_INPUT, as_json)
     except LogError as error:
         fail(str(error), WRONG_INPUT, as_json)
+    except KeyboardInterrupt:
+        if interrupted is None:
+            raise typer.Exit(INTERRUPTED) from None
+        fail(f"{interrupted}: interrupted", INTERRUPTED, as_json)
 
 
 def printable(text: str) -> str:

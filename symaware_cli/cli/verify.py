@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import (
-    FAILED,
-    INTERRUPTED,
-    WRONG_INPUT,
-    Json,
-    fail,
-    output_kept,
-    print_json,
-    printable,
-    progress_shown,
-    trouble_shown,
-)
+from symaware_cli.cli import terminal
 
 if TYPE_CHECKING:
     from symaware_cli.api.sweep_verification import Finding, Level, SweepVerification
@@ -49,64 +38,55 @@ def verify(
         typer.Option(help="The key that a certificate has to be signed with, public or private.", metavar="FILE"),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
-    as_json: Json = False,
+    as_json: terminal.Json = False,
 ) -> None:
     """Repeat runs and compare: equal, or what differs and where. Exit status 1 if something does."""
     if path.suffix == ".json":
         raise typer.Exit(_verify_certificate(path, level, rows, seed, key, quiet=quiet, as_json=as_json))
     if key is not None:
-        fail(f"--key is for certificates, and {path} is none", WRONG_INPUT, as_json)
+        terminal.fail(f"--key is for certificates, and {path} is none", terminal.WRONG_INPUT, as_json)
     if path.is_dir():
         raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet=quiet, as_json=as_json))
-    with trouble_shown(as_json), output_kept(as_json):
+    with terminal.trouble_shown(as_json, path), terminal.output_kept(as_json):
         from symaware_cli.api.verification import verify_log
 
-        try:
-            with progress_shown("repeats", not (quiet or as_json)) as shown:
-                result = verify_log(path, shown)
-        except KeyboardInterrupt:
-            fail(f"{path}: interrupted", INTERRUPTED, as_json)
+        with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
+            result = verify_log(path, shown)
     if as_json:
-        print_json(result.to_json())
+        terminal.print_json(result.to_json())
     elif not quiet:
         typer.echo("\n".join(_lines(result)))
     sys.stdout.flush()
-    raise typer.Exit(0 if result.is_equal else FAILED)
+    raise typer.Exit(0 if result.is_equal else terminal.FAILED)
 
 
 def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, *, quiet: bool, as_json: bool) -> int:
     """Verify the folder of a sweep, and return the exit status."""
-    with trouble_shown(as_json), output_kept(as_json):
+    with terminal.trouble_shown(as_json, folder), terminal.output_kept(as_json):
         from symaware_cli.api.sweeps import verify_sweep
 
-        try:
-            with progress_shown("repeats", not (quiet or as_json)) as shown:
-                result = verify_sweep(folder, _level(level, as_json=as_json), rows=rows, seed=seed, on_progress=shown)
-        except KeyboardInterrupt:
-            fail(f"{folder}: interrupted", INTERRUPTED, as_json)
+        with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
+            result = verify_sweep(folder, _level(level, as_json=as_json), rows=rows, seed=seed, on_progress=shown)
     if as_json:
-        print_json(result.to_json())
+        terminal.print_json(result.to_json())
     elif not quiet:
         typer.echo("\n".join(_report(result)))
-    return 0 if result.is_sound else FAILED
+    return 0 if result.is_sound else terminal.FAILED
 
 
 def _verify_certificate(
     path: Path, level: str, rows: int, seed: int | None, key: Path | None, *, quiet: bool, as_json: bool
 ) -> int:
     """Verify a certificate and the folder of its sweep, and return the exit status."""
-    with trouble_shown(as_json), output_kept(as_json):
+    with terminal.trouble_shown(as_json, path), terminal.output_kept(as_json):
         from symaware_cli.api.certification import verify_certificate
 
-        try:
-            with progress_shown("repeats", not (quiet or as_json)) as shown:
-                result = verify_certificate(
-                    path, _level(level, as_json=as_json), key=key, rows=rows, seed=seed, on_progress=shown
-                )
-        except KeyboardInterrupt:
-            fail(f"{path}: interrupted", INTERRUPTED, as_json)
+        with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
+            result = verify_certificate(
+                path, _level(level, as_json=as_json), key=key, rows=rows, seed=seed, on_progress=shown
+            )
     if as_json:
-        print_json(result.to_json())
+        terminal.print_json(result.to_json())
     elif not quiet:
         findings = result.findings
         typer.echo(f"{path}: {_outcome(findings)}")
@@ -118,7 +98,7 @@ def _verify_certificate(
         else:
             typer.echo(f"  {'signed by':<12} nobody")
         typer.echo("\n".join([*_findings(findings), *_report(result.sweep)]))
-    return 0 if result.is_sound else FAILED
+    return 0 if result.is_sound else terminal.FAILED
 
 
 def _level(level: str, *, as_json: bool) -> Level:
@@ -126,7 +106,7 @@ def _level(level: str, *, as_json: bool) -> Level:
 
     chosen = next((each for each in LEVELS if each == level), None)
     if chosen is None:
-        fail(f"--level takes {', '.join(LEVELS)}, not {level}", WRONG_INPUT, as_json)
+        terminal.fail(f"--level takes {', '.join(LEVELS)}, not {level}", terminal.WRONG_INPUT, as_json)
     return chosen
 
 
@@ -137,9 +117,9 @@ def _report(result: SweepVerification) -> Iterator[str]:
     yield f"  {'rows':<12} {result.rows:,}, {result.repeated:,} of them made again, {result.logs:,} logs read"
     yield from _findings(findings)
     for line in result.versions[:_MOST]:
-        yield f"  {'version':<12} {printable(line)}"
+        yield f"  {'version':<12} {terminal.printable(line)}"
     for name, logs in list(result.not_evaluated.items())[:_MOST]:
-        yield f"  {'note':<12} of {logs:,} logs not evaluated independently: {printable(name)}"
+        yield f"  {'note':<12} of {logs:,} logs not evaluated independently: {terminal.printable(name)}"
     if result.missing:
         yield f"  {'note':<12} runs of the plan without a row: {result.missing:,}"
     if result.lost:
@@ -156,7 +136,7 @@ def _findings(findings: Sequence[Finding]) -> Iterator[str]:
     for each in findings[:_MOST]:
         where = "" if each.index is None else f"run {each.index}, "
         there, expected = _text(each.found), _text(each.expected)
-        yield f"  {'different':<12} {where}{printable(each.column)}: {there}, where {expected} has to be"
+        yield f"  {'different':<12} {where}{terminal.printable(each.column)}: {there}, where {expected} has to be"
     if len(findings) > _MOST:
         yield f"  {'different':<12} {len(findings) - _MOST:,} more; --json lists all of them"
 
@@ -170,28 +150,28 @@ def _lines(result: VerificationResult) -> Iterator[str]:
     elif not result.is_equal:
         found = "different"
     yield f"{result.log}: {found}"
-    yield f"  {'repeated':<12} {printable(result.scenario)}, seed {result.seed}, until {result.until:g} s"
+    yield f"  {'repeated':<12} {terminal.printable(result.scenario)}, seed {result.seed}, until {result.until:g} s"
     yield f"  {'equal':<12} {result.messages:,} messages{'' if result.is_equal else ' before the difference'}"
     if difference is not None:
         by = f", written by {result.writer}" if result.writer else ""
-        yield f"  {'channel':<12} {printable(difference.topic)}{by}"
+        yield f"  {'channel':<12} {terminal.printable(difference.topic)}{by}"
         yield from _values(difference)
     for each in result.attachments:
-        yield f"  {'different':<12} {printable(f'{each.topic} {each.element}'.strip())}: {_pair(each)}"
+        yield f"  {'different':<12} {terminal.printable(f'{each.topic} {each.element}'.strip())}: {_pair(each)}"
     for version in result.versions:
         there = f"{version.then or 'not installed'} in the log, {version.now or 'not installed'} here"
-        yield f"  {'version':<12} {printable(f'{version.name}: {there}')}"
+        yield f"  {'version':<12} {terminal.printable(f'{version.name}: {there}')}"
     if result.damage:
-        yield f"  {'damage':<12} {printable(result.damage)}"
+        yield f"  {'damage':<12} {terminal.printable(result.damage)}"
     if not result.is_whole:
         yield f"  {'note':<12} the log ends before its run did; it was compared as far as it goes"
 
 
 def _values(difference: LogDifference) -> Iterator[str]:
     if difference.agent:
-        yield f"  {'agent':<12} {printable(difference.agent)}"
+        yield f"  {'agent':<12} {terminal.printable(difference.agent)}"
     if difference.element:
-        yield f"  {'element':<12} {printable(difference.element)}"
+        yield f"  {'element':<12} {terminal.printable(difference.element)}"
     first, second = difference.values
     yield f"  {'in the log':<12} {_text(first)}"
     apart = difference.distance
@@ -204,4 +184,4 @@ def _pair(difference: LogDifference) -> str:
 
 
 def _text(value: object) -> str:
-    return "nothing" if value is None else printable(str(value))
+    return "nothing" if value is None else terminal.printable(str(value))

@@ -9,11 +9,10 @@ import hashlib
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from symaware_cli.specification.formula import SEMANTICS
-from symaware_cli.study import merkle_tree
 from symaware_cli.study.cell_stops import CellStops
 from symaware_cli.study.claim import Claim
 from symaware_cli.study.folder import SweepFolder
@@ -69,7 +68,7 @@ def statement(folder: SweepFolder, post_hoc: Claim | None = None) -> dict[str, A
             stops.add(row)
             against[plan.cell(row.index).number][_outcome(row, claim)] += 1
         count = journal.counts().all
-        leaves = merkle_tree.root(map(leaf_of, journal.records()))
+        leaves = _root_hash(map(leaf_of, journal.records()))
     if count != stops.planned:
         raise SweepError(
             f"{count:,} of {stops.planned:,} runs are made: `symaware sweep {folder.path}` makes the others"
@@ -124,7 +123,7 @@ def leaf_of(record: JournalRecord) -> bytes:
     fields = record._asdict()
     content = {name: json.loads(each) if name in texts else each for name, each in fields.items()}
     content["seed"] = str(record.seed)
-    return merkle_tree.leaf(canonical(_plain(content)))
+    return _leaf_hash(canonical(_plain(content)))
 
 
 def _outcome(row: Row, claim: Claim) -> str:
@@ -191,3 +190,30 @@ def _plain(value: Any) -> Any:
 
 def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
+
+
+def _leaf_hash(content: bytes) -> bytes:
+    """Return the hash of a leaf of the Merkle tree of RFC 6962, section 2.1."""
+    return hashlib.sha256(b"\0" + content).digest()
+
+
+def _root_hash(leaves: Iterable[bytes]) -> bytes:
+    """Return the hash of the tree over the hashes of its leaves, in constant memory but for its depth."""
+    # Complete subtrees from left to right, each larger than the next, as (height, hash).
+    subtrees: list[tuple[int, bytes]] = []
+    for each in leaves:
+        height, node = 0, each
+        while subtrees and subtrees[-1][0] == height:
+            node = _inner(subtrees.pop()[1], node)
+            height += 1
+        subtrees.append((height, node))
+    if not subtrees:
+        return hashlib.sha256().digest()
+    _, node = subtrees.pop()
+    while subtrees:
+        node = _inner(subtrees.pop()[1], node)
+    return node
+
+
+def _inner(left: bytes, right: bytes) -> bytes:
+    return hashlib.sha256(b"\1" + left + right).digest()

@@ -1,14 +1,100 @@
-"""Who does the work: the interface, and the simplest executor, which is this process."""
+"""Work for worker processes, and who does it: the interface, and the simplest executor, which is this process."""
 
 from __future__ import annotations
 
 import gc
 import math
+import signal
+import threading
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Generic, Protocol
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any, Generic, Protocol, TypeVar
 
-from symaware_cli.study.work import Block, ResultT, ResultT_co, Work
+ResultT = TypeVar("ResultT", bound="Result")
+ResultT_co = TypeVar("ResultT_co", bound="Result", covariant=True)
+
+
+class Result(Protocol):
+    """The result of one number, as data that JSON can represent."""
+
+    @property
+    def index(self) -> int:
+        """The number."""
+
+    @property
+    def wall_time(self) -> float:
+        """The wall time that it took [s]."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Numbers that one process takes together.
+
+    Attributes:
+        indices: The numbers.
+        is_recorded: Whether the logs of their runs are written.
+        values: For each number, the values of its run by their paths, if these do not follow from the number.
+    """
+
+    indices: tuple[int, ...]
+    is_recorded: bool = False
+    values: tuple[Mapping[str, Any], ...] = ()
+
+
+class Work(Protocol[ResultT_co]):
+    """Computes results in the present process; other processes create the same work from `to_json`."""
+
+    def open(self) -> None:
+        """Read and import what all results need; called before the first one."""
+
+    def prepare(self) -> None:
+        """Import everything that a result uses, so that the code of two machines can be compared."""
+
+    def results(self, block: Block) -> Iterator[ResultT_co]:
+        """Compute the results of a block, in any order.
+
+        Raises:
+            KeyboardInterrupt: A signal interrupted the computation.
+        """
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the work as plain data; `pool_worker` selects the class by ``kind``."""
+
+    def received(self, content: dict[str, Any]) -> ResultT_co:
+        """Return the result that another process sent as `Result.to_json`."""
+
+    def lost(self, index: int, why: str) -> ResultT_co:
+        """Return the substitute for a result whose process died or exceeded its time.
+
+        Raises:
+            SweepError: There is no substitute: the work cannot continue without the result.
+        """
+
+
+@contextmanager
+def signals_raised() -> Iterator[None]:
+    """Make SIGTERM what Ctrl-C is; in other threads than the main one neither is."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def raised(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    previous = {number: signal.signal(number, raised) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            with suppress(TypeError):  # a handler that Python did not install
+                signal.signal(number, handler)
+
 
 #: The wall time that a block of runs is to take [s], and the most runs of a block.
 _WORTH, _MOST = 1.0, 1000

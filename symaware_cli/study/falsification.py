@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.specification.outcome import Outcome
-from symaware_cli.study.candidates import CandidateWork
-from symaware_cli.study.executor import Blocks, Executor
+from symaware_cli.study.executor import Blocks, Executor, signals_raised
 from symaware_cli.study.row import Row
 from symaware_cli.study.search_method import Method, minimise, require
-from symaware_cli.study.search_space import SearchSpace
-from symaware_cli.study.signals import signals_raised
+from symaware_cli.study.search_space import CandidateWork, SearchSpace
 from symaware_cli.study.statistics.interval_estimate import Array
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.worker_pool import executor_of

@@ -22,7 +22,9 @@ from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.scenario.versions import versions
 from symaware_cli.study.cell_stops import check_rule
 from symaware_cli.study.custom_metrics import CustomMetrics
+from symaware_cli.study.executor import Block
 from symaware_cli.study.identity import SweepIdentity, differences
+from symaware_cli.study.row import Row
 from symaware_cli.study.runner import Runner
 from symaware_cli.study.sweep_error import SweepError, listed
 from symaware_cli.study.sweep_files import IDENTITY, LOGS, SCENARIO, SWEEP, TABLE, WRITTEN, is_sweep
@@ -263,3 +265,50 @@ def _write_all(
 def _short(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+class SweepWork:
+    """`Work` that makes the rows of a sweep."""
+
+    def __init__(self, folder: str, batch: int | None) -> None:
+        """Prepare; the folder need not be there before `open`.
+
+        Args:
+            folder: The folder of the sweep.
+            batch: See `Runner`.
+        """
+        self._path = folder
+        self._batch = batch
+        self._opened: tuple[Path, Runner] | None = None
+
+    def open(self) -> None:
+        """See `Work`."""
+        self._made()
+
+    def prepare(self) -> None:
+        """See `Work`."""
+        self._made()[1].prepare()
+
+    def results(self, block: Block) -> Iterator[Row]:
+        """See `Work`."""
+        logs, runner = self._made()
+        yield from runner.rows(block.indices, logs if block.is_recorded else None)
+
+    def to_json(self) -> dict[str, Any]:
+        """See `Work`."""
+        return {"kind": "sweep", "folder": self._path, "batch": self._batch}
+
+    def received(self, content: dict[str, Any]) -> Row:
+        """See `Work`."""
+        return Row(**content)
+
+    def lost(self, index: int, why: str) -> Row:
+        """See `Work`."""
+        return Row(index, "lost", error=why)
+
+    def _made(self) -> tuple[Path, Runner]:
+        """Where logs are written, and what makes runs."""
+        if self._opened is None:
+            folder = SweepFolder.opened(self._path)
+            self._opened = folder.logs, folder.runner(self._batch)
+        return self._opened

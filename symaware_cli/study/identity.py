@@ -1,14 +1,20 @@
-"""What the rows of a sweep are made of: the resolved scenario of each cell, and the versions of all that computes."""
+"""What the rows of a sweep are made of: the scenario of each cell, the versions of all that computes, and the code."""
 
 from __future__ import annotations
 
 import difflib
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import platform
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path, PurePosixPath
 from typing import Any
 
+from symaware_cli import processor
 from symaware_cli.study.sweep_plan import SweepPlan
 
 #: What may differ where the kernels are pinned: it changes no bit. Which libraries of BLAS are loaded depends on what
@@ -66,3 +72,104 @@ def differences(then: SweepIdentity, now: SweepIdentity) -> list[str]:
         old, new = then.resolved.splitlines(), now.resolved.splitlines()
         lines += [line for line in difflib.unified_diff(old, new, lineterm="", n=0) if line[:3] not in ("---", "+++")]
     return lines
+
+
+@dataclass(frozen=True, slots=True)
+class CodeIdentity:
+    """The code of a process.
+
+    Attributes:
+        versions: The version of Python and what computes, by name.
+        files: For each distribution of which something was imported, the hash of each of its files by name.
+        variables: The environment variables that choose among kernels; they have to be set before Python starts.
+    """
+
+    versions: Mapping[str, str]
+    files: Mapping[str, Mapping[str, str]]
+    variables: Mapping[str, str]
+
+    @classmethod
+    def of_this_process(cls) -> CodeIdentity:
+        """Read the files of all that this process has imported, a few hundred megabytes."""
+        versions = counting({"Python": platform.python_version(), **processor.in_force()})
+        return cls(versions, _imported(), processor.variables())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data, from which it can be made again."""
+        return asdict(self)
+
+    def differences(self, found: CodeIdentity) -> list[str]:
+        """Say in lines how the code of another process differs in what both have imported; nothing if it does not."""
+        lines = [
+            f"{name}: {self.versions.get(name, 'unknown')} here, {found.versions.get(name, 'unknown')} there"
+            for name in sorted(self.versions.keys() | found.versions.keys())
+            if self.versions.get(name) != found.versions.get(name)
+        ]
+        for name in sorted(self.files.keys() & found.files.keys()):
+            ours, theirs = self.files[name], found.files[name]
+            lines += [
+                f"{name}: {file} {_difference(file, ours, theirs)}"
+                for file in sorted(ours.keys() | theirs.keys())
+                if ours.get(file) != theirs.get(file)
+            ]
+        return lines
+
+
+def _difference(file: str, ours: Mapping[str, str], theirs: Mapping[str, str]) -> str:
+    if file not in theirs:
+        return "is here, but not there"
+    return "is another file there" if file in ours else "is there, but not here"
+
+
+def _imported() -> dict[str, dict[str, str]]:
+    """The hash of each file of each distribution of which something was imported."""
+    owners = metadata.packages_distributions()
+    found: dict[str, dict[str, str]] = {}
+    for name in sorted({name.partition(".")[0] for name in [*sys.modules]} - sys.stdlib_module_names):
+        # The main module, what finds an editable distribution, and how Python was built are no distributions.
+        if name.startswith(("__", "_sysconfigdata")):
+            continue
+        installed = False
+        for owner in sorted(set(owners.get(name, ()))):
+            files = {file: path for file, path in _recorded(owner) if path.is_file()}
+            installed |= any(PurePosixPath(file).parts[0].partition(".")[0] == name for file in files)
+            _add(found, owner, files)
+        if not installed:
+            # Such as an editable distribution, of which the metadata lists no code.
+            _add(found, next(iter(owners.get(name, ())), name), dict(_beside(name)))
+    return {name: files for name, files in sorted(found.items()) if files}
+
+
+def _add(found: dict[str, dict[str, str]], owner: str, files: Mapping[str, Path]) -> None:
+    known = found.setdefault(re.sub(r"[-_.]+", "-", owner).lower(), {})
+    for file, path in sorted(files.items()):
+        if file not in known:
+            known[file] = hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
+
+
+def _recorded(owner: str) -> Iterator[tuple[str, Path]]:
+    """The files of a distribution that an installer put beside each other, without what differs by installer."""
+    for file in metadata.distribution(owner).files or ():
+        if file.parts[0] != ".." and file.suffix != ".pth" and _counts(file):
+            yield file.as_posix(), Path(str(file.locate()))
+
+
+def _beside(name: str) -> Iterator[tuple[str, Path]]:
+    """The files of a module, or of the folders of a package."""
+    module = sys.modules.get(name)
+    for folder in [Path(each) for each in getattr(module, "__path__", ())]:
+        for path in sorted(folder.rglob("*")):
+            file = PurePosixPath(name, *path.relative_to(folder).parts)
+            if _counts(file) and path.is_file():
+                yield file.as_posix(), path
+    alone = Path(getattr(module, "__file__", None) or "")
+    if not hasattr(module, "__path__") and alone.is_file():
+        yield alone.name, alone
+
+
+def _counts(file: PurePosixPath) -> bool:
+    """Whether a file is code or its data: what installers, Python and editors leave behind is neither."""
+    left = any(
+        each == "__pycache__" or each[0] == "." or each.endswith((".dist-info", ".egg-info")) for each in file.parts
+    )
+    return not left and file.suffix != ".pyc"

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.study.code_identity import CodeIdentity
 from symaware_cli.study.executor import Blocks
+from symaware_cli.study.folder import SweepWork
+from symaware_cli.study.identity import CodeIdentity
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_files import LOGS
-from symaware_cli.study.sweep_work import SweepWork
 from symaware_cli.study.worker_pool import CodeDifferenceError, WorkerPool, WorkerPoolError
 
 

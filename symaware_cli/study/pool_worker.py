@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from symaware_cli.runtime.worker import end_with
 
 if TYPE_CHECKING:
-    from symaware_cli.study.work import Work
+    from symaware_cli.study.executor import Work
 
 
 def main() -> None:
@@ -36,8 +36,8 @@ def main() -> None:
     threading.Thread(target=_listen, args=(requests, blocks), daemon=True).start()
     # Imported with the path in place, and while whoever started it does something else.
     from symaware_cli.scenario.problem import ScenarioError
+    from symaware_cli.study.executor import Block
     from symaware_cli.study.sweep_error import SweepError
-    from symaware_cli.study.work import Block
 
     work = _made_again(setup["work"])
     work.open()
@@ -58,21 +58,21 @@ def _made_again(content: dict[str, Any]) -> Work[Any]:
     """Return the work of which another process sent `Work.to_json`."""
     kind, content = content["kind"], {name: each for name, each in content.items() if name != "kind"}
     if kind == "sweep":
-        from symaware_cli.study.sweep_work import SweepWork
+        from symaware_cli.study.folder import SweepWork
 
         return SweepWork(**content)
     if kind == "candidates":
-        from symaware_cli.study.candidates import CandidateWork
+        from symaware_cli.study.search_space import CandidateWork
 
         return CandidateWork(**content)
-    from symaware_cli.study.repeats import RepeatWork, SplittingPlan
+    from symaware_cli.study.splitting import RepeatWork, SplittingPlan
 
     return RepeatWork(SplittingPlan.from_json(content["plan"]))
 
 
 def _differences(code: dict[str, Any], work: Work[Any]) -> list[str]:
     """Say how the code here differs from that of another machine, once everything for a run is imported."""
-    from symaware_cli.study.code_identity import CodeIdentity
+    from symaware_cli.study.identity import CodeIdentity
 
     work.prepare()
     return CodeIdentity(**code).differences(CodeIdentity.of_this_process())

@@ -13,14 +13,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.study.code_identity import CodeIdentity
-from symaware_cli.study.executor import Blocks
+from symaware_cli.study.executor import Block, Blocks
 from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.identity import CodeIdentity
 from symaware_cli.study.node_worker import BlockAnswer, SweepSetup, answer
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_files import IDENTITY, SCENARIO, SWEEP
-from symaware_cli.study.work import Block
 
 #: How long the head of a cluster may take to answer, and how long a cluster may be without any processor [s].
 _REACHED_WITHIN, _WITHOUT_PROCESSORS = 5.0, 60.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from symaware_cli.scenario.problem import TextSpan, quoted
 from symaware_cli.scenario.source import MappingEntry, Source, SourceNode, decode
-from symaware_cli.study.values import is_range
+from symaware_cli.study.sweep_document import is_range
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,11 +29,10 @@ from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import ScenarioError
-from symaware_cli.study.agent_verdicts import agent_verdicts
 from symaware_cli.study.batch import Batch, Start, batch_size, refusal, starts_of
 from symaware_cli.study.custom_metrics import CustomMetrics, Followers, typed
 from symaware_cli.study.measurement import Measurement, RunMeasurement
-from symaware_cli.study.metrics import MetricDescription, RunFigures, figures
+from symaware_cli.study.metrics import MetricDescription, RunFigures, agent_verdicts, figures
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_document import SweepDocument
 from symaware_cli.study.sweep_plan import ParameterChange

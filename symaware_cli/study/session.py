@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from symaware_cli.study import sweep_table, table_file
 from symaware_cli.study.cell_stops import CellStops
-from symaware_cli.study.executor import Blocks, Executor
-from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.executor import Blocks, Executor, signals_raised
+from symaware_cli.study.folder import SweepFolder, SweepWork
 from symaware_cli.study.row import Row
-from symaware_cli.study.signals import signals_raised
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_files import JOURNAL, TABLE, TIMES
 from symaware_cli.study.sweep_journal import Counts, SweepJournal
-from symaware_cli.study.sweep_work import SweepWork
 from symaware_cli.study.worker_pool import executor_of
 
 if TYPE_CHECKING:

@@ -3,13 +3,128 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from decimal import Decimal
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, WithJsonSchema
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from symaware_cli.scenario.section import Identifier, Name, Section, Use
 from symaware_cli.study.claim import Claim
-from symaware_cli.study.drawn_values import DrawnValues, Values
+from symaware_cli.study.statistics.parameter_distribution import (
+    Choice,
+    LogUniformDistribution,
+    NormalDistribution,
+    ParameterDistribution,
+    UniformDistribution,
+)
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})(?:\s+by\s+({_NUMBER}))?\s*")
+
+#: The most values of a range.
+_MOST = 100_000
+
+
+def is_range(text: str) -> bool:
+    """Whether a text is a range, such as ``0..1 by 0.1``."""
+    return _RANGE.fullmatch(text) is not None
+
+
+def expanded(value: Any) -> Any:
+    """Return the values of a range, with both ends; anything else as it is.
+
+    The values are those that a person would write: ``0..1 by 0.1`` has 0.3, not 0.30000000000000004.
+
+    Raises:
+        ValueError: The range is empty, endless or too long.
+    """
+    found = _RANGE.fullmatch(value) if isinstance(value, str) else None
+    if found is None:
+        return value
+    first, last, step = (Decimal(text) for text in (found[1], found[2], found[3] or "1"))
+    if step == 0 or (last - first) / step < 0:
+        raise ValueError(f"the range never gets from {first} to {last} by {step}")
+    count = int((last - first) / step) + 1
+    if count > _MOST:
+        raise ValueError(f"the range has {count:,} values; at most {_MOST:,} make sense")
+    is_whole = all(re.fullmatch(r"[-+]?\d+", text) for text in (found[1], found[3] or "1"))
+    return [int(first + step * k) if is_whole else float(first + step * k) for k in range(count)]
+
+
+_LISTED = {
+    "anyOf": [{"type": "array", "minItems": 1}, {"type": "string", "pattern": r"\.\."}],
+    "description": "A list of values, or a range such as `0..1 by 0.1`, with both ends.",
+}
+Values = Annotated[list[Any], BeforeValidator(expanded), Field(min_length=1), WithJsonSchema(_LISTED)]
+
+#: What is an end of an interval, up to rounding: where the probability to lie beyond is 2^-40.
+_ENDS = (2.0**-40, 1.0 - 2.0**-40)
+
+
+def _sound(kind: type[Any]) -> AfterValidator:
+    """Make sure that two numbers make a distribution, so that a problem is shown where they stand."""
+
+    def check(numbers: tuple[float, float]) -> tuple[float, float]:
+        kind(*numbers)
+        return numbers
+
+    return AfterValidator(check)
+
+
+Pair = tuple[float, float]
+
+
+class DrawnValues(Section):
+    """A distribution from which each run draws a value: exactly one of `uniform`, `normal`, `log_uniform`, `choice`."""
+
+    uniform: Annotated[Pair, _sound(UniformDistribution)] | None = Field(
+        None, description="[low, high]: all numbers between them are equally likely."
+    )
+    normal: Annotated[Pair, _sound(NormalDistribution)] | None = Field(None, description="[mean, standard deviation].")
+    log_uniform: Annotated[Pair, _sound(LogUniformDistribution)] | None = Field(
+        None, description="[low, high], greater than 0: numbers whose logarithm is uniform."
+    )
+    choice: Values | None = Field(None, description="One of these values, or of a range such as `1..8`.")
+    weights: list[float] | None = Field(
+        None, description="How likely each value of `choice` is, in any common unit; by default all are equally likely."
+    )
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Self:
+        if len(self.model_fields_set - {"weights"}) != 1 or self._said is None:
+            raise ValueError("say exactly one of uniform, normal, log_uniform and choice")
+        if self.weights is not None and self.choice is None:
+            raise ValueError("weights go with `choice`")
+        if self.choice is not None:
+            Choice(self.choice, self.weights)
+        return self
+
+    @property
+    def _said(self) -> str | None:
+        return next((name for name in ("uniform", "normal", "log_uniform", "choice") if getattr(self, name)), None)
+
+    @cached_property
+    def distribution(self) -> ParameterDistribution:
+        """The distribution, which turns numbers between 0 and 1 into values."""
+        if self.choice is not None:
+            return Choice(self.choice, self.weights)
+        if self.uniform is not None:
+            return UniformDistribution(*self.uniform)
+        if self.log_uniform is not None:
+            return LogUniformDistribution(*self.log_uniform)
+        assert self.normal is not None
+        return NormalDistribution(*self.normal)
+
+    @property
+    def landmarks(self) -> Sequence[Any]:
+        """Values that stand for all: every option of a choice, both ends of an interval, or the mean."""
+        if self.choice is not None:
+            return self.choice
+        return self.distribution.values(np.array(_ENDS if self.normal is None else (0.5,)))
+
 
 #: The version of the format that this package reads.
 FORMAT = 1

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.scenario.catalogue import Catalogue
-from symaware_cli.study.agent_verdicts import MOST_AGENTS, PREFIX
 from symaware_cli.study.custom_metrics import CustomMetrics
-from symaware_cli.study.metrics import BUILT_IN
+from symaware_cli.study.metrics import BUILT_IN, MOST_AGENTS, PREFIX
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_journal import JournalRecord
 from symaware_cli.study.sweep_plan import SweepPlan

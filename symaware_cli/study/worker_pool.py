@@ -16,10 +16,9 @@ from dataclasses import asdict
 from typing import Any, Generic
 
 from symaware_cli import processor
-from symaware_cli.study.code_identity import CodeIdentity
-from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
+from symaware_cli.study.executor import Block, Blocks, Executor, LocalExecutor, ResultT, Work
+from symaware_cli.study.identity import CodeIdentity
 from symaware_cli.study.sweep_error import SweepError, listed
-from symaware_cli.study.work import Block, ResultT, Work
 
 #: Wall time beyond its time-out after which a run that does not heed it is ended with its worker [s].
 _GRACE = 2.0

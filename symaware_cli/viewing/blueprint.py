@@ -18,7 +18,7 @@ from symaware_cli.viewing.outline import outlines
 from symaware_cli.viewing.palette import BACKGROUND
 from symaware_cli.viewing.rerun.columns import TIMELINE
 from symaware_cli.viewing.scene.curves import plotted, unit_paths
-from symaware_cli.viewing.scene.regions_drawing import region_pieces
+from symaware_cli.viewing.scene.scenery import region_pieces
 from symaware_cli.viewing.views import RunView, in_space
 
 if TYPE_CHECKING:

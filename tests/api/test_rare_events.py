@@ -13,7 +13,7 @@ import symaware_cli as sa
 from symaware_cli.cli.application import application
 from symaware_cli.study.executor import Blocks
 from symaware_cli.study.rare_event import RareEvent
-from symaware_cli.study.repeats import RepeatWork, SplittingPlan
+from symaware_cli.study.splitting import RepeatWork, SplittingPlan
 from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.worker_pool import executor_of
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from sweeping import rows, symaware, table_digest, tiny
 
-from symaware_cli.study.statistics.beta_mixture import BetaMixture
+from symaware_cli.study.statistics.confidence_sequence import BetaMixture
 
 
 def test_a_sweep_ends_when_its_rule_holds_at_a_look(tmp_path: Path) -> None:

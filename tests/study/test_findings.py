@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from sweeping import rows, symaware, tiny
 
+from symaware_cli.study.statistics.interval_estimate import clopper_pearson
 from symaware_cli.study.statistics.paired import compare
-from symaware_cli.study.statistics.proportion import clopper_pearson
 
 
 def test_the_shares_of_a_planned_sweep_have_exact_intervals(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 from sweeping import symaware, tiny
 
 from symaware_cli.study import node_worker
-from symaware_cli.study.code_identity import CodeIdentity
 from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.identity import CodeIdentity
 from symaware_cli.study.node_worker import SweepSetup
 from symaware_cli.study.ray_cluster import files_of
 

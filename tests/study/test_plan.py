@@ -7,9 +7,9 @@ from sweeping import SCENARIO, tiny
 
 from symaware_cli.scenario.problem import ScenarioError
 from symaware_cli.study.request import SweepRequest
+from symaware_cli.study.sweep_document import expanded
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.sweep_source import read_sweep, written_again
-from symaware_cli.study.values import expanded
 
 
 def planned(scenario: Path, **options: object) -> SweepPlan:

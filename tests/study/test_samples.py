@@ -16,10 +16,9 @@ from sweeping import rows, symaware, table_digest, tiny
 import symaware_cli
 from symaware_cli.scenario.problem import Problem, ScenarioError
 from symaware_cli.study.folder import SweepFolder
-from symaware_cli.study.picture.journal_columns import finished_runs
-from symaware_cli.study.samples import Samples
+from symaware_cli.study.picture.finished_runs import finished_runs
 from symaware_cli.study.sweep_document import SweepDocument
-from symaware_cli.study.sweep_plan import SweepPlan
+from symaware_cli.study.sweep_plan import Samples, SweepPlan
 from symaware_cli.study.sweep_source import read_sweep, written_again
 
 SPEED, DURATION = "agents.robot.model.with.max_speed", "run.duration"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from sweeping import rows, symaware
 
-from symaware_cli.study.statistics.beta_mixture import BetaMixture
+from symaware_cli.study.statistics.confidence_sequence import BetaMixture
 
 #: A body that stands still, in the left 8 tenths of an arena with a probability of 0.8.
 COIN = """\

@@ -11,8 +11,7 @@ from sweeping import rows, symaware, tiny
 from symaware_cli import load
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.picture.paths_figure import draw
-from symaware_cli.study.picture.paths_picture import gathered
-from symaware_cli.study.picture.run_paths import RunPaths
+from symaware_cli.study.picture.paths_picture import RunPaths, gathered
 from symaware_cli.study.sweep_error import SweepError
 
 

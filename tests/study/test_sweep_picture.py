@@ -8,7 +8,7 @@ import numpy as np
 from sweeping import symaware, tiny
 
 from symaware_cli.study.folder import SweepFolder
-from symaware_cli.study.picture.journal_columns import finished_runs
+from symaware_cli.study.picture.finished_runs import finished_runs
 
 
 def test_a_sweep_is_drawn_from_its_journal(tmp_path: Path) -> None:

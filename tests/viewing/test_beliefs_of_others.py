@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from simulating import present
 
 from symaware_cli.recording import others_message
-from symaware_cli.viewing.beliefs import Beliefs, read_beliefs
+from symaware_cli.viewing.scene.others import Beliefs, read_beliefs
 from symaware_cli.viewing.views import GroupView, RunView
 
 

@@ -16,8 +16,8 @@ from symaware_cli import AgentGroup, Component, Quantity, TimeSeries, open_log
 from symaware_cli.scenario.parts import name_columns
 from symaware_cli.viewing.detail import detail_of
 from symaware_cli.viewing.scene.marks import Ellipsoids
+from symaware_cli.viewing.scene.own_awareness import DEVIATIONS, Uncertainties, ellipsoids
 from symaware_cli.viewing.scene.scene import Scene
-from symaware_cli.viewing.scene.uncertainties import DEVIATIONS, Uncertainties, ellipsoids
 from symaware_cli.viewing.views import run_view_of
 
 

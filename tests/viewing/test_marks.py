@@ -9,8 +9,7 @@ import rerun as rr
 from foxglove_files import read
 from rerun_files import Recording
 
-from symaware_cli.viewing.foxglove.output import Output
-from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
+from symaware_cli.viewing.foxglove.output import Output, SceneUpdates
 from symaware_cli.viewing.foxglove.show import show
 from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.rerun.output import RerunOutput

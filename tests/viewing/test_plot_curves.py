@@ -15,8 +15,7 @@ from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.viewing.chunk import ChunkReader
 from symaware_cli.viewing.palette import hexadecimal
-from symaware_cli.viewing.plotting.choice import choose
-from symaware_cli.viewing.plotting.content import gather
+from symaware_cli.viewing.plotting.content import choose, gather
 from symaware_cli.viewing.plotting.curves import PlottedCurves
 from symaware_cli.viewing.plotting.line_styles import LineStyle
 from symaware_cli.viewing.plotting.motion import held

@@ -12,7 +12,7 @@ from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing.plotting.curves import PlottedCurves
 from symaware_cli.viewing.plotting.panels import Trajectories
-from symaware_cli.viewing.plotting.run_difference import plot_logs
+from symaware_cli.viewing.plotting.plot import plot_logs
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 HELLO = SCENARIOS / "hello.yaml"

@@ -11,7 +11,7 @@ from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing.detail import detail_of
 from symaware_cli.viewing.scene.marks import Documents
 from symaware_cli.viewing.scene.scene import Scene
-from symaware_cli.viewing.scene.specification_table import SpecificationTable
+from symaware_cli.viewing.scene.specification_marks import SpecificationTable
 from symaware_cli.viewing.views import run_view_of
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shortcut.yaml"

@@ -11,9 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording.error import LogError, UnknownNameError
-from symaware_cli.study.picture.cell_estimates import CellEstimates, estimated
-from symaware_cli.study.picture.drawn_parts import DrawnParts, parted
-from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis, Scale
+from symaware_cli.study.picture.finished_runs import (
+    Array,
+    CellEstimates,
+    DrawnParts,
+    FinishedRuns,
+    MetricColumn,
+    ParameterAxis,
+    Scale,
+    estimated,
+    parted,
+)
 
 #: The most panels of a picture, and how many there are unless somebody asks for more.
 _MOST, _USUAL = 48, 6

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from symaware_cli.recording.output import whole_file
 from symaware_cli.study.folder import SweepFolder
-from symaware_cli.study.picture.journal_columns import finished_runs
+from symaware_cli.study.picture.finished_runs import finished_runs
 from symaware_cli.study.picture.metric_panel import SweepPicture, composed
 from symaware_cli.study.picture.paths_picture import PathsPicture, gathered
 from symaware_cli.viewing.plotting.plot import matplotlib_required

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.study.statistics.interval_estimate import Array, IntervalEstimate, error_probability
 
@@ -123,3 +123,129 @@ class ConfidenceSequence(ABC):
 def accumulated(before: Array, terms: Array) -> Array:
     """The sums of terms, one after the other, onto what there was before; shape (m + 1, *streams)."""
     return np.cumsum(np.concatenate([before[None], terms]), axis=0)
+
+
+#: Both parameters of the beta distribution that is mixed over: the least regret for every probability (Krichevsky and
+#: Trofimov 1981), and narrow intervals for probabilities near 0 and 1.
+PRIOR = 0.5
+
+#: Newton's method stops where a step is smaller than this, in log-odds.
+_STEP = 1e-12
+_MOST_STEPS = 100
+
+
+class BetaMixture(ConfidenceSequence):
+    """The confidence sequence of a probability, from values that are 0 or 1.
+
+    With s ones among the first n values, and B the beta function,
+
+        M_n(p) = B(a + s, a + n - s) / (B(a, a) p^s (1 - p)^(n - s)),  a = 1/2,
+
+    is a martingale with mean 1 where p is the probability: the likelihood ratio of a mixture over all probabilities to
+    p. By Ville's inequality it ever reaches 1 / alpha with a probability of at most alpha, so the set of all p for
+    which M_n(p) < 1 / alpha covers the probability at all n together; it is an interval.
+
+    Sources: H. Robbins, "Statistical Methods Related to the Law of the Iterated Logarithm", The Annals of Mathematical
+    Statistics 41, 1970; S. R. Howard, A. Ramdas, J. McAuliffe, J. Sekhon, "Time-uniform, Nonparametric, Nonasymptotic
+    Confidence Sequences", The Annals of Statistics 49, 2021 (beta-binomial mixtures).
+    """
+
+    method = "beta mixture"
+
+    def __init__(self, confidence: float = 0.95, streams: tuple[int, ...] = ()) -> None:
+        """Begin without values; see `ConfidenceSequence`."""
+        super().__init__(0.0, 1.0, confidence, streams)
+
+    def _bounds(self, values: Array, sums: Array) -> tuple[Array, Array]:
+        if ((values != 0.0) & (values != 1.0)).any():
+            raise ValueError("the values of a share are 0 and 1")
+        return bounds(sums[1:], np.broadcast_to(self._counts(values), values.shape), self.alpha)
+
+
+def bounds(successes: Array, counts: Array, alpha: float) -> tuple[Array, Array]:
+    """Return the ends of the interval for numbers of successes s among n values, both of any one shape."""
+    from scipy.special import betaln
+
+    failures = counts - successes
+    threshold = betaln(PRIOR + successes, PRIOR + failures) - betaln(PRIOR, PRIOR) + np.log(alpha)
+    # With one and zero exchanged, the upper end is a lower end.
+    return _lower(successes, failures, threshold), 1.0 - _lower(failures, successes, threshold)
+
+
+def _lower(successes: Array, failures: Array, threshold: Array) -> Array:
+    """The least probability of which s log p + (n - s) log(1 - p) reaches a threshold.
+
+    In log-odds the function is concave, and s times the log-odds bounds it from above. So Newton's method, begun where
+    that bound reaches the threshold, comes to the root from below, and wherever it stops the interval is no narrower
+    than the exact one.
+    """
+    from scipy.special import expit, log_expit
+
+    shape, s, f = successes.shape, successes.ravel(), failures.ravel()
+    goal = threshold.ravel()
+    found = np.zeros(s.shape)
+    rows: NDArray[np.intp] = np.flatnonzero(s > 0)
+    odds = goal[rows] / s[rows]
+    for _ in range(_MOST_STEPS):
+        p = expit(odds)
+        slope = s[rows] * (1.0 - p) - f[rows] * p
+        value = s[rows] * log_expit(odds) + f[rows] * log_expit(-odds)
+        step = (goal[rows] - value) / slope
+        # Each element stops by itself, so its bits do not depend on the others.
+        moves = step > _STEP
+        found[rows[~moves]] = p[~moves]
+        rows, odds = rows[moves], (odds + step)[moves]
+        if not len(rows):
+            break
+    found[rows] = expit(odds)
+    return found.reshape(shape)
+
+
+#: No bet is larger than this.
+_LARGEST = 0.5
+
+
+class EmpiricalBernstein(ConfidenceSequence):
+    """The confidence sequence of the mean of any distribution between known bounds; it adapts to the variance.
+
+    For values X_1, X_2, ... scaled to 0 to 1, with
+
+        mu_i = (1/2 + X_1 + ... + X_i) / (i + 1),
+        sigma_i^2 = (1/4 + (X_1 - mu_1)^2 + ... + (X_i - mu_i)^2) / (i + 1),
+        lambda_i = min(1/2, sqrt(2 log(2 / alpha) / (sigma_(i-1)^2 i log(1 + i)))),
+        psi(lambda) = -log(1 - lambda) - lambda,
+
+    the interval after n values is
+
+        (sum lambda_i X_i ± (log(2 / alpha) + sum (X_i - mu_(i-1))^2 psi(lambda_i))) / sum lambda_i.
+
+    Source: I. Waudby-Smith and A. Ramdas, "Estimating Means of Bounded Random Variables by Betting", Journal of the
+    Royal Statistical Society B 86, 2024, theorem 2 (predictable plug-in), with their factor of 4 cancelled.
+    """
+
+    method = "empirical Bernstein"
+
+    def __init__(self, low: float, high: float, confidence: float = 0.95, streams: tuple[int, ...] = ()) -> None:
+        """Begin without values; see `ConfidenceSequence`."""
+        super().__init__(low, high, confidence, streams)
+        self._squares = np.zeros(streams)
+        self._bets = np.zeros(streams)
+        self._gains = np.zeros(streams)
+        self._penalties = np.zeros(streams)
+
+    def _bounds(self, values: Array, sums: Array) -> tuple[Array, Array]:
+        counts = self._counts(values)
+        before = np.concatenate([counts[:1] - 1.0, counts])
+        means = (0.5 + sums) / (before + 1.0)
+        squares = accumulated(self._squares, (values - means[1:]) ** 2)
+        variances = (0.25 + squares[:-1]) / counts
+        evidence = np.log(2.0 / self.alpha)
+        bets = np.minimum(_LARGEST, np.sqrt(2.0 * evidence / (variances * counts * np.log1p(counts))))
+        penalties = (values - means[:-1]) ** 2 * (-np.log1p(-bets) - bets)
+        total = accumulated(self._bets, bets)
+        gains = accumulated(self._gains, bets * values)
+        penalty = accumulated(self._penalties, penalties)
+        self._squares, self._bets, self._gains, self._penalties = squares[-1], total[-1], gains[-1], penalty[-1]
+        centre = gains[1:] / total[1:]
+        margin = (evidence + penalty[1:]) / total[1:]
+        return centre - margin, centre + margin

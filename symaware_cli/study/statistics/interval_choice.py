@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symaware_cli.study.statistics.bootstrap import bootstrap_mean
-from symaware_cli.study.statistics.interval_estimate import Array, IntervalEstimate
-from symaware_cli.study.statistics.proportion import clopper_pearson
+from symaware_cli.study.statistics.interval_estimate import (
+    Array,
+    IntervalEstimate,
+    bootstrap_mean,
+    clopper_pearson,
+    student_mean,
+)
 from symaware_cli.study.statistics.stopping import Mean, Share
-from symaware_cli.study.statistics.student import student_mean
 
 #: From this many values on, the interval of a mean is Student's, which is then close to that of the bootstrap.
 _MANY = 300

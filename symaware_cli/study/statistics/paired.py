@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symaware_cli.study.statistics.interval_estimate import Array, IntervalEstimate
-from symaware_cli.study.statistics.quantile import quantile
-from symaware_cli.study.statistics.student import student_mean, variance
+from symaware_cli.study.statistics.interval_estimate import Array, IntervalEstimate, quantile, student_mean, variance
 
 
 @dataclass(frozen=True, slots=True)

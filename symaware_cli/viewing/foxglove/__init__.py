@@ -37,8 +37,7 @@ def export_foxglove(
     """
     run_view = run_view_of(log)
     try:
-        from symaware_cli.viewing.foxglove.output import Output
-        from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
+        from symaware_cli.viewing.foxglove.output import Output, SceneUpdates
         from symaware_cli.viewing.foxglove.show import show
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("foxglove_schemas_protobuf"):

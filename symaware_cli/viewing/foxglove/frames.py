@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from symaware_cli.geometry.articulation import Visual
 from symaware_cli.recording.mesh_files import triangles
 from symaware_cli.viewing.foxglove import primitives
+from symaware_cli.viewing.foxglove.output import SceneUpdates
 from symaware_cli.viewing.foxglove.primitives import ORIGIN, WORLD, colour, entity, pose, vector
-from symaware_cli.viewing.foxglove.scene_updates import SceneUpdates
 from symaware_cli.viewing.outline import circle, closed, dashes, outlines
 from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.scene.marks import ACTIVE, PAST, TO_COME, Bodies, Figures, Solid

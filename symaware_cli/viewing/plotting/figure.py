@@ -31,12 +31,11 @@ from symaware_cli.viewing.plotting.figure_style import (
     type_scale,
 )
 from symaware_cli.viewing.plotting.line_styles import LineStyle
-from symaware_cli.viewing.plotting.offer_drawing import draw_offers
 from symaware_cli.viewing.plotting.offer_timeline import OfferTimeline
 from symaware_cli.viewing.plotting.panels import Content, Distances, Trajectories
 from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
 from symaware_cli.viewing.plotting.request import PlotRequest
-from symaware_cli.viewing.plotting.time import DASHES, draw_curves, draw_separation
+from symaware_cli.viewing.plotting.time import DASHES, draw_curves, draw_offers, draw_separation
 
 #: Sizes in inches: maximum of the plane, a panel over time, a line of the foot, and the width of a character there.
 _PLANE, _PANEL, _LINE, _CHARACTER = (6.2, 7.0), (5.6, 2.1), 0.19, 0.071

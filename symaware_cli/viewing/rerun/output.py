@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 from symaware_cli.recording.sensor_channels import hits
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import CONTACT, faded
-from symaware_cli.viewing.rerun.bodies import show_bodies, show_solid
+from symaware_cli.viewing.rerun.bodies import show_bodies, show_figures, show_ground, show_solid
 from symaware_cli.viewing.rerun.columns import TIMELINE, flat, packed, shades, turns
-from symaware_cli.viewing.rerun.figures import show_figures, show_ground
 from symaware_cli.viewing.rerun.lines import show_crosses, show_lines
 from symaware_cli.viewing.scene import marks
 

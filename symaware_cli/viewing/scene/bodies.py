@@ -2,19 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.viewing.chunk import Chunk
-from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.scene.marks import Bodies
-from symaware_cli.viewing.scene.risk import tinted_by_risk
+from symaware_cli.viewing.detail import FEW, MANY, Detail
+from symaware_cli.viewing.palette import AGENTS, RISK, tinted
+from symaware_cli.viewing.scene.marks import Bodies, Curves, Lines
 from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
+
+_QUANTILES = (("median", 0.5), ("90 %", 0.9), ("maximum", 1.0))
+_SHADES = (AGENTS[3], AGENTS[2], RISK)
+
+
+class RiskCurves(Drawing):
+    """Draws the risk of each agent over time, or its quantiles over a group."""
+
+    def marks(self, chunk: Chunk) -> Iterator[Curves]:
+        """Yield a mark for each group."""
+        for group_view in self.run_view.group_views.values():
+            series = chunk.strips.get(_topic(group_view))
+            if series is None or not series.values.shape[1]:
+                continue
+            risks, names, colours = series.firsts.values[..., 0], group_view.agents, group_view.colours
+            if not self.detail.curves:
+                risks = _quantiles(risks, [share for _, share in _QUANTILES])
+                names = tuple(f"{group_view.name}: {name}" for name, _ in _QUANTILES)
+                colours = np.array(_SHADES, np.uint8)
+            path = f"curves/risk/{group_view.name}"
+            yield Curves(path=path, times=series.times, values=risks, names=names, colours=colours, keep="greatest")
+
+
+def tinted_by_risk(group_view: GroupView, times: NDArray[np.int64], chunk: Chunk) -> NDArray[np.uint8]:
+    """Return the colours of agents at some instants of a chunk, redder with risk; (len(times), n, 3)."""
+    series = chunk.strips.get(_topic(group_view))
+    if series is None or not series.before.shape[1]:
+        return tinted(group_view.colours, np.zeros((len(times), len(group_view.agents))))
+    return tinted(group_view.colours, series.firsts.at(times)[..., 0])
+
+
+def _topic(group_view: GroupView) -> str:
+    return f"/agents/{group_view.name}/risk"
+
+
+def _quantiles(values: Array, shares: Sequence[float]) -> Array:
+    """Return quantiles of the known values at each of k instants, interpolated; (k, n) to (k, shares), NaN without any.
+
+    Like `numpy.nanquantile`, but vectorised over the instants.
+    """
+    ordered = np.sort(values, axis=1)
+    last = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0)[:, None]
+    places = last * np.array(shares)
+    lower = np.floor(places).astype(np.intp)
+    upper = np.minimum(lower + 1, last)
+    low, high = np.take_along_axis(ordered, lower, axis=1), np.take_along_axis(ordered, upper, axis=1)
+    quantiles: Array = low + (places - lower) * (high - low)
+    return quantiles
+
 
 #: Minimum height of rings above the ground, so that they are visible [m].
 _ABOVE = 5e-3
@@ -71,3 +120,55 @@ class Agents(Drawing):
             for row, id in enumerate(group_view.agents)
             if self.detail.labels or id in self.detail.focus
         }
+
+
+#: Minimum interval between two points of a trail [ns], and with many agents.
+_STEP, _CROWD_STEP = 100_000_000, 300_000_000
+
+
+class Trails(Drawing):
+    """Draws a line segment for each instant, which is shown for some time."""
+
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
+        self._last: dict[str, tuple[int, NDArray[np.float64]]] = {}
+
+    def marks(self, chunk: Chunk) -> Iterator[Lines]:
+        """Yield the segments between the instants."""
+        step = _STEP if self.run_view.agent_count <= MANY else _CROWD_STEP
+        for group_view in self.run_view.group_views.values():
+            frames = chunk.frames.get(group_view.state_topic)
+            if not frames:
+                continue
+            last = self._last.get(group_view.name)
+            chosen = _spaced(frames.times, step, last[0] if last else None)
+            if not len(chosen):
+                continue
+            times, places = frames.times[chosen], group_view.positions(frames.values[chosen])
+            starts = np.concatenate([places[:1] if last is None else last[1][None], places[:-1]])
+            self._last[group_view.name] = int(times[-1]), places[-1]
+            count = len(group_view.agents)
+            yield Lines(
+                path=f"world/agents/{group_view.name}/trail",
+                layer=f"trails/{group_view.name}",
+                times=times,
+                counts=[count] * len(times),
+                points=np.stack([starts, places], axis=2).reshape(-1, 3),
+                lengths=np.full(count * len(times), 2),
+                colours=np.tile(group_view.colours, (len(times), 1)),
+                transparency=0.45 if self.run_view.agent_count <= FEW else 0.65,
+                names=group_view.agents,
+                who=np.tile(np.arange(count), len(times)),
+                width=1.5 if self.detail.awareness else 1.0,
+                lasting=self.detail.trail,
+            )
+
+
+def _spaced(times: NDArray[np.int64], step: int, last: int | None) -> NDArray[np.intp]:
+    """Return the indices of times that are at least a step apart."""
+    chosen = []
+    for place, time in enumerate(times.tolist()):
+        if last is None or time - last >= step:
+            chosen.append(place)
+            last = time
+    return np.array(chosen, np.intp)

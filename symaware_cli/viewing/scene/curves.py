@@ -16,8 +16,8 @@ from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.palette import AGENTS
 from symaware_cli.viewing.scene.marks import Curves, Numbers
-from symaware_cli.viewing.scene.points import tables_of
 from symaware_cli.viewing.scene.scene import Drawing
+from symaware_cli.viewing.scene.signals import tables_of
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]

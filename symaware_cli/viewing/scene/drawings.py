@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from symaware_cli.viewing.scene.bars import Bars
-from symaware_cli.viewing.scene.bodies import Agents
-from symaware_cli.viewing.scene.boxes import Boxes
+from symaware_cli.viewing.scene.bodies import Agents, RiskCurves, Trails
 from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
 from symaware_cli.viewing.scene.curves import AwarenessCurves, RecordedNumbers, SeparationCurve
-from symaware_cli.viewing.scene.declared_links import DeclaredLinks
 from symaware_cli.viewing.scene.figures import Appearances
 from symaware_cli.viewing.scene.goals import Goals
-from symaware_cli.viewing.scene.informed import Informed
-from symaware_cli.viewing.scene.intents import Intents
 from symaware_cli.viewing.scene.journal import Events, Knowledge
-from symaware_cli.viewing.scene.messages import Messages
+from symaware_cli.viewing.scene.messages import Informed, Messages
 from symaware_cli.viewing.scene.others import BeliefsAboutOthers
-from symaware_cli.viewing.scene.points import SignalPoints
-from symaware_cli.viewing.scene.regions_drawing import RegionsDrawing
-from symaware_cli.viewing.scene.risk import RiskCurves
+from symaware_cli.viewing.scene.own_awareness import Intents, Uncertainties
 from symaware_cli.viewing.scene.scene import Drawing
-from symaware_cli.viewing.scene.scenery import SceneryDrawing
+from symaware_cli.viewing.scene.scenery import RegionsDrawing, SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans
-from symaware_cli.viewing.scene.specification_curves import EverySpecificationCurve, SpecificationCurves, Violations
-from symaware_cli.viewing.scene.specification_table import SpecificationTable
-from symaware_cli.viewing.scene.trails import Trails
-from symaware_cli.viewing.scene.uncertainties import Uncertainties
+from symaware_cli.viewing.scene.signals import Bars, Boxes, DeclaredLinks, SignalPoints
+from symaware_cli.viewing.scene.specification_marks import (
+    EverySpecificationCurve,
+    SpecificationCurves,
+    SpecificationTable,
+    Violations,
+)
 
 #: The drawings of the world and of events.
 SCENE: tuple[type[Drawing], ...] = (

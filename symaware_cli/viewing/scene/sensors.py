@@ -15,8 +15,8 @@ from symaware_cli.recording.sensor_channels import IMAGE, SCAN, LoggedScan, scan
 from symaware_cli.viewing.camera import line_of_sight
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.scene.marks import Images, Lines, Rays
-from symaware_cli.viewing.scene.points import lighter
 from symaware_cli.viewing.scene.scene import Drawing
+from symaware_cli.viewing.scene.signals import lighter
 from symaware_cli.viewing.views import GroupView
 
 Array = NDArray[np.float64]

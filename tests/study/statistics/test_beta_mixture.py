@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.special import betaln, xlog1py, xlogy
 
-from symaware_cli.study.statistics.beta_mixture import BetaMixture, bounds
+from symaware_cli.study.statistics.confidence_sequence import BetaMixture, bounds
 
 
 def martingale(p: float, successes: int, count: int) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from symaware_cli.study.statistics.bootstrap import bootstrap_mean
+from symaware_cli.study.statistics.interval_estimate import bootstrap_mean
 
 
 def exponential(count: int, seed: int = 1) -> np.ndarray:

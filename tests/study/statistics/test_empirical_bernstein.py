@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.study.statistics.empirical_bernstein import EmpiricalBernstein
+from symaware_cli.study.statistics.confidence_sequence import EmpiricalBernstein
 from symaware_cli.study.statistics.interval_estimate import Array
 
 UNIT = st.lists(st.floats(0, 1), min_size=1, max_size=60)

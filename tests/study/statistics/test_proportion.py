@@ -8,7 +8,7 @@ import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.study.statistics.proportion import clopper_pearson
+from symaware_cli.study.statistics.interval_estimate import clopper_pearson
 
 
 @given(count=st.integers(1, 2000), share=st.floats(0, 1), confidence=st.sampled_from([0.5, 0.9, 0.95, 0.999]))

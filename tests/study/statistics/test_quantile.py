@@ -9,7 +9,7 @@ import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.study.statistics.quantile import quantile
+from symaware_cli.study.statistics.interval_estimate import quantile
 
 
 @given(count=st.integers(6, 300), probability=st.sampled_from([0.1, 0.5, 0.9]), seed=st.integers(0, 100))

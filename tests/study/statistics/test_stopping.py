@@ -1,5 +1,8 @@
 """A rule stops a sequence of runs at the same run, in whatever order and on how many workers they end."""
 
+from __future__ import annotations
+
+import itertools
 import math
 import random
 
@@ -10,11 +13,35 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from symaware_cli.specification.expression import EvaluationError, ExpressionError
-from symaware_cli.study.statistics.beta_mixture import BetaMixture, bounds
-from symaware_cli.study.statistics.empirical_bernstein import EmpiricalBernstein
+from symaware_cli.study.statistics.confidence_sequence import BetaMixture, EmpiricalBernstein, bounds
 from symaware_cli.study.statistics.interval_estimate import Array
-from symaware_cli.study.statistics.looks import Looks
-from symaware_cli.study.statistics.stopping import Estimands, Mean, Share, StoppingRule, StoppingState
+from symaware_cli.study.statistics.stopping import Estimands, Looks, Mean, Share, StoppingRule, StoppingState
+
+
+def first(looks: Looks, count: int) -> list[int]:
+    return list(itertools.islice(looks, count))
+
+
+def test_looks_come_every_so_many_runs() -> None:
+    assert first(Looks(50), 4) == [50, 100, 150, 200]
+
+
+def test_looks_of_a_geometric_schedule_come_ever_more_rarely() -> None:
+    assert first(Looks(10, 1.5), 6) == [10, 20, 30, 45, 68, 102]
+
+
+@given(step=st.integers(1, 100), ratio=st.floats(1, 3))
+def test_two_looks_are_at_least_a_step_apart(step: int, ratio: float) -> None:
+    found = first(Looks(step, ratio), 20)
+    assert all(later - earlier >= step for earlier, later in itertools.pairwise([0, *found]))
+    assert all(later >= ratio * earlier for earlier, later in itertools.pairwise(found))
+
+
+@pytest.mark.parametrize(("step", "ratio"), [(0, 1.0), (1, 0.9), (1, math.inf), (1, math.nan)])
+def test_other_schedules_are_refused(step: int, ratio: float) -> None:
+    with pytest.raises(ValueError, match="at least 1"):
+        Looks(step, ratio)
+
 
 Flags = NDArray[np.bool_]
 

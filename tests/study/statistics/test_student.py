@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from symaware_cli.study.statistics.student import student_mean
+from symaware_cli.study.statistics.interval_estimate import student_mean
 
 
 def test_the_interval_is_that_of_the_t_test() -> None:

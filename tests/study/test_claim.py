@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import bdtr
 from scipy.stats import beta
 
-from symaware_cli.study.statistics.failure_tests import fixed_evidence, runs_needed, sequential_evidence
+from symaware_cli.study.claim import fixed_evidence, runs_needed, sequential_evidence
 
 #: The claim of all tests: failures are rarer than 1 in 100, with confidence 0.99.
 EPSILON, ALPHA = 0.01, 0.01
