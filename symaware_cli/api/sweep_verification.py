@@ -29,7 +29,8 @@ from symaware_cli.study.identity import counting, differences
 from symaware_cli.study.metrics import MOST_AGENTS, PREFIX
 from symaware_cli.study.row import Row
 from symaware_cli.study.runner import Runner
-from symaware_cli.study.sweep_files import JOURNAL
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_files import JOURNAL, TABLE
 from symaware_cli.study.sweep_journal import SweepJournal
 
 #: How much is verified, each level with those before it: what the table says of itself; what the logs that were kept
@@ -121,6 +122,8 @@ def verify_folder(
     """
     depth = LEVELS.index(level)
     found: list[Finding] = []
+    if not (folder.path / JOURNAL).exists():
+        raise SweepError(f"{folder.path / JOURNAL} is missing: without it there are no rows to verify")
     logs, not_evaluated, chosen = 0, Counter[str](), list[Row]()
     with SweepJournal(folder.path / JOURNAL) as journal:
         found += _in_table(folder, journal)
@@ -156,6 +159,8 @@ def _in_table(folder: SweepFolder, journal: SweepJournal) -> Iterator[Finding]:
     columns = sweep_table.schema(plan, names)
     noted = pyarrow.Table.from_batches(list(sweep_table.batches(journal.records(), plan, names)), columns)
     written = table_file.read(folder.path)
+    if written is None and len(noted):
+        yield Finding(None, TABLE, "missing", f"the table of {len(noted):,} rows")
     table = noted if written is None else written[0]
     if table.column_names != noted.column_names:
         yield Finding(None, "columns", table.column_names, noted.column_names)

@@ -18,7 +18,8 @@ from symaware_cli.scenario.execution import execute
 from symaware_cli.study.folder import SweepFolder
 from symaware_cli.study.request import SweepRequest
 from symaware_cli.study.session import conduct, write_table
-from symaware_cli.study.sweep_files import JOURNAL
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_files import JOURNAL, TABLE
 from symaware_cli.study.sweep_journal import SweepJournal
 from symaware_cli.study.sweep_source import read_sweep
 
@@ -223,3 +224,16 @@ def test_the_log_of_a_component_that_rolls_dice_is_told_apart_at_the_right_place
     conduct(made, 0)
     places = [each.column for each in verified(made, "all").findings if each.column.startswith("log, ")]
     assert places == ["log, /agents/robot/risk at 0.3 s robot.1 risk[0]"]
+
+
+def test_a_table_that_was_removed_is_a_finding(folder: SweepFolder) -> None:
+    (folder.path / TABLE).unlink()
+    (finding,) = verify_sweep(folder.path, "arithmetic").findings
+    assert (finding.column, finding.found, finding.expected) == (TABLE, "missing", "the table of 8 rows")
+
+
+def test_a_folder_without_its_journal_is_refused_and_stays_as_it_is(folder: SweepFolder) -> None:
+    (folder.path / JOURNAL).unlink()
+    with pytest.raises(SweepError, match="without it there are no rows to verify"):
+        verify_sweep(folder.path)
+    assert not (folder.path / JOURNAL).exists()
