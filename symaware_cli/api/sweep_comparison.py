@@ -39,7 +39,7 @@ class ColumnComparison:
 
     Attributes:
         name: The column; for a verdict ``satisfied.NAME``, which is 1 for runs that satisfy the specification, else 0.
-        means: The mean of the runs of each that have a value; NaN where none has.
+        means: The means of the runs that have a value in both, or else of those that have one in each; NaN if none has.
         differing: How many of the runs of both have different values.
         difference: The mean difference of the second from the first; paired if each run has the same seed in both. NaN
             without such runs.
@@ -196,11 +196,13 @@ def _compared(
     if not (is_verdict or is_number):
         return
     values = [_numbers(table[name].to_pylist(), is_verdict) for table in tables]
-    means = tuple(float(np.nanmean(each)) if np.isfinite(each).any() else math.nan for each in values)
     one, other = (each[rows] for each, rows in zip(values, pairs, strict=True))
     both = np.isfinite(one) & np.isfinite(other)
     difference, interval = math.nan, None
+    # Runs that only one of the two has would hide what the others show.
+    means = [float(np.nanmean(each)) if np.isfinite(each).any() else math.nan for each in values]
     if both.any():
+        means = [float(np.mean(each[both])) for each in (one, other)]
         difference = float(np.mean(other[both] - one[both]))
         if is_paired and both.sum() > 1:
             estimate = compare(one[both], other[both]).mean

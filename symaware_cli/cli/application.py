@@ -34,8 +34,9 @@ from symaware_cli.cli.terminal import is_plain
 application = typer.Typer(
     name="symaware",
     help="Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable.",
-    epilog="Exit status: 0 success; 1 the run failed; 2 the input is invalid; 3 success, but data "
-    "was lost or a specification is violated; 130 interrupted.",
+    epilog="Exit status: 0 success; 1 the run failed, or `verify` or `diff` found a difference; 2 the input is "
+    "invalid; 3 success, but data was lost, a specification is violated, or a claim is not established; 130 "
+    "interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # Help and usage errors, too: Rich would leave out the colours and keep the rest.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -84,14 +85,19 @@ def _sweep_lines(result: SweepComparison) -> Iterator[str]:
         yield f"  {'column':<28} {'first':>11} {'second':>11} {'difference':>11}  interval of 95 %"
     for each in result.columns[:_MOST]:
         interval = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
-        means = f"{each.means[0]:>11.4g} {each.means[1]:>11.4g} {each.difference:>11.4g}"
-        yield f"  {printable(each.name):<28} {means}  {interval}".rstrip()
+        numbers = " ".join(f"{_number(value):>11}" for value in (*each.means, each.difference))
+        yield f"  {printable(each.name):<28} {numbers}  {interval}".rstrip()
     yield from _more(len(result.columns), "column")
     for path, names in zip(result.paths, result.only, strict=True):
         if names:
             yield f"  {'columns':<12} only {path} has {printable(', '.join(names))}"
     for version in result.versions[:_MOST]:
         yield f"  {'version':<12} {printable(f'{version.name}: {version.then} and {version.now}')}"
+
+
+def _number(value: float) -> str:
+    """Return a number for a table; a dash where there is none."""
+    return "-" if math.isnan(value) else f"{value:.4g}"
 
 
 def _lines(result: ComparisonResult) -> Iterator[str]:

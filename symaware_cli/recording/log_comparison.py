@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import struct
 from collections import Counter
@@ -123,7 +124,7 @@ def attachment_differences(one: Log, other: Log) -> Sequence[LogDifference]:
 
 
 def _size(content: bytes | None) -> str | None:
-    return None if content is None else f"{len(content)} bytes"
+    return None if content is None else f"{len(content):,} bytes, SHA-256 {hashlib.sha256(content).hexdigest()[:16]}"
 
 
 def _instants(log: Log) -> Iterator[tuple[int, list[LogMessage]]]:

@@ -106,6 +106,19 @@ def test_metrics_of_two_sweeps_stand_side_by_side(sweeps: Path) -> None:
     assert said["first"] == 0
 
 
+def test_means_and_differences_are_those_of_the_runs_that_both_sweeps_have(sweeps: Path, tmp_path: Path) -> None:
+    shutil.copytree(sweeps / "slower", tmp_path / "shorter")
+    table = pq.read_table(tmp_path / "shorter" / "runs.parquet")
+    pq.write_table(table.slice(0, 2), tmp_path / "shorter" / "runs.parquet")
+    said = json.loads(diff(sweeps / "one", tmp_path / "shorter", "--json")[1])
+    columns = {each["name"]: each for each in said["columns"]}
+    for name, column in columns.items():
+        one, other = column["means"]
+        assert column["difference"] == pytest.approx(other - one), name
+    both = pq.read_table(sweeps / "one" / "runs.parquet")["path_length"].to_pylist()[:2]
+    assert columns["path_length"]["means"][0] == pytest.approx(sum(both) / 2)
+
+
 def test_a_figure_of_two_sweeps_shows_their_runs_in_pairs(sweeps: Path, tmp_path: Path) -> None:
     assert diff(sweeps / "one", sweeps / "slower", "--plot", tmp_path / "pairs.svg")[0] == 1
     drawn = (tmp_path / "pairs.svg").read_text()
