@@ -64,6 +64,7 @@ class KnowledgeStrategy(GroupComponent):
         "strategy-made": "A strategy was made before the run; `digest` identifies it.",
         "counterstrategy-made": "There is no strategy; the environment plays a counterstrategy.",
         "environment-moved": "The environment took a step of its counterstrategy.",
+        "beliefs-missing": "An agent does not begin, as it believes nothing about `labels` yet.",
         "guarantee-broken": "The environment has won: the agent had no choice that keeps its guarantees.",
         "goal-met": "An agent came to meet the goal that it pursued; `number` counts goals from 0.",
         "assumption-broken": "The environment did what the assumptions exclude; `assumptions` lists those it broke.",
@@ -147,6 +148,7 @@ class KnowledgeStrategy(GroupComponent):
         start = StrategyMemory(unknown, (self.now,) * count, (False,) * count)
         self._memory = [start] * len(group)
         self._is_announced = False
+        self._waiting: tuple[int, ...] = ()  # the rows of the agents whose missing beliefs were reported
         self._watch = CellWatch(self._knowledge.model, len(group))
         self._surroundings.events.subscribe("stepped", self._on_stepped, "environment")
 
@@ -283,8 +285,17 @@ class KnowledgeStrategy(GroupComponent):
             values = tuple(last if new < 0 else new for new, last in zip(values, memory.values, strict=True))
             blocked = self._blocked(group.knowledge[row], group.ids[row])
             turn = StrategyTurn(row, self.now, blocked, positions[row], reports)
+            if min(values, default=0) < 0 and row not in self._waiting:
+                self._report_missing(values, turn)
             memories.append(self._follower.decided(memory._replace(values=values), turn))
         return memories, reports
+
+    def _report_missing(self, values: Sequence[int], turn: StrategyTurn) -> None:
+        """Report what an agent would have to believe before it can begin."""
+        variables = self._game.vocabulary.environment
+        labels = [each.name for each, value in zip(variables, values, strict=True) if value < 0]
+        said = ", ".join(f"`{each}`" for each in labels)
+        turn.report("beliefs-missing", f"does not begin: it believes nothing about {said} yet", labels=labels)
 
     def _update(self, value: tuple[list[StrategyMemory], list[TurnReport]]) -> None:
         self._memory, reports = value
@@ -297,6 +308,8 @@ class KnowledgeStrategy(GroupComponent):
             else:
                 text = f"there is no strategy; the environment plays a counterstrategy {size}"
                 self.emit("counterstrategy-made", text, level=Level.WARNING)
+        missing = [each.row for each in reports if each.name == "beliefs-missing"]
+        self._waiting = (*self._waiting, *missing)
         for row, name, text, level, data in reports:
             self.emit_for(row, name, text, level=level, **data)
         cells = self._game.values[CELL]

@@ -42,6 +42,16 @@ def test_a_robot_passes_a_door_only_while_it_is_open_and_from_cell_to_cell(tmp_p
     assert not events(log, "assumption-broken", "cells-left", "cell-skipped", "touched")
 
 
+def test_an_agent_that_perceives_nothing_of_a_label_says_what_it_waits_for(tmp_path: Path) -> None:
+    blind = {"agents.robot.components.sense.use": "perception.self", "run.duration": 2.0}
+    log = open_log(run("door.yaml", tmp_path / "a.mcap", blind))
+    (missing,) = [each for each in log.events() if each.name == "beliefs-missing"]
+    assert missing.source == "agents.robot.decide"
+    assert missing.data["labels"] == ["open"]
+    assert not np.ptp(log.series("robot", "state").values, axis=0).any()
+    assert not events(run("door.yaml", tmp_path / "b.mcap", {"run.duration": 2.0}), "beliefs-missing")
+
+
 @pytest.mark.parametrize("world", ["pymunk", "pybullet"])
 def test_a_body_that_forces_move_skips_no_cell_of_the_strategy(world: str, tmp_path: Path) -> None:
     changes = {"environment.use": world, "agents.robot.components.steer.with.apart_from": ["door"]}
