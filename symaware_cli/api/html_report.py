@@ -165,7 +165,7 @@ def _of_specifications(log: Log) -> Iterator[str]:
         who = f" ({' and '.join(each.agents)})" if each.agents else ""
         cells = [escape(each.name), f"<code>{escape(each.formula)}</code>"]
         cells += [f'<b class="{escape(each.verdict)}">{escape(each.verdict)}</b>', robustness]
-        cells.append(escape(each.reason + who))
+        cells.append(_prose(each.reason + who))
         yield f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
     yield "</table>"
 
@@ -182,7 +182,7 @@ def _of_motion(log: Log, *, viewer: bool) -> Iterator[str]:
             plot(log, picture)
             yield _heading("Figures") + _inline(picture)
     except LogError as error:
-        yield f'<p class="note">{escape(str(error))}</p>'
+        yield f'<p class="note">{_prose(str(error))}</p>'
 
 
 def _of_replay(log: Log) -> Iterator[str]:
@@ -206,7 +206,7 @@ def _of_metrics(path: Path) -> Iterator[str]:
         try:
             plot_sweep(path, picture)
         except LogError as error:
-            yield f'<p class="note">{escape(str(error))}</p>'
+            yield f'<p class="note">{_prose(str(error))}</p>'
         else:
             yield _heading("Figures") + _inline(picture)
 
@@ -280,6 +280,11 @@ def _highlighted(text: str) -> str:
 def _inline(picture: Path) -> str:
     text = picture.read_text(encoding="utf-8")
     return text[text.index("<svg") :]
+
+
+def _prose(text: str) -> str:
+    """Return a sentence as HTML; what stands between backticks is code."""
+    return re.sub("`([^`]*)`", r"<code>\1</code>", escape(text))
 
 
 def _heading(text: str) -> str:
