@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter
 
 from symaware_cli.study.picture.figure_sheet import FigureSheet, Handles, columns_of
 from symaware_cli.study.picture.finished_runs import Array, ParameterAxis
@@ -34,6 +34,9 @@ _VECTORS = 2_000
 
 #: The least and the most bars of a distribution.
 _BARS = 8, 40
+
+#: How far apart the estimates of two variants are drawn, where the values of a parameter are 1 apart.
+_APART = 0.16
 
 
 def draw(
@@ -100,14 +103,35 @@ def _draw_panel(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[fl
 def _draw_curves(axes: Axes, panel: MetricPanel) -> None:
     (axis,) = panel.axes
     positions = _across(axes, axis)
+    if axis.positions is None:
+        axes.set_xlim(-0.5, len(positions) - 0.5)
     for number in range(len(panel.series)):
-        colour = _colour(number)
         if len(panel.series) == 1:
-            axes.fill_between(positions, panel.low[number], panel.high[number], color=colour, alpha=0.10, linewidth=0)
-        axes.fill_between(positions, panel.lower[number], panel.upper[number], color=colour, alpha=0.28, linewidth=0)
-        axes.plot(positions, panel.value[number], **_line(number), marker="o", markersize=3.5, linewidth=1.4)
+            _draw_ranges(axes, axis, positions, (panel.low[number], panel.high[number]), _colour(number), 0.10)
+        _draw_estimates(axes, axis, positions, panel, number)
     if panel.metric.is_share:
         axes.set_ylim(-0.03, 1.03)
+
+
+def _draw_estimates(axes: Axes, axis: ParameterAxis, positions: Array, panel: MetricPanel, number: int) -> None:
+    """The estimates of a variant and their intervals: a curve over numbers, points over what is not a number."""
+    style: dict[str, Any] = {**_line(number), "linewidth": 1.4}
+    if axis.positions is None:
+        # Side by side, as those of other variants may have the same values.
+        positions = positions + _APART * (number - (len(panel.series) - 1) / 2)
+        style = {"color": _colour(number), "linestyle": "none"}
+    interval = panel.lower[number], panel.upper[number]
+    _draw_ranges(axes, axis, positions, interval, _colour(number), 0.28)
+    axes.plot(positions, panel.value[number], **style, marker="o", markersize=3.5)
+
+
+def _draw_ranges(
+    axes: Axes, axis: ParameterAxis, positions: Array, ranges: tuple[Array, Array], colour: str, alpha: float
+) -> None:
+    if axis.positions is None:
+        axes.vlines(positions, *ranges, color=colour, alpha=alpha, linewidth=6)
+    else:
+        axes.fill_between(positions, *ranges, color=colour, alpha=alpha, linewidth=0)
 
 
 def _draw_scatter(axes: Axes, panel: MetricPanel) -> None:
@@ -124,8 +148,7 @@ def _draw_scatter(axes: Axes, panel: MetricPanel) -> None:
         faint = max(0.05, min(0.4, 60 / max(1, len(drawn)) ** 0.75))
         places = positions[drawn.astype(int)] if is_choice else drawn
         axes.scatter(places, values, color=colour, alpha=faint, rasterized=len(drawn) > _VECTORS, **style)
-        axes.fill_between(positions, panel.lower[number], panel.upper[number], color=colour, alpha=0.28, linewidth=0)
-        axes.plot(positions, panel.value[number], **_line(number), marker="o", markersize=3.5, linewidth=1.4)
+        _draw_estimates(axes, axis, positions, panel, number)
     if panel.scale == "logarithmic":
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -187,6 +210,7 @@ def _draw_distribution(axes: Axes, panel: MetricPanel) -> None:
             axes.axvspan(panel.lower[number], panel.upper[number], color=colour, alpha=0.25, linewidth=0)
         axes.axvline(panel.value[number], **_line(number), linewidth=1.4)
     axes.set_ylim(bottom=0)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_ylabel("runs")
 
 
