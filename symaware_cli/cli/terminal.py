@@ -186,6 +186,7 @@ def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator
     """
     from symaware_cli.recording.error import LogError, OutputError, UnknownNameError
     from symaware_cli.scenario.problem import ScenarioError, nearest, render, to_json
+    from symaware_cli.study.sweep_error import LostResultError
 
     try:
         yield
@@ -195,7 +196,7 @@ def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator
         else:
             typer.echo(render(error.problems, colour=is_lively(sys.stderr)), err=True)
         raise typer.Exit(WRONG_INPUT) from None
-    except OutputError as error:
+    except (OutputError, LostResultError) as error:
         fail(str(error), FAILED, as_json)
     except UnknownNameError as error:
         near = nearest(error.name, error.known)

@@ -73,7 +73,7 @@ class Work(Protocol[ResultT_co]):
         """Return the substitute for a result whose process died or exceeded its time.
 
         Raises:
-            SweepError: There is no substitute: the work cannot continue without the result.
+            LostResultError: There is no substitute: the work cannot continue without the result.
         """
 
 

@@ -21,7 +21,7 @@ from symaware_cli.study.runner import Runner
 from symaware_cli.study.statistics.interval_estimate import Array
 from symaware_cli.study.statistics.parameter_distribution import Choice, ParameterDistribution
 from symaware_cli.study.sweep_document import FORMAT, SweepDocument
-from symaware_cli.study.sweep_error import SweepError, unknown_specification
+from symaware_cli.study.sweep_error import LostResultError, SweepError, unknown_specification
 from symaware_cli.study.sweep_plan import ParameterChange
 from symaware_cli.study.sweep_source import SweepSource, texts_of
 
@@ -94,7 +94,7 @@ class CandidateWork:
 
     def lost(self, index: int, why: str) -> Row:
         """See `Work`; without its outcome a search would go elsewhere."""
-        raise SweepError(f"run {index} of the search was lost: {why}")
+        raise LostResultError(f"run {index} of the search was lost: {why}")
 
 
 #: The verdict that a search is for.

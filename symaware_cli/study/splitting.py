@@ -16,7 +16,7 @@ from symaware_cli.scenario.files import open_scenario
 from symaware_cli.study.executor import Block
 from symaware_cli.study.rare_event import RareEvent, SplitRun, split_run
 from symaware_cli.study.statistics.interval_estimate import IntervalEstimate, error_probability, variance
-from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_error import LostResultError
 from symaware_cli.study.sweep_plan import seed_of
 from symaware_cli.world.chance import generator, key_of
 
@@ -261,7 +261,7 @@ class RepeatWork:
 
     def lost(self, index: int, why: str) -> Repeat:
         """See `Work`; without it the mean would be that of the repeats that happened to end."""
-        raise SweepError(f"repeat {index} was lost: {why}")
+        raise LostResultError(f"repeat {index} was lost: {why}")
 
 
 #: The share of trials that is to reach each level, and the most levels.

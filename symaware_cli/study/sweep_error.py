@@ -10,6 +10,10 @@ class SweepError(LogError):
     """A folder is not what is needed, or does not fit what is asked for."""
 
 
+class LostResultError(SweepError):
+    """The process that was to make a result died or exceeded its time, and the work cannot continue without it."""
+
+
 def listed(message: str, lines: Sequence[str]) -> str:
     """A message, and below it the first lines of what it is about."""
     more = [f"and {len(lines) - 20} more"] if len(lines) > 20 else []
