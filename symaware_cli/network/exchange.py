@@ -1,4 +1,7 @@
-"""The message exchange of a process: carries messages from components of agents to inboxes of others."""
+"""The message exchange of a process: carries messages from components of agents to inboxes of others.
+
+Channels decide when a message arrives (`channel/`), `in_transit` holds it until then, and `deliver` hands it over.
+"""
 
 from __future__ import annotations
 

@@ -187,6 +187,8 @@ class GroupChannels:
     def record(self, now: int, steps: int) -> int:
         """Record the rows that changed and return how many there were, not counting true states.
 
+        Parts of awareness, such as intents, and signals are recorded alike, by their kind.
+
         Args:
             now: Simulated time in nanoseconds.
             steps: Number of steps completed.

@@ -11,7 +11,7 @@ from symaware_cli.core import Event, GroupComponent, Level, SubscriberError
 from symaware_cli.core.component import may_wait
 from symaware_cli.runtime.awaiting import Awaiter
 from symaware_cli.runtime.coroutine import CoroutineTurns
-from symaware_cli.runtime.delayed import DelayedTurns
+from symaware_cli.runtime.delayed_turns import DelayedTurns
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.guard import Guard, Isolate

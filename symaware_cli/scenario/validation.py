@@ -1,4 +1,7 @@
-"""Validates data against pydantic models, and translates each error into a problem with its position."""
+"""Validates data against pydantic models, and translates each error into a problem with its position.
+
+`build` validates the document, and `plugin_factory` the parameters of each plugin.
+"""
 
 from __future__ import annotations
 

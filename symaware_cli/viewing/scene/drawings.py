@@ -1,8 +1,8 @@
-"""Which drawings there are: of the world and of events for every backend, curves for replays, and those of plots."""
+"""Declares what is drawn: of the world and of events for every backend, curves for replays, and those of plots."""
 
 from __future__ import annotations
 
-from symaware_cli.viewing.scene.bodies import Agents, RiskCurves, Trails
+from symaware_cli.viewing.scene.bodies import Agents, Trails
 from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
 from symaware_cli.viewing.scene.curves import AwarenessCurves, RecordedNumbers, SeparationCurve
 from symaware_cli.viewing.scene.figures import Appearances
@@ -11,6 +11,7 @@ from symaware_cli.viewing.scene.journal import Events, Knowledge
 from symaware_cli.viewing.scene.messages import Informed, Messages
 from symaware_cli.viewing.scene.others import BeliefsAboutOthers
 from symaware_cli.viewing.scene.own_awareness import Intents, Uncertainties
+from symaware_cli.viewing.scene.risk import RiskCurves
 from symaware_cli.viewing.scene.scene import Drawing
 from symaware_cli.viewing.scene.scenery import RegionsDrawing, SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans

@@ -1,4 +1,4 @@
-"""Awareness of agents of themselves: intents as paths that fade, and uncertainties as ellipses, tubes and samples."""
+"""Awareness of agents of themselves: intents that fade, uncertainties as ellipses, tubes and samples; not `risk`."""
 
 from __future__ import annotations
 
