@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
+from symaware_cli.awareness.part import PARTS, Part
 from symaware_cli.awareness.shared_beliefs import SharedBeliefs
-from symaware_cli.awareness.signal import PARTS, Part, Signal, SignalColumn
+from symaware_cli.awareness.signal import Signal, SignalColumn
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.world.arrays import frozen

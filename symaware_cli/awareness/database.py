@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.awareness.awareness import AwarenessVector, GroupAwareness, SelfAwareness
 from symaware_cli.awareness.own_beliefs import OwnBeliefs, Said
-from symaware_cli.awareness.signal import PARTS
+from symaware_cli.awareness.part import PARTS
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.world.arrays import frozen

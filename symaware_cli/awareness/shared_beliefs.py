@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.signal import Part
+from symaware_cli.awareness.part import Part
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.world.arrays import frozen
 from symaware_cli.world.motion_layout import as_motion

@@ -3,7 +3,8 @@
 from symaware_cli.awareness.awareness import AwarenessVector, GroupAwareness, Observation
 from symaware_cli.awareness.database import AwarenessDatabase
 from symaware_cli.awareness.knowledge import KnowledgeDatabase
-from symaware_cli.awareness.signal import PARTS, Part, Signal
+from symaware_cli.awareness.part import PARTS, Part
+from symaware_cli.awareness.signal import Signal
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings

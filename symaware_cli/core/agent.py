@@ -14,7 +14,8 @@ from symaware_cli.awareness.awareness import GroupAwareness, SelfAwareness
 from symaware_cli.awareness.column import Column
 from symaware_cli.awareness.database import AwarenessDatabase
 from symaware_cli.awareness.knowledge import Changes, KnowledgeDatabase, KnownColumn
-from symaware_cli.awareness.signal import STATE, Part, Signal
+from symaware_cli.awareness.part import STATE, Part
+from symaware_cli.awareness.signal import Signal
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment

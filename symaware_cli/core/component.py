@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.database import AwarenessDatabase
 from symaware_cli.awareness.knowledge import KnowledgeDatabase
-from symaware_cli.awareness.signal import Part, Signal
+from symaware_cli.awareness.part import Part
+from symaware_cli.awareness.signal import Signal
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription

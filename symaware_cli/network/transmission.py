@@ -1,4 +1,4 @@
-"""Transmission: decides the fates of sent messages from the network and the disturbances, at once or after a queue."""
+"""Transmission: what the network and faults make of sent messages, at once or after a queue; delays: see `channel`."""
 
 from __future__ import annotations
 
