@@ -10,7 +10,7 @@ from fuzzing.target import Finding, Target
 
 
 class Awkward(Target):
-    time_limit = 20.0
+    time_limit = 6.0
     memory_limit = 100 << 20
     address_space = 3 << 30
 
