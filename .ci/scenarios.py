@@ -23,7 +23,7 @@ import numpy as np
 import yaml
 
 from symaware_cli import open_log, processor
-from symaware_cli.recording.digest import digest
+from symaware_cli.log.digest import digest
 
 TOLERANCE = 1e-6
 """Metres that a position may differ by on a processor of level x86-64-v2."""

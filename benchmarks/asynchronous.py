@@ -16,13 +16,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from symaware_cli.core import AgentGroup, Component, Entity
-from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.runtime.options import RunOptions
-from symaware_cli.runtime.run import run
-from symaware_cli.runtime.run_summary import RunSummary
-from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.timing import Timing
+from symaware_cli.engine import ComponentEntry, KinematicEnvironment, RunOptions, RunSummary, Simulation, Timing
+from symaware_cli.engine.models.integrator import SingleIntegrator
+from symaware_cli.engine.runtime.run import run
 
 Measured = tuple[float, list[int], RunSummary]
 

@@ -26,10 +26,7 @@ import numpy as np
 import yaml
 
 import symaware_cli
-from symaware_cli.study.folder import SweepFolder
-from symaware_cli.study.request import SweepRequest
-from symaware_cli.study.session import conduct
-from symaware_cli.study.sweep_source import read_sweep
+from symaware_cli.studies import SweepFolder, SweepRequest, conduct, read_sweep
 
 HERE = Path(__file__).parent
 HELLO = HERE.parent / "scenarios" / "hello.yaml"

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import symaware_cli as sa
+from symaware_cli.log import Recorder
 
 ROOT = Path(__file__).parents[1]
 
@@ -69,7 +70,7 @@ def unbroken(path: Path, instants: list[int], further: int, folder: Path) -> dic
                 states[instant] = simulation.capture()
             except sa.StateError as error:
                 return {each: str(error) for each in instants}
-            assert simulation._run.recorder is not None
+            assert isinstance(simulation._run.recorder, Recorder)
             sequences[instant] = simulation._run.recorder.writer.sequence
         simulation.step(further)
     for instant, state in states.items():

@@ -11,8 +11,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 
 #: Average number of others within range of an agent.
 _NEIGHBOURS = 20

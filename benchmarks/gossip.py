@@ -10,8 +10,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 
 
 def scenario(agents: int, steps: int, channel: str) -> str:

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from symaware_aircraft import ScenarioTree, rollout, shortest_path
 
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 
 SCENARIO = Path(__file__).parents[1] / "plugins" / "symaware-aircraft" / "scenarios" / "intent-avoidance.yaml"
 STEPS = 82

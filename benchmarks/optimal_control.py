@@ -17,10 +17,10 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.models.aircraft import DubinsAircraft
-from symaware_cli.optimal_control import OptimalControlProblem, Plan, Solver
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.engine.models.aircraft import DubinsAircraft
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.planning.optimal_control import OptimalControlProblem, Plan, Solver
 
 Array = NDArray[np.float64]
 

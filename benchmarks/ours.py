@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.scenario.build import Built, build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import Built, build
+from symaware_cli.language.execution import execute
 
 _COMPONENTS = {
     # For comparison with frameworks that step each agent in Python.

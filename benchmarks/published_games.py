@@ -18,11 +18,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from symaware_cli.abstraction.transition_system import TransitionSystem
-from symaware_cli.synthesis.fragment import clauses
-from symaware_cli.synthesis.game import Game, Statement
-from symaware_cli.synthesis.strategy import synthesise
-from symaware_cli.synthesis.vocabulary import Variable, Vocabulary
+from symaware_cli.knowledge import TransitionSystem
+from symaware_cli.knowledge.synthesis.fragment import clauses
+from symaware_cli.knowledge.synthesis.game import Game, Statement
+from symaware_cli.knowledge.synthesis.strategy import synthesise
+from symaware_cli.knowledge.synthesis.vocabulary import Variable, Vocabulary
 
 
 def arbiter(lines: int) -> Game:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.optimal_control.qp import solve_qp
+from symaware_cli.planning.optimal_control.qp import solve_qp
 
 HERE = Path(__file__).parent
 VARIABLES, FACES, PLANES, PROGRAMS = 2, 20, 4, 1000

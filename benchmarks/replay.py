@@ -25,15 +25,15 @@ from typing import Any
 import numpy as np
 import ours
 
-from symaware_cli.recording import others_message, wire
-from symaware_cli.recording.reader import Log, open_log
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
-from symaware_cli.viewing.replay_session import replay_session
-from symaware_cli.viewing.rerun.columns import TIMELINE
-from symaware_cli.viewing.scene.others import read_beliefs
-from symaware_cli.viewing.viewer import require
-from symaware_cli.viewing.views import GroupView, RunView, run_view_of
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.log import Log, open_log, others_message, wire
+from symaware_cli.views import GroupView, RunView
+from symaware_cli.views.replay_session import replay_session
+from symaware_cli.views.rerun.columns import TIMELINE
+from symaware_cli.views.scene.others import read_beliefs
+from symaware_cli.views.viewer import require
+from symaware_cli.views.views import run_view_of
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import symaware_cli as sa
-from symaware_cli.components.risk.failure_probability import FailureProbability, RiskEstimate
+from symaware_cli.planning.risk.failure_probability import FailureProbability, RiskEstimate
 
 AGENTS, SAMPLES, STEP, STEPS = 1000, 100, 0.1, 20
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from symaware_cli.specification import Monitor
 from symaware_cli.specification.formula import Always, Array, Eventually, Not, Or, Predicate
-from symaware_cli.specification.monitor import Monitor
 
 FORMULA = Always(0, 100, Or((Not(Predicate(0)), Eventually(0, 40, Predicate(1)))))
 WRITTEN = "{always}[0,100] ((a >= 0) {implies} ({eventually}[0,40] (b >= 0)))"

@@ -18,7 +18,7 @@ SCENARIO = Path(__file__).parent.parent / "scenarios" / "hello.yaml"
 PROGRAM = [sys.executable, "-P", "-m", "symaware_cli"]
 VERSIONS = """
 import time, symaware_cli.core
-from symaware_cli.scenario.versions import versions
+from symaware_cli.language.versions import versions
 for name in ("first", "again"):
     began = time.process_time()
     versions()

@@ -23,10 +23,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 import symaware_cli  # noqa: F401 # selects the kernels of NumPy, before it is imported
-from symaware_cli.geometry.region import Region
-from symaware_cli.optimal_control import Affine, LinearDynamics, SpecificationPlan, SpecificationProgram, predicate_sets
-from symaware_cli.specification.formulation import formulate
-from symaware_cli.specification.parser import parse
+from symaware_cli.geometry import Region
+from symaware_cli.planning.optimal_control import (
+    Affine,
+    LinearDynamics,
+    SpecificationPlan,
+    SpecificationProgram,
+    predicate_sets,
+)
+from symaware_cli.specification import formulate, parse
 
 HERE = Path(__file__).parent
 NAMES = {"position": Affine(np.eye(4)[:2])}

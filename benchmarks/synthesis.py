@@ -9,12 +9,12 @@ import resource
 import sys
 import time
 
-from symaware_cli.abstraction.grid_cells import GridCells
-from symaware_cli.geometry.region import Region
-from symaware_cli.synthesis.fragment import clauses
-from symaware_cli.synthesis.game import Game, Statement
-from symaware_cli.synthesis.strategy import synthesise
-from symaware_cli.synthesis.vocabulary import Variable, Vocabulary
+from symaware_cli.geometry import Region
+from symaware_cli.knowledge.abstraction.grid_cells import GridCells
+from symaware_cli.knowledge.synthesis.fragment import clauses
+from symaware_cli.knowledge.synthesis.game import Game, Statement
+from symaware_cli.knowledge.synthesis.strategy import synthesise
+from symaware_cli.knowledge.synthesis.vocabulary import Variable, Vocabulary
 
 ASSUMPTIONS = ("always walker.middle", "always eventually not walker.dock")
 GUARANTEES = (

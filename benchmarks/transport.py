@@ -14,9 +14,9 @@ import subprocess
 import sys
 import time
 
-from symaware_cli.distributed.tcp import Tcp
-from symaware_cli.distributed.transport import Port, Transport
-from symaware_cli.distributed.zenoh import Zenoh
+from symaware_cli.processes import Port, Transport
+from symaware_cli.processes.tcp import Tcp
+from symaware_cli.processes.zenoh import Zenoh
 
 KEY = b"thirty-two bytes of a shared key"
 

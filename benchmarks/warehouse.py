@@ -18,11 +18,10 @@ import yaml
 from symaware_warehouse import Commitment, PlannedTube, Planner, Progress, Tube
 
 import symaware_cli  # noqa: F401 # selects the kernels of NumPy, before it is imported
-from symaware_cli.geometry.region import Region
-from symaware_cli.models.linear import Linear
-from symaware_cli.optimal_control import LinearDynamics, predicate_sets, state_names
-from symaware_cli.specification.formulation import formulate
-from symaware_cli.specification.parser import parse
+from symaware_cli.engine.models.linear import Linear
+from symaware_cli.geometry import Region
+from symaware_cli.planning.optimal_control import LinearDynamics, predicate_sets, state_names
+from symaware_cli.specification import formulate, parse
 
 SCENARIO = Path(__file__).parent.parent / "plugins" / "symaware-warehouse" / "scenarios" / "as-recorded.yaml"
 STEPS = 40

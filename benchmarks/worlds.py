@@ -43,14 +43,14 @@ from pymunk import batch
 
 from symaware_cli import open_log
 from symaware_cli.core import AgentGroup, Entity, Obstacle
-from symaware_cli.environments import bullet_collisions as collisions
-from symaware_cli.environments.planar import PymunkEnvironment
-from symaware_cli.environments.spatial import PyBulletEnvironment
-from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.models.quadrotor import Quadrotor
-from symaware_cli.models.racecar import TRACK, WHEEL_RADIUS, WHEELBASE, Racecar, hinge_angles
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.engine.models.integrator import SingleIntegrator
+from symaware_cli.engine.models.quadrotor import Quadrotor
+from symaware_cli.engine.models.racecar import TRACK, WHEEL_RADIUS, WHEELBASE, Racecar, hinge_angles
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.worlds import bullet_collisions as collisions
+from symaware_cli.worlds.planar import PymunkEnvironment
+from symaware_cli.worlds.spatial import PyBulletEnvironment
 
 Array = NDArray[np.float64]
 Measured = tuple[float, Array | None]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from fuzzing.campaign import pursue, replay
 from fuzzing.state import State
-from fuzzing.targets import target_names
+from fuzzing.targets import target, target_names
 from fuzzing.worker import Result
 
 CORPUS = Path("tests/corpus")
@@ -19,6 +20,8 @@ def main() -> int:
     """Fuzz, or run given cases again; return 1 if anything was found, 130 after Ctrl-C."""
     asked = _arguments()
     targets = asked.target or target_names()
+    if asked.shrink:
+        return _shrink(asked.shrink, targets[0])
     if asked.again or asked.corpus:
         return _try_again(asked.again, targets)
     states = {name: State.load(asked.state / name, asked.seed) for name in targets}
@@ -43,10 +46,26 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--state", type=Path, default=Path(".fuzz"), help="folder of the progress (default: .fuzz)")
     parser.add_argument("--corpus", action="store_true", help=f"run only the earlier findings in {CORPUS}")
     parser.add_argument("--again", type=Path, nargs="+", metavar="FILE", help="run these cases of one --target again")
+    parser.add_argument(
+        "--shrink", type=Path, nargs="+", metavar="FILE", help="make these cases of one --target small, in FILE.small"
+    )
     asked = parser.parse_args()
-    if asked.again and len(asked.target or ()) != 1:
-        parser.error("--again needs one --target")
+    if (asked.again or asked.shrink) and len(asked.target or ()) != 1:
+        parser.error("--again and --shrink need one --target")
     return asked
+
+
+def _shrink(files: list[Path], name: str) -> int:
+    """Write smaller cases with the same findings, for the corpus."""
+    made = target(name)
+    with tempfile.TemporaryDirectory() as prepared, tempfile.TemporaryDirectory() as folder:
+        made.prepare(Path(prepared))
+        for path in files:
+            small = made.shrunk(path.read_bytes(), Path(folder))
+            at = path.with_name(f"{path.name}.small")
+            at.write_bytes(small)
+            print(f"{at}  {path.stat().st_size:,} -> {len(small):,} bytes", flush=True)
+    return 0
 
 
 def _try_again(files: list[Path] | None, targets: list[str]) -> int:

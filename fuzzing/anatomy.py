@@ -15,8 +15,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Metadata, MetadataIndex, Schema
 
-from symaware_cli.recording.log_schema import MAGIC
-from symaware_cli.recording.log_summary import LogSummary, indexed
+from symaware_cli.log.log_schema import MAGIC
+from symaware_cli.log.log_summary import LogSummary, indexed
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 

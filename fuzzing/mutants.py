@@ -28,7 +28,13 @@ from typing import Any
 
 PACKAGE = Path("symaware_cli")
 FOLDERS = ("awareness", "core", "world", "runtime", "network", "recording")
-WIDER = ("tests/api", "tests/components", "tests/environments", "tests/scenario", "tests/test_determinism.py")
+WIDER = (
+    "tests/api",
+    "tests/engine/components",
+    "tests/engine/environments",
+    "tests/language",
+    "tests/test_determinism.py",
+)
 TIME_LIMIT = 1200.0
 """Longest time for the tests of one mutant [s]; a mutant that hangs them counts as killed."""
 

@@ -60,3 +60,12 @@ class Target(ABC):
         Returns:
             Counts of outcomes, which are summed over all cases, such as ``{"refused": 1}``.
         """
+
+    def shrunk(self, case: bytes, folder: Path) -> bytes:
+        """Return a smaller case with the same finding, for the corpus; by default the case itself.
+
+        Args:
+            case: A case in which something was found.
+            folder: An empty folder for files.
+        """
+        return case

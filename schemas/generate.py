@@ -16,8 +16,8 @@ HERE = Path(__file__).resolve().parent
 
 #: The module that is made of each schema.
 MODULES = {
-    "symaware/v1/log.proto": "symaware_cli.recording.symaware_v1_pb2",
-    "symaware/v1/transport.proto": "symaware_cli.network.transport_pb2",
+    "symaware/v1/log.proto": "symaware_cli.log.symaware_v1_pb2",
+    "symaware/v1/transport.proto": "symaware_cli.engine.network.transport_pb2",
 }
 
 OLDEST_RUNTIME = (6, 31, 0)

@@ -14,30 +14,19 @@ from symaware_cli.version import __version__ as __version__
 processor.pin()
 
 if TYPE_CHECKING:
-    from symaware_cli.abstraction.bisimulation import Bisimulation, bisimulation
-    from symaware_cli.abstraction.knowledge_model import KnowledgeModel
-    from symaware_cli.abstraction.transition_system import TransitionSystem
-    from symaware_cli.api.branch_changes import BranchError
-    from symaware_cli.api.branching import BranchResult, branch, branches
-    from symaware_cli.api.certification import (
-        Certificate,
-        CertificateVerification,
-        certify,
-        verify_certificate,
+    from symaware_cli.api import (
+        GroupOutline,
+        Outline,
+        RunFailedError,
+        RunInterrupted,
+        RunResult,
+        Scenario,
+        SteppedSimulation,
+        load,
+        sweep,
+        verify_sweep,
     )
-    from symaware_cli.api.checking import CheckResult, check_log
-    from symaware_cli.api.comparison import ComparisonResult, compare
-    from symaware_cli.api.falsifying import Falsification, falsify
-    from symaware_cli.api.html_report import write_report
-    from symaware_cli.api.rare_events import RareEventEstimate, estimate
-    from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
-    from symaware_cli.api.scenario import GroupOutline, Outline, Scenario, load
-    from symaware_cli.api.stepping import SteppedSimulation
-    from symaware_cli.api.sweep_comparison import SweepComparison, compare_sweeps
-    from symaware_cli.api.sweep_verification import SweepVerification
-    from symaware_cli.api.sweeps import sweep, verify_sweep
-    from symaware_cli.api.verification import VerificationResult, verify_log
-    from symaware_cli.components.sensor import Sensor, SensorParameters
+    from symaware_cli.assets import Vehicle
     from symaware_cli.core import (
         Agent,
         AgentGroup,
@@ -54,6 +43,7 @@ if TYPE_CHECKING:
         Delivery,
         Entity,
         EntityGroup,
+        EntryView,
         Environment,
         EnvironmentParameters,
         Event,
@@ -76,6 +66,7 @@ if TYPE_CHECKING:
         Quantity,
         RiskEstimator,
         Roster,
+        ScenarioView,
         Scenery,
         ScriptedPath,
         Shape,
@@ -92,23 +83,69 @@ if TYPE_CHECKING:
         nanoseconds,
         seconds,
     )
+    from symaware_cli.core.identifiers import AgentParameters, AgentPattern, ComponentParameters, ComponentPattern
     from symaware_cli.core.stateful import StateError
     from symaware_cli.core.verdict import SpecificationStatus
-    from symaware_cli.distributed.transport import Port, PortEvent, Transport, TransportError, TransportParameters
-    from symaware_cli.environments.vehicle import Vehicle
-    from symaware_cli.network.topology.topology import Topology, TopologyError, TopologyParameters
+    from symaware_cli.engine import (
+        AgentSelection,
+        ComponentSelection,
+        Fault,
+        FaultContext,
+        FaultTargets,
+        Latency,
+        Sensor,
+        SensorParameters,
+        SimulationState,
+        Topology,
+        TopologyError,
+        TopologyParameters,
+    )
+    from symaware_cli.evidence import (
+        BranchError,
+        BranchResult,
+        Certificate,
+        CertificateVerification,
+        CheckResult,
+        ComparisonResult,
+        Falsification,
+        RareEventEstimate,
+        SweepComparison,
+        SweepVerification,
+        VerificationResult,
+        branch,
+        branches,
+        certify,
+        check_log,
+        compare,
+        compare_sweeps,
+        estimate,
+        falsify,
+        verify_certificate,
+        verify_log,
+        write_report,
+    )
+    from symaware_cli.help_place import in_help
+    from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
+    from symaware_cli.language import ScenarioError, ScenarioSection, SectionContext
+    from symaware_cli.log import Log, LogError, Series, open_log
+    from symaware_cli.processes import (
+        DistributionError,
+        Place,
+        Port,
+        PortEvent,
+        Transport,
+        TransportError,
+        TransportParameters,
+    )
     from symaware_cli.processor import ProcessorWarning
-    from symaware_cli.recording.error import LogError
-    from symaware_cli.recording.reader import Log, open_log
-    from symaware_cli.recording.series import Series
-    from symaware_cli.runtime.state.simulation_state import SimulationState
-    from symaware_cli.scenario.place import DistributionError, Place
-    from symaware_cli.scenario.problem import ScenarioError
-    from symaware_cli.study.sweep_error import SweepError
+    from symaware_cli.studies import SweepError
 
 __all__ = [
     "Agent",
     "AgentGroup",
+    "AgentParameters",
+    "AgentPattern",
+    "AgentSelection",
     "AwarenessDatabase",
     "AwarenessVector",
     "Bisimulation",
@@ -123,6 +160,9 @@ __all__ = [
     "CommunicationSender",
     "ComparisonResult",
     "Component",
+    "ComponentParameters",
+    "ComponentPattern",
+    "ComponentSelection",
     "Contact",
     "Controller",
     "Cylinder",
@@ -130,15 +170,20 @@ __all__ = [
     "DistributionError",
     "Entity",
     "EntityGroup",
+    "EntryView",
     "Environment",
     "EnvironmentParameters",
     "Event",
     "Falsification",
+    "Fault",
+    "FaultContext",
+    "FaultTargets",
     "GroupCommunicationReceiver",
     "GroupComponent",
     "GroupOutline",
     "KnowledgeDatabase",
     "KnowledgeModel",
+    "Latency",
     "Level",
     "Links",
     "Log",
@@ -168,8 +213,11 @@ __all__ = [
     "RunResult",
     "Scenario",
     "ScenarioError",
+    "ScenarioSection",
+    "ScenarioView",
     "Scenery",
     "ScriptedPath",
+    "SectionContext",
     "Sensor",
     "SensorParameters",
     "Series",
@@ -209,6 +257,7 @@ __all__ = [
     "estimate",
     "falsify",
     "generator",
+    "in_help",
     "load",
     "nanoseconds",
     "open_log",
@@ -223,28 +272,30 @@ __all__ = [
 
 #: The module that defines each public name that `symaware_cli.core` does not provide.
 _HOMES = {
-    "symaware_cli.abstraction.bisimulation": ("Bisimulation", "bisimulation"),
-    "symaware_cli.abstraction.knowledge_model": ("KnowledgeModel",),
-    "symaware_cli.abstraction.transition_system": ("TransitionSystem",),
-    "symaware_cli.api.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
-    "symaware_cli.api.falsifying": ("Falsification", "falsify"),
-    "symaware_cli.api.rare_events": ("RareEventEstimate", "estimate"),
-    "symaware_cli.api.html_report": ("write_report",),
-    "symaware_cli.api.branch_changes": ("BranchError",),
-    "symaware_cli.api.branching": ("BranchResult", "branch", "branches"),
+    "symaware_cli.knowledge.abstraction.bisimulation": ("Bisimulation", "bisimulation"),
+    "symaware_cli.knowledge.abstraction.knowledge_model": ("KnowledgeModel",),
+    "symaware_cli.knowledge.abstraction.transition_system": ("TransitionSystem",),
+    "symaware_cli.evidence.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
+    "symaware_cli.evidence.falsifying": ("Falsification", "falsify"),
+    "symaware_cli.evidence.rare_events": ("RareEventEstimate", "estimate"),
+    "symaware_cli.evidence.report.html_report": ("write_report",),
+    "symaware_cli.evidence.branch_changes": ("BranchError",),
+    "symaware_cli.evidence.branching": ("BranchResult", "branch", "branches"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("GroupOutline", "Outline", "Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
-    "symaware_cli.api.sweep_comparison": ("SweepComparison", "compare_sweeps"),
-    "symaware_cli.api.sweep_verification": ("SweepVerification",),
+    "symaware_cli.evidence.sweep_comparison": ("SweepComparison", "compare_sweeps"),
+    "symaware_cli.evidence.sweep_verification": ("SweepVerification",),
     "symaware_cli.api.sweeps": ("sweep", "verify_sweep"),
-    "symaware_cli.api.verification": ("VerificationResult", "verify_log"),
-    "symaware_cli.components.sensor": ("Sensor", "SensorParameters"),
+    "symaware_cli.evidence.verification": ("VerificationResult", "verify_log"),
+    "symaware_cli.engine.components.sensor": ("Sensor", "SensorParameters"),
+    "symaware_cli.core.identifiers": ("AgentParameters", "AgentPattern", "ComponentParameters", "ComponentPattern"),
     "symaware_cli.core.stateful": ("StateError",),
     "symaware_cli.core.verdict": ("SpecificationStatus",),
-    "symaware_cli.environments.vehicle": ("Vehicle",),
-    "symaware_cli.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
-    "symaware_cli.distributed.transport": (
+    "symaware_cli.assets.vehicle": ("Vehicle",),
+    "symaware_cli.engine.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
+    "symaware_cli.help_place": ("in_help",),
+    "symaware_cli.processes.transport": (
         "Port",
         "PortEvent",
         "Transport",
@@ -252,15 +303,25 @@ _HOMES = {
         "TransportParameters",
     ),
     "symaware_cli.processor": ("ProcessorWarning",),
-    "symaware_cli.recording.error": ("LogError",),
-    "symaware_cli.api.checking": ("CheckResult", "check_log"),
-    "symaware_cli.api.comparison": ("ComparisonResult", "compare"),
-    "symaware_cli.recording.reader": ("Log", "open_log"),
-    "symaware_cli.recording.series": ("Series",),
-    "symaware_cli.runtime.state.simulation_state": ("SimulationState",),
-    "symaware_cli.scenario.place": ("DistributionError", "Place"),
-    "symaware_cli.scenario.problem": ("ScenarioError",),
-    "symaware_cli.study.sweep_error": ("SweepError",),
+    "symaware_cli.log.error": ("LogError",),
+    "symaware_cli.evidence.checking": ("CheckResult", "check_log"),
+    "symaware_cli.evidence.comparison": ("ComparisonResult", "compare"),
+    "symaware_cli.log.reader": ("Log", "open_log"),
+    "symaware_cli.log.series": ("Series",),
+    "symaware_cli.engine.runtime.fault": (
+        "AgentSelection",
+        "ComponentSelection",
+        "Fault",
+        "FaultContext",
+        "FaultTargets",
+    ),
+    "symaware_cli.engine.runtime.latency": ("Latency",),
+    "symaware_cli.engine.runtime.state.simulation_state": ("SimulationState",),
+    "symaware_cli.processes.distribution_error": ("DistributionError",),
+    "symaware_cli.processes.place": ("Place",),
+    "symaware_cli.language.problem": ("ScenarioError",),
+    "symaware_cli.language.scenario_section": ("ScenarioSection", "SectionContext"),
+    "symaware_cli.studies.sweep_error": ("SweepError",),
 }
 
 

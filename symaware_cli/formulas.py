@@ -5,7 +5,8 @@ A component that names specifications (`BaseComponent.specifications`) receives 
 `formulation.tree` is made of the nodes below; `printed` turns one into text.
 """
 
-from symaware_cli.geometry.region import Region
+from symaware_cli.geometry import Region
+from symaware_cli.specification import Specification, printed
 from symaware_cli.specification.node import (
     Arithmetic,
     Call,
@@ -21,8 +22,6 @@ from symaware_cli.specification.node import (
     Vector,
     walk,
 )
-from symaware_cli.specification.printing import printed
-from symaware_cli.specification.specification import Specification
 
 __all__ = [
     "Arithmetic",

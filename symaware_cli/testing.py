@@ -21,11 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from symaware_cli import processor
-from symaware_cli.models.conformity import faults_of
-from symaware_cli.recording.digest import Digest, digest
-from symaware_cli.recording.log_comparison import first_difference
-from symaware_cli.recording.reader import open_log
-from symaware_cli.world.model import Model
+from symaware_cli.engine import faults_of
+from symaware_cli.log import first_difference, open_log
+from symaware_cli.log.digest import Digest, digest
+from symaware_cli.world import Model
 
 __all__ = ["assert_batchable", "assert_conforming", "assert_repeatable"]
 
@@ -107,7 +106,7 @@ def assert_batchable(scenario: str | os.PathLike[str], overrides: Sequence[str] 
         AssertionError: A run differs, or the scenario cannot be batched; the message says which run, or why.
         ScenarioError: The scenario has problems.
     """
-    from symaware_cli.study.batch_check import differing_runs
+    from symaware_cli.studies import differing_runs
 
     problem = differing_runs(Path(scenario), overrides)
     if problem is not None:

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from symaware_cli import Log, open_log
-from symaware_cli.recording.log_message import LogMessage
-from symaware_cli.recording.writer import LogWriter
+from symaware_cli.log.log_message import LogMessage
+from symaware_cli.log.writer import LogWriter
 
 
 def altered(

@@ -1,21 +1,36 @@
 """What tests of every folder share: the command in a process of its own, and plugins installed for one test."""
 
+import ctypes
 import os
 import signal
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from features import item_uses_missing, missing, module_uses_missing
 from hypothesis import HealthCheck, settings
 from simulating import COMMAND, Command
-from symaware_doubles import COMPONENTS, ENVIRONMENTS, TRANSPORTS
+from symaware_doubles import COMPONENTS, ENVIRONMENTS, SUBSCRIBERS
 
 
 def pytest_configure() -> None:
-    """Keep no strategies, and make Ctrl-C count: what runs in the background of a shell may ignore it."""
+    """Make Ctrl-C count: what runs in the background of a shell may ignore it."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    os.environ["SYMAWARE_CACHE"] = ""  # nothing is kept from test to test
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Leave out, in a copy of the package without a feature, the modules that use it."""
+    if missing() and collection_path.match("test_*.py"):
+        return module_uses_missing(collection_path) or None
+    return None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave out, in such a copy, what is about scenarios that use it."""
+    if missing():
+        items[:] = [item for item in items if not item_uses_missing(item)]
 
 
 # How long an example takes says more about the machine than about the code.
@@ -45,6 +60,29 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
 
 
 @pytest.fixture
+def ordinary_rights() -> Iterator[None]:
+    """Take from root, for one test, the rights to read and write what its permissions forbid; others have none.
+
+    The test stays the owner of its files. Another user might not even be able to read the installed Python.
+    """
+    if os.geteuid() != 0:
+        yield
+        return
+    libc = ctypes.CDLL(None, use_errno=True)
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # _LINUX_CAPABILITY_VERSION_3, this thread
+    sets = (ctypes.c_uint32 * 6)()  # effective, permitted, inheritable; then their upper halves
+    assert libc.capget(header, sets) == 0
+    effective = sets[0]
+    sets[0] &= ~(1 << 1 | 1 << 2)  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+    assert libc.capset(header, sets) == 0, os.strerror(ctypes.get_errno())
+    try:
+        yield
+    finally:
+        sets[0] = effective
+        assert libc.capset(header, sets) == 0
+
+
+@pytest.fixture
 def doubles(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Install the plugins of symaware_doubles.py, here and for processes that are started, for one test."""
     here, installed = Path(__file__).parent, tmp_path_factory.mktemp("installed")
@@ -55,7 +93,8 @@ def doubles(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monkey
         *("[symaware.components]", "doubles.paper = paper_controller:MyController"),
         *(f"{name} = symaware_doubles:{kind}" for name, kind in COMPONENTS.items()),
         *("[symaware.environments]", *(f"{name} = symaware_doubles:{kind}" for name, kind in ENVIRONMENTS.items())),
-        *("[symaware.transports]", *(f"{name} = symaware_doubles:{kind}" for name, kind in TRANSPORTS.items())),
+        *("[symaware.transports]", "doubles.loud = transport_doubles:Loud"),
+        *("[symaware.subscribers]", *(f"{name} = symaware_doubles:{kind}" for name, kind in SUBSCRIBERS.items())),
     ]
     (information / "entry_points.txt").write_text("\n".join(lines))
     path = [str(installed), str(here), os.environ.get("PYTHONPATH", "")]
@@ -68,3 +107,31 @@ def doubles(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monkey
 def scenarios() -> Path:
     """The folder of the runnable examples."""
     return Path(__file__).parent.parent / "scenarios"
+
+
+SWAP = """\
+symaware: 1
+name: swap
+seed: 5
+run: {duration: 2.0}
+environment: {use: kinematic}
+agents:
+  lone: {model: {use: single-integrator}, state: [9.0, 9.0]}
+  robot:
+    count: 3
+    entity: {shape: {circle: {radius: 0.5}}}
+    model: {use: unicycle, with: {max_speed: 3.0}}
+    state: {circle: {radius: 1.5}}
+    knowledge: {goal: {circle: {radius: 1.5, phase: 3.14159}}}
+    components:
+      sense: {use: perception.range, with: {range: 9.0, position_noise: 0.1}}
+      steer: {use: control.go-to-goal, with: {speed: 3.0}}
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A small scenario, in a folder of its own that is the present one."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "swap.yaml").write_text(SWAP)
+    return tmp_path / "swap.yaml"

@@ -1,5 +1,7 @@
 """Random formulas and signals."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from symaware_cli.specification.formula import (
@@ -10,6 +12,7 @@ from symaware_cli.specification.formula import (
     Eventually,
     Formula,
     Historically,
+    Next,
     Not,
     Once,
     Or,
@@ -31,6 +34,7 @@ def random_formula(
     unbounded: bool = True,
     constants: bool = True,
     limits: bool = True,
+    nexts: bool = True,
 ) -> Formula:
     """A formula of at most so many operators above each other.
 
@@ -42,11 +46,19 @@ def random_formula(
         unbounded: Whether windows may have no end.
         constants: Whether there are constants.
         limits: Whether windows without an end may begin later.
+        nexts: Whether there are `next` and `weak next`.
     """
 
     def below() -> Formula:
         return random_formula(
-            generator, depth - 1, widest=widest, past=past, unbounded=unbounded, constants=constants, limits=limits
+            generator,
+            depth - 1,
+            widest=widest,
+            past=past,
+            unbounded=unbounded,
+            constants=constants,
+            limits=limits,
+            nexts=nexts,
         )
 
     if depth == 0 or generator.random() < 0.1:
@@ -57,7 +69,7 @@ def random_formula(
     last = None if unbounded and generator.random() < 0.25 else first + int(generator.integers(widest))
     if last is None and not limits:
         first = 0
-    match int(generator.integers(9 if past else 6)):
+    match int(generator.choice([0, 1, 2, 3, 4, 5, *[6] * nexts, *[7, 8, 9] * past])):
         case 0:
             return Not(below())
         case 1:
@@ -71,8 +83,10 @@ def random_formula(
         case 5:
             return Until(first, last, below(), below())
         case 6:
-            return Historically(first, last, below())
+            return Next(below(), weak=bool(generator.integers(2)))
         case 7:
+            return Historically(first, last, below())
+        case 8:
             return Once(first, last, below())
         case _:
             return Since(first, last, below(), below())
@@ -85,3 +99,42 @@ def random_samples(generator: np.random.Generator, instants: int, rows: int) -> 
         drawn = generator.integers(-3, 4, shape).astype(float)
         return encoded(drawn, bool(generator.integers(2)))
     return generator.normal(size=shape)
+
+
+def random_text(generator: np.random.Generator, depth: int, predicates: Sequence[str], *, windows: bool = True) -> str:
+    """The text of a formula of at most so many operators above each other, in brackets throughout.
+
+    Args:
+        generator: Draws it.
+        depth: How many.
+        predicates: The texts of the predicates.
+        windows: Whether operators have windows, of up to 0.5 s, and look back.
+    """
+
+    def below() -> str:
+        return f"({random_text(generator, depth - 1, predicates, windows=windows)})"
+
+    def window() -> str:
+        if not windows or generator.random() < 0.4:
+            return ""
+        first = int(generator.integers(3))
+        return f"[{first / 10}, {(first + int(generator.integers(3))) / 10}]"
+
+    if depth == 0 or generator.random() < 0.1:
+        return str(generator.choice(predicates))
+    match str(generator.choice(WORDS if windows else WORDS[:-3])):
+        case "not" | "next" | "weak next" as word:
+            return f"{word} {below()}"
+        case "and" | "or" | "implies" as word:
+            return f"{below()} {word} {below()}"
+        case "until" | "since" as word:
+            return f"{below()} {word}{window()} {below()}"
+        case word:
+            return f"{word}{window()} {below()}"
+
+
+#: All operators, those about the past at the end.
+WORDS = (
+    *("not", "and", "or", "implies", "next", "weak next", "until", "always", "eventually"),
+    *("since", "historically", "once"),
+)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.recording import others_message, wire
-from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.log_message import LogMessage
-from symaware_cli.recording.reader import Log, open_log
-from symaware_cli.recording.writer import LogWriter
+from symaware_cli.log import others_message, wire
+from symaware_cli.log import symaware_v1_pb2 as v1
+from symaware_cli.log.log_message import LogMessage
+from symaware_cli.log.reader import Log, open_log
+from symaware_cli.log.writer import LogWriter
 
 Keep = Callable[[LogMessage], bool]
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from symaware_cli import open_log
-from symaware_cli.recording.reader import Log
-from symaware_cli.scenario.execution import execute
-from symaware_cli.scenario.files import open_scenario
+from symaware_cli.language.execution import execute
+from symaware_cli.language.files import open_scenario
+from symaware_cli.log.reader import Log
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 

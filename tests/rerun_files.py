@@ -13,11 +13,11 @@ import pytest
 from PIL import Image
 
 from symaware_cli import open_log
-from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.reader import Log
-from symaware_cli.recording.writer import LogWriter
-from symaware_cli.viewing.replay_session import replay_session
-from symaware_cli.viewing.viewer import require
+from symaware_cli.log import symaware_v1_pb2 as v1
+from symaware_cli.log.reader import Log
+from symaware_cli.log.writer import LogWriter
+from symaware_cli.views.replay_session import replay_session
+from symaware_cli.views.viewer import require
 
 # Rerun reads this once, when it is loaded.
 require()

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from google.protobuf.message import Message as ProtobufMessage
 
-from symaware_cli.recording import others_message, wire
-from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.writer import LogWriter
+from symaware_cli.log import others_message, wire
+from symaware_cli.log import symaware_v1_pb2 as v1
+from symaware_cli.log.writer import LogWriter
 
 MANIFEST = {
     "format": 1,

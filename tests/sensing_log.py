@@ -7,12 +7,12 @@ from typing import Any
 from simulating import STEP, Team, simulate
 
 from symaware_cli import Component, Entity, GroupComponent, Obstacle
-from symaware_cli.components.perception_camera import Camera
-from symaware_cli.components.perception_contact import ContactSensor
-from symaware_cli.components.perception_imu import InertialUnit
-from symaware_cli.components.perception_lidar import Lidar
-from symaware_cli.environments.spatial import PyBulletEnvironment
-from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.engine.components.perception_camera import Camera
+from symaware_cli.engine.components.perception_contact import ContactSensor
+from symaware_cli.engine.components.perception_imu import InertialUnit
+from symaware_cli.engine.components.perception_lidar import Lidar
+from symaware_cli.engine.models.unicycle import Unicycle
+from symaware_cli.worlds.spatial import PyBulletEnvironment
 
 STEPS = 3
 

@@ -9,16 +9,16 @@ from typing import Any, TypeVar
 
 from symaware_cli import Entity, Environment, Model, Obstacle
 from symaware_cli.core import AgentGroup, Component, Contact, GroupComponent
-from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.recording.manifest import manifest
-from symaware_cli.recording.recorder import Recorder
-from symaware_cli.recording.writer import LogWriter
-from symaware_cli.runtime.options import RunOptions
-from symaware_cli.runtime.run import run
-from symaware_cli.runtime.run_summary import RunSummary
-from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.timing import STEADY, Timing
+from symaware_cli.engine.environments.kinematic import KinematicEnvironment
+from symaware_cli.engine.models.integrator import SingleIntegrator
+from symaware_cli.engine.runtime.options import RunOptions
+from symaware_cli.engine.runtime.run import run
+from symaware_cli.engine.runtime.run_summary import RunSummary
+from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
+from symaware_cli.engine.runtime.timing import STEADY, Timing
+from symaware_cli.log.manifest import manifest_of
+from symaware_cli.log.recorder import Recorder
+from symaware_cli.log.writer import LogWriter
 from symaware_cli.world.plugin import Plugin
 
 COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
@@ -115,7 +115,7 @@ def execute(ready: Simulation, steps: int, log: Path | None = None, options: Run
     if log is None:
         return run(ready, steps, options=options)
     with LogWriter(log) as writer:
-        content = manifest(
+        content = manifest_of(
             name=ready.name,
             seed=ready.seed,
             mode="synchronous",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import subprocess
 import threading
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +17,87 @@ from parts import contents
 from ports import free_port
 from simulating import COMMAND
 
-from symaware_cli.distributed.merging import merge
-from symaware_cli.distributed.process_log import open_process_logs
-from symaware_cli.recording import others_message
-from symaware_cli.recording.reader import Log, open_log
+from symaware_cli.log import others_message
+from symaware_cli.log.reader import Log, open_log
+from symaware_cli.processes.merging import merge
+from symaware_cli.processes.process_log import open_process_logs
 
 PATIENCE = 180
 """So long a test waits for what should happen soon, s."""
 
-GATHERING = frozenset({"started", "finished", "waiting", "joined"})
+GATHERING = frozenset({"started", "finished", "waiting", "joined", "lost", "rejoined", "restored", "not-restored"})
 """The events that tell who took part and until when."""
+
+
+TALK: dict[str, Any] = {
+    "symaware": 1,
+    "name": "talk",
+    "seed": 3,
+    "run": {"duration": 3.0},
+    "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
+    "agents": {
+        "car": {
+            "count": 3,
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "model": {"use": "single-integrator"},
+            "state": [[20.0, 1.0], [20.5, -0.2], [20.5, 0.2]],
+            "components": {
+                "tell": {"use": "communication.broadcast", "period": 0.2},
+                "hear": {"use": "communication.inbox"},
+            },
+        },
+        "robot": {
+            "count": 4,
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "model": {"use": "single-integrator"},
+            "state": {"circle": {"radius": 1.0}},
+            "knowledge": {"goal": {"circle": {"radius": 1.0, "phase": 3.0}}},
+            "components": {
+                "sense": {"use": "perception.self"},
+                "tell": {"use": "communication.state", "period": 0.1, "with": {"knowledge": ["goal"]}},
+                "hear": {"use": "communication.inbox"},
+                "think": {"use": "doubles.thinker", "period": 0.1},
+            },
+        },
+        "walker": {
+            "count": 3,
+            "model": {"use": "unicycle", "with": {"process_noise": [0.02, 0.02, 0.01]}},
+            "state": [[-20.0, 0.0, 0.0], [-20.0, 5.0, 1.0], [-18.0, 0.0, 2.0]],
+            "components": {
+                "see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}},
+                "believe": {"use": "uncertainty.gaussian", "with": {"acceleration_noise": 0.5}},
+            },
+        },
+    },
+    "topology": {
+        "use": "range",
+        "with": {"range": 1.5, "hysteresis": 0.2},
+        "channel": {"delay": {"exponential": 0.04}, "jitter": 0.02, "loss": 0.2, "duplication": 0.1},
+        "links": [{"sender": "car.0", "channel": {"loss": 0.5}}, {"receiver": "robot.3", "channel": {"delay": 0.3}}],
+    },
+    "faults": {
+        "rest": {"at": 1.0, "for": 0.5, "stop": "walker.1"},
+        "silence": {"at": 1.0, "for": 0.5, "stop": "car.2"},
+        "drift": {"at": 1.2, "for": 0.5, "bias": {"of": "robot.1.sense", "state": [0.5, 0.0]}},
+        "cut": {"at": 1.5, "for": 0.5, "drop": {"sender": "robot.2"}},
+    },
+}
+"""Three groups that talk over a bad network, move by chance and have faults."""
+
+
+def busy(document: dict[str, Any]) -> dict[str, Any]:
+    """`TALK` with components whose turns take time, are triggered by events, and are taken between the steps.
+
+    Every agent reaches all others without a delay, so that messages arrive at steps only, in one process as in several.
+    """
+    document = copy.deepcopy(document)
+    del document["topology"]
+    robot, car, walker = (document["agents"][name]["components"] for name in ("robot", "car", "walker"))
+    robot["think"] |= {"period": 0.07, "latency": {"uniform": [0.02, 0.12]}, "overrun": "queue"}
+    robot["listen"] = {"use": "doubles.ear", "trigger": {"event": "thought", "of": "think"}, "period": 0.04}
+    car["tell"] |= {"period": 0.11, "jitter": 0.02}
+    walker["see"] |= {"period": 0.03}
+    return document
 
 
 class Process:
@@ -52,13 +125,13 @@ class Process:
             for line in stream:
                 self.said.append(line.rstrip())
 
-    def wait_for(self, word: str) -> str:
-        """Wait until a line with a word is written to stderr."""
+    def wait_for(self, word: str, count: int = 1) -> str:
+        """Wait until some lines with a word are written to stderr; the last of them."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
-            for line in list(self.said):
-                if word in line:
-                    return line
+            found = [line for line in list(self.said) if word in line]
+            if len(found) >= count:
+                return found[count - 1]
             if self._popen.poll() is not None and not self._reader.is_alive():
                 break
             time.sleep(0.01)
@@ -120,7 +193,7 @@ class Spread:
 
     def _start(self, name: str, *arguments: object) -> Process:
         again = sum(each.name == name for each in self.processes)
-        log = self.log(f"{name}-again" if again else name)
+        log = self.log(name + "-again" * again)
         process = Process(self.folder, self.scenario, name, log, *self._arguments, *arguments)
         self.processes.append(process)
         return process
@@ -164,10 +237,12 @@ def differences(log: Log, other: Log) -> dict[str, tuple[Counter[Any], Counter[A
 
     Messages are compared one by one: in columns, those of a group stand together as far as they come from one process.
     Of an agent it does not count how often the same is said: if one changes, others of its group may be told of again.
+    A message that is sent or lost between two steps counts at the time of sending: a host records it when it takes it.
     """
     said = [contents(each) for each in (log, other)]
     for each, content in zip((log, other), said, strict=True):
-        content["/messages"] = Counter(map(repr, each.communications()))
+        told = (one if one.stage == "DELIVERED" else replace(one, time=one.sent_time) for one in each.communications())
+        content["/messages"] = Counter(map(repr, told))
     found = {}
     for topic in sorted(said[0].keys() | said[1].keys()):
         one, two = (each.get(topic, Counter()) for each in said)
@@ -197,6 +272,25 @@ def _of_the_run(log: Log) -> Counter[Any]:
         for event in log.events()
         if event.name not in GATHERING
     )
+
+
+def await_file(path: Path) -> None:
+    """Wait until there is a file."""
+    end = time.monotonic() + PATIENCE
+    while not path.exists():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def successor(processes: list[Process], name: str) -> Process:
+    """Wait until one of several processes continues in the place of one that died."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        for each in processes:
+            if each.name == name and f"{name} continues from its state" in each.text:
+                return each
+        time.sleep(0.005)
+    raise AssertionError([each.text for each in processes])
 
 
 def events(log: Log, *names: str) -> list[tuple[int, str, str]]:

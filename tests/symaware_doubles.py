@@ -36,9 +36,7 @@ from symaware_cli import (
 from symaware_cli.core import Contact, Delivery, Event, Message
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.message import EVERYBODY
-from symaware_cli.distributed.tcp import Tcp
-from symaware_cli.distributed.transport import Port
-from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.engine.environments.kinematic import KinematicEnvironment
 from symaware_cli.world.reading import Scan
 
 #: What tests/conftest.py registers, by entry-point name, beside the paper's controller.
@@ -64,7 +62,20 @@ COMPONENTS = {
     "doubles.kernels": "Kernels",
 }
 ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld", "doubles.lonely-world": "LonelyWorld"}
-TRANSPORTS = {"doubles.loud": "Loud"}
+SUBSCRIBERS = {"doubles.watch": "watch", "doubles.refuse": "refuse"}
+
+#: The name and the source of each event that `watch` was called with.
+WATCHED: list[tuple[str, str]] = []
+
+
+def watch(event: Event) -> None:
+    """Keeps the events that it is called with."""
+    WATCHED.append((event.name, event.source))
+
+
+def refuse(event: Event) -> None:
+    """Raises an exception at every event."""
+    raise ValueError(f"{event.name} is refused")
 
 
 class Idle(GroupComponent):
@@ -341,14 +352,6 @@ class LonelyWorld(KinematicEnvironment):
     """A world that other processes cannot follow."""
 
     is_shared = False
-
-
-class Loud(Tcp):
-    """A transport of somebody else: says where it listens."""
-
-    def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
-        Path("loud.txt").write_text(f"{host}:{port}")
-        return super().listen(host, port, key)
 
 
 class Kernels(Component):

@@ -3,17 +3,17 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self, TypeVar
 
+from faulting import fault
 from numpy.typing import ArrayLike
-from simulating import STEP, Team, simulation
+from simulating import Team, simulation
 
-from symaware_cli import Agent, Component, GroupComponent, Topology
-from symaware_cli.components.perception import SelfPerception
+from symaware_cli import Agent, Component, ComponentSelection, Fault, GroupComponent, Topology
 from symaware_cli.core import Event
-from symaware_cli.network.channel.channel_parameters import ChannelParameters
-from symaware_cli.network.network import Network, TopologyPhase
-from symaware_cli.runtime.faults import ComponentSelection, Effect, Fault
-from symaware_cli.runtime.options import RunOptions
-from symaware_cli.runtime.run import run
+from symaware_cli.engine.components.perception import SelfPerception
+from symaware_cli.engine.network.channel.channel_parameters import ChannelParameters
+from symaware_cli.engine.network.network import Network, TopologyPhase
+from symaware_cli.engine.runtime.options import RunOptions
+from symaware_cli.engine.runtime.run import run
 
 Made = TypeVar("Made", bound=Component | GroupComponent)
 
@@ -66,7 +66,7 @@ class Watch:
 
     def fault(
         self,
-        effect: Callable[[list[ComponentSelection]], Effect],
+        kind: type[Fault],
         group: str,
         component: str,
         step: int,
@@ -76,9 +76,8 @@ class Watch:
         """Let something happen to a component just before the turns of a step, for some steps."""
         entry = next(each for each in self.simulation.entries if (each.group.name, each.name) == (group, component))
         concerned = ComponentSelection(entry, range(len(entry.group)) if rows is None else rows)
-        lasting = None if steps is None else steps * STEP
         name = f"fault {len(self.faults)}"
-        self.faults.append(Fault(name, name, entry.path, effect([concerned]), step * STEP, lasting=lasting))
+        self.faults.append(fault(kind, at=step, lasting=steps, name=name, components=[concerned]))
         return self
 
     def fired(self, name: str) -> list[Event]:

@@ -66,7 +66,7 @@ def test_it_is_told_along_and_found_in_what_is_known_of_others(log: Path) -> Non
 def test_a_condition_and_an_end_look_at_it(folder: Path, symaware: Command) -> None:
     condition = "agents.robot.components.steer.condition=attention[3] < 0"
     symaware("run", "attention.yaml", "--quiet", "--output", folder / "still.mcap", "--set", condition)
-    assert not open_log(folder / "still.mcap").series("robot", "control").values.any()
+    assert not open_log(folder / "still.mcap").series("robot", "applied_control").values.any()
     until = 'run.until=max(attention["robot.1"]) > 0.7'
     symaware("run", "attention.yaml", "--quiet", "--output", folder / "ended.mcap", "--set", until)
     greatest = open_log(folder / "ended.mcap").series("robot.1", "attention").values.max(axis=1)
@@ -84,7 +84,7 @@ def test_a_name_that_is_nearly_that_of_the_part_is_found_out(symaware: Command) 
 def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(
     log: Path, folder: Path, symaware: Command
 ) -> None:
-    shown = symaware("inspect", log, "--series", "robot.0:attention:ahead", plugin=False)
+    shown = symaware("log", "series", log, "robot.0:attention:ahead", plugin=False)
     assert "ahead [1]" in shown.stdout
     symaware("export", log, "--format", "csv", "--fields", "attention", "--output", folder / "tables", plugin=False)
     with open(folder / "tables" / "attention" / "robot.csv", encoding="utf-8") as file:

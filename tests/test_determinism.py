@@ -13,10 +13,10 @@ import pytest
 import yaml
 
 from symaware_cli import Log, open_log
-from symaware_cli.recording.digest import digest
-from symaware_cli.recording.reader import LogMessage
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.log.digest import digest
+from symaware_cli.log.reader import LogMessage
 from symaware_cli.testing import assert_repeatable
 
 Found = dict[tuple[str, str], list[Any]]
@@ -277,7 +277,7 @@ def test_who_is_far_away_changes_nothing_for_who_perceives_estimates_and_avoids(
         path.write_text(yaml.safe_dump({**document, "agents": agents}, sort_keys=False))
         execute(build(path), path.with_suffix(".mcap"))
         logs.append(open_log(path.with_suffix(".mcap")))
-    for field in ("world", "state", "control", "intent", "uncertainty", "risk"):
+    for field in ("world", "state", "applied_control", "intent", "uncertainty", "risk"):
         alone, among = (log.series("robot", field) for log in logs)
         assert alone.times.tolist() == among.times.tolist()
         assert alone.values.tobytes() == among.values.tobytes(), field

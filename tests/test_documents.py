@@ -15,7 +15,7 @@ from typing import NamedTuple
 import pytest
 import yaml
 
-from symaware_cli.scenario.build import build
+from symaware_cli.language.build import build
 
 TOP = Path(__file__).parents[1]
 DOCUMENTS = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("plugins/*/*.md")])
@@ -70,7 +70,7 @@ def commands(text: str) -> list[Command]:
             found[-1] = found[-1]._replace(status=int(output))
         else:
             found.append(Command(command, output.splitlines(), 0))
-    return [command for command in found if command.text.startswith(("symaware ", "sed "))]
+    return [command for command in found if command.text.startswith(("symaware ", "sed ", "python docs/"))]
 
 
 def masked(line: str) -> str:
@@ -93,22 +93,47 @@ def having(*languages: str) -> list[Path]:
     return [document for document in DOCUMENTS if any(block.language in languages for block in blocks(document))]
 
 
+#: How the block with the entry points of a plugin begins.
+REGISTRATION = "[project.entry-points"
+
+
+def registers(document: Path) -> bool:
+    """Whether a document shows a plugin with its entry points."""
+    return any(block.text.startswith(REGISTRATION) for block in blocks(document))
+
+
 def installed(document: Path, folder: Path) -> None:
-    """Install `my-package`, made of the Python and the entry points that a document shows."""
-    code = [block.text for block in blocks(document) if block.language == "python"]
-    entry_points = [block.text for block in blocks(document) if block.text.startswith("[project.entry-points")]
-    about = folder / "site" / "my_package-0.1.0.dist-info"
-    about.mkdir(parents=True)
-    about.with_name("my_package.py").write_text("\n\n".join(code), encoding="utf-8")
-    about.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: my-package\nVersion: 0.1.0\n", encoding="utf-8")
-    listed = "".join(entry_points).replace("project.entry-points.", "").replace('"', "")
-    about.joinpath("entry_points.txt").write_text(listed, encoding="utf-8")
+    """Install `my-package`, made of the Python and the entry points that a document shows, and each whole package."""
+    found = list(blocks(document))
+    code = [block.text for block in found if block.language == "python"]
+    modules = {named[1]: text for text in code if (named := re.match(r"# (\w+)\.py\n", text))}
+    lines = [block.text for block in found if block.text.startswith(REGISTRATION)]
+    rest = "\n\n".join(text for text in code if text not in modules.values())
+    packages = {"my-package": ("0.1.0", {"my_package": rest}, "".join(lines))}
+    for block in found:
+        if block.text.startswith("# pyproject.toml"):
+            project = tomllib.loads(block.text)["project"]
+            points = "".join(block.text.partition(REGISTRATION)[1:])
+            packages[project["name"]] = (project["version"], modules, points)
+    for name, (version, contents, entries) in packages.items():
+        about = folder / "site" / f"{name.replace('-', '_')}-{version}.dist-info"
+        about.mkdir(parents=True)
+        for module, text in contents.items():
+            about.with_name(f"{module}.py").write_text(text, encoding="utf-8")
+        about.joinpath("METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n", encoding="utf-8"
+        )
+        listed = entries.replace("project.entry-points.", "").replace('"', "")
+        about.joinpath("entry_points.txt").write_text(listed, encoding="utf-8")
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     for name in ("scenarios", "sweeps"):
         shutil.copytree(TOP / name, tmp_path / name)
+    (tmp_path / "docs").mkdir()
+    for script in (TOP / "docs").glob("*.py"):
+        shutil.copy(script, tmp_path / "docs")
     tmp_path.joinpath("base.yaml").write_text(BASE, encoding="utf-8")
     return tmp_path
 
@@ -132,11 +157,11 @@ def written(block: Block, folder: Path, number: int) -> Path:
 def test_a_command_prints_what_the_document_shows(document: Path, folder: Path) -> None:
     scripts = str(Path(sys.executable).parent)
     environment = {**os.environ, "PATH": os.pathsep.join([scripts, os.environ["PATH"]]), "COLUMNS": "100"}
-    if document.name == "plugins.md":
+    if registers(document):
         installed(document, folder)
         environment["PYTHONPATH"] = os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")])
     for number, block in enumerate(blocks(document)):
-        if block.language in ("yaml", "toml") and block.text.startswith("# "):
+        if block.language in ("yaml", "toml") and re.match(r"# (?!pyproject)", block.text):
             written(block, folder, number)
         if block.language != "console":
             continue
@@ -168,9 +193,16 @@ def test_the_readme_shows_the_scenario_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("guide", ["scenario.md", "time.md"])
-def test_every_snippet_of_a_guide_to_scenarios_is_sound(guide: str, folder: Path) -> None:
-    snippets = [block for block in blocks(TOP / "docs" / guide) if block.language in ("yaml", "toml")]
+def test_every_snippet_of_a_guide_to_scenarios_is_sound(
+    guide: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    document = TOP / "docs" / guide
+    snippets = [block for block in blocks(document) if block.language in ("yaml", "toml")]
+    snippets = [block for block in snippets if not block.text.startswith(REGISTRATION)]
     assert snippets
+    if registers(document):
+        installed(document, folder)
+        monkeypatch.syspath_prepend(folder / "site")
     for number, block in enumerate(snippets):
         build(written(block, folder, number))
 
@@ -181,7 +213,7 @@ def test_the_code_of_a_document_runs(document: Path, folder: Path, monkeypatch: 
     reads_logs = "open_log" in document.read_text(encoding="utf-8")
     namespace: dict[str, object] = {"__name__": "document"}
     for number, block in enumerate(blocks(document)):
-        if block.language in ("yaml", "toml") and block.text.startswith("# "):
+        if block.language in ("yaml", "toml") and re.match(r"# (?!pyproject)", block.text):
             written(block, folder, number)
         if block.language == "console" and reads_logs:
             # The logs that the code reads are those of the runs that the document shows.

@@ -55,11 +55,11 @@ def test_tests_named_like_the_module_or_its_package_come_before_all_of_its_folde
     def rounds_of(path: str) -> list[list[str]]:
         return rounds(Mutant(f"symaware_cli/{path}", 1, 0, 0, "", ""))
 
-    near, folder, wider = rounds_of("network/outbox.py")
-    assert near == ["tests/network/test_outbox.py"]
-    assert folder == ["tests/network"]
+    near, folder, wider = rounds_of("engine/network/outbox.py")
+    assert near == ["tests/engine/network/test_outbox.py"]
+    assert folder == ["tests/engine/network"]
     assert all(Path(each).exists() for each in wider)
-    assert rounds_of("network/channel/link_states.py")[0] == ["tests/network/test_channel.py"]
+    assert rounds_of("engine/network/channel/link_states.py")[0] == ["tests/engine/network/test_channel.py"]
     assert rounds_of("core/nothing.py")[0] == []
 
 

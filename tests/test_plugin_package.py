@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import venv
@@ -18,12 +19,21 @@ EXAMPLE = CHECKOUT / "plugins" / "symaware-example"
 pytestmark = pytest.mark.slow
 
 
+def documented(folder: Path) -> Path:
+    """Write the package with a verb of docs/plugins.md."""
+    text = (CHECKOUT / "docs" / "plugins.md").read_text(encoding="utf-8")
+    for language, name in (("toml", "pyproject.toml"), ("python", "symaware_distance.py")):
+        (block,) = re.findall(rf"(?ms)^```{language}\n(# {re.escape(name)}\n.*?)^```$", text)
+        (folder / name).write_text(block, encoding="utf-8")
+    return folder
+
+
 @pytest.fixture(scope="module")
 def wheels(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """The two wheels, built from copies of what git knows or would know."""
+    """The three wheels, built from copies of what git knows or would know."""
     folder = tmp_path_factory.mktemp("wheels")
     built: list[Any] = []
-    for source in (CHECKOUT, EXAMPLE):
+    for source in (CHECKOUT, EXAMPLE, documented(tmp_path_factory.mktemp("documented"))):
         subprocess.run(
             [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source],
             check=True,
@@ -39,12 +49,13 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def elsewhere(
     wheels: list[Path], tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Run a command of a fresh environment that has both wheels, in a folder far from the checkout."""
+    """Run a command of a fresh environment that has these wheels, in a folder far from the checkout."""
     folder = tmp_path_factory.mktemp("elsewhere")
     venv.create(folder / "venv", with_pip=True)
     python = folder / "venv" / "bin" / "python"
-    subprocess.run([python, "-m", "pip", "install", "--quiet", *wheels, "pytest"], check=True, timeout=600)
+    # Otherwise pip takes what is on the PYTHONPATH for installed.
     outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    subprocess.run([python, "-m", "pip", "install", "--quiet", *wheels, "pytest"], env=outside, check=True, timeout=600)
     (folder / "work").mkdir()
 
     def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -126,6 +137,17 @@ def test_a_fresh_environment_passes_the_examples_own_tests(
 ) -> None:
     done = elsewhere("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", EXAMPLE / "tests")
     assert done.returncode == 0, done.stdout
+
+
+def test_a_fresh_environment_has_the_verb_of_the_documentation(
+    elsewhere: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
+    assert "Print how far each agent has moved" in elsewhere("symaware", "--help").stdout
+    assert elsewhere("symaware", "run", CHECKOUT / "scenarios" / "hello.yaml", "-q").returncode == 0
+    done = elsewhere("symaware", "distance", "hello.mcap", "--digits", "2")
+    assert done.returncode == 0, done.stderr
+    assert re.fullmatch(r"(robot\.\d: \d+\.\d\d m\n){4}", done.stdout)
+    assert elsewhere("symaware", "distance", "nowhere.mcap").returncode == 2
 
 
 def test_a_parameter_out_of_range_is_located_in_the_file(

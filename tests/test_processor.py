@@ -93,8 +93,8 @@ def test_where_numpy_came_first_nothing_is_changed_and_a_run_warns(scenarios: Pa
     code = f"""{LATE}
 import warnings
 from pathlib import Path
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 assert dict(os.environ) == before
 built = build(Path({str(scenarios / "hello.yaml")!r}), ["run.duration=0.1"])
 with warnings.catch_warnings(record=True) as caught:

@@ -92,8 +92,8 @@ def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(
     log: Path, folder: Path, symaware: Command
 ) -> None:
     for series in ("robot.0:gauge.effort:power", "robot.0:radar.returns"):
-        assert "[" in symaware("inspect", log, "--series", series, plugin=False).stdout
-    refused = symaware("inspect", log, "--series", "robot:radar.returns", plugin=False, status=2)
+        assert "[" in symaware("log", "series", log, series, plugin=False).stdout
+    refused = symaware("log", "series", log, "robot:radar.returns", plugin=False, status=2)
     assert "name one of its agents" in refused.stderr
     fields = ("--fields", "effort,returns")
     symaware("export", log, "--format", "csv", *fields, "--output", folder / "tables", plugin=False)

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from symaware_cli import open_log
-from symaware_cli.recording.reader import Log
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.log.reader import Log
 
 INK, FAINT = "#1f2933", "#9aa5b1"
 COLOURS = ("#2f6fde", "#e08a1e", "#1f9d6b", "#8a4fd0")

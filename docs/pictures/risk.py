@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 
 INK, FAINT, BLUE = "#1f2933", "#9aa5b1", "#2f6fde"
 

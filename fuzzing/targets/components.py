@@ -72,8 +72,6 @@ class Components(Target):
         sys.path[:0] = paths[:2]
         import faulty
 
-        from symaware_cli.cli import application  # noqa: F401 # takes long
-
         self._acts, self._values, self._where = sorted(faulty.ACTS), sorted(faulty.VALUES), faulty.WHERE
 
     def make(self, chance: Random) -> bytes:
@@ -134,8 +132,7 @@ class Components(Target):
 
 def _look_at(log: Path, act: str, status: int, ended: bool) -> None:
     """Check that the log can be read and contains the outcome of the run."""
-    from symaware_cli.recording.error import LogError
-    from symaware_cli.recording.reader import open_log
+    from symaware_cli.log import LogError, open_log
 
     try:
         read = open_log(log)

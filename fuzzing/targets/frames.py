@@ -90,8 +90,8 @@ def _sound() -> list[bytes]:
 
     from symaware_cli.core import AwarenessVector, Contact, Delivery, MessageBatch, TimeSeries
     from symaware_cli.core.message import objects
-    from symaware_cli.distributed.codec import encode
-    from symaware_cli.distributed.frame import (
+    from symaware_cli.processes.codec import encode
+    from symaware_cli.processes.frame import (
         End,
         Frame,
         Hello,
@@ -151,8 +151,8 @@ def _damaged(chance: Random, frame: bytes) -> bytes:
 
 def _decoded(data: bytes) -> str:
     """Decode a frame, and check that an accepted frame is equal after encoding it again."""
-    from symaware_cli.distributed.codec import decode, encode
-    from symaware_cli.network.value import FrameError
+    from symaware_cli.engine import FrameError
+    from symaware_cli.processes.codec import decode, encode
 
     try:
         frame = decode(data)
@@ -258,7 +258,7 @@ class _Siege:
 
     def _digest(self) -> bytes:
         if not hasattr(self, "_known"):
-            from symaware_cli.scenario.build import build
+            from symaware_cli.language.build import build
 
             self._known: bytes = build(self._folder / "frames.yaml").digest
         return self._known
@@ -290,7 +290,7 @@ class _Stranger:
     """Somebody who connects to a host; speaks the protocol as far as its habit lets it."""
 
     def __init__(self, port: int, key: bytes | None, digest: bytes) -> None:
-        from symaware_cli.distributed.protocol import PeerProtocol
+        from symaware_cli.processes.protocol import PeerProtocol
 
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=2.0)
         self._socket.settimeout(0.5)
@@ -303,7 +303,7 @@ class _Stranger:
 
     def act(self, habit: str, frames: list[bytes]) -> int:
         """Do what it does; returns how many frames it sent."""
-        from symaware_cli.distributed.protocol import FRAME
+        from symaware_cli.processes.protocol import FRAME
 
         talk = self._talk
         if habit == "silent":
@@ -340,8 +340,8 @@ class _Stranger:
 
     def _hello(self, *, right: bool) -> bytes:
         from symaware_cli import __version__
-        from symaware_cli.distributed.codec import encode
-        from symaware_cli.distributed.frame import Hello
+        from symaware_cli.processes.codec import encode
+        from symaware_cli.processes.frame import Hello
 
         digest = self._digest if right else hashlib.sha256(self._digest).digest()
         return encode(Hello(f"stranger {self._socket.getsockname()[1]}", digest, __version__, ("robot.0",)))
@@ -350,13 +350,13 @@ class _Stranger:
         return len(record).to_bytes(4) + record
 
     def _say(self, frame: bytes) -> None:
-        from symaware_cli.distributed.protocol import FRAME
+        from symaware_cli.processes.protocol import FRAME
 
         self._socket.sendall(self._framed(self._talk.record(FRAME, frame)))
 
     def _introduce(self) -> bool:
         """Become known to the host; False if it does not let us."""
-        from symaware_cli.distributed.protocol import PREAMBLE, ConnectionEnded
+        from symaware_cli.processes.protocol import PREAMBLE, ConnectionEnded
 
         talk, data = self._talk, b""
         self._socket.sendall(talk.preamble)

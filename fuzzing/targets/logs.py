@@ -32,9 +32,9 @@ _RUNS = {
 
 #: Beside those of `VERBS`.
 _MORE: dict[str, Callable[[Path, Path], list[object]]] = {
-    "inspect --series control": lambda log, folder: ["inspect", log, "--series", "robot.0:control", "--json"],
-    "inspect --series risk": lambda log, folder: ["inspect", log, "--series", "robot:risk", "--from", 1, "--limit", 5],
-    "inspect --events filtered": lambda log, folder: ["inspect", log, "--events", "--agents", "*", "--level", "info"],
+    "log series control": lambda log, folder: ["log", "series", log, "robot.0:applied_control", "--json"],
+    "log series risk": lambda log, folder: ["log", "series", log, "robot:risk", "--from", 1, "--limit", 5],
+    "log events filtered": lambda log, folder: ["log", "events", log, "--agents", "*", "--level", "info"],
     "export --from": lambda log, folder: ["export", log, "--format", "csv", "--output", folder / "t", "--from", 0.1],
     "run": lambda log, folder: ["run", log, "--quiet", "--timeout", 2, "--output", folder / "again.mcap"],
 }

@@ -89,7 +89,7 @@ class Scenarios(Target):
         """Read the scenarios that ship, and the schema with the parameters of all plugins."""
         import yaml
 
-        from symaware_cli.scenario.json_schema import scenario_schema
+        from symaware_cli.language import scenario_schema
 
         root = Path(__file__).parents[2]
         places = [root / "scenarios", *sorted((root / "plugins").glob("*/scenarios"))]
@@ -116,8 +116,8 @@ class Scenarios(Target):
 
     def _mend(self, tree: Tree) -> None:
         """Remove rejected values, so that the rest is more likely to run."""
-        from symaware_cli.scenario.build import build
-        from symaware_cli.scenario.problem import ScenarioError
+        from symaware_cli.language import ScenarioError
+        from symaware_cli.language.build import build
 
         for _ in range(3):
             self._draft.write_bytes(_written(tree))
@@ -148,10 +148,10 @@ class Scenarios(Target):
         return became
 
     def _try(self, case: bytes, folder: Path) -> Counter[str]:
-        from symaware_cli.recording.reader import open_log
-        from symaware_cli.scenario.build import build
-        from symaware_cli.scenario.execution import execute
-        from symaware_cli.scenario.problem import ScenarioError, render
+        from symaware_cli.language import ScenarioError, render
+        from symaware_cli.language.build import build
+        from symaware_cli.language.execution import execute
+        from symaware_cli.log import open_log
 
         path = folder / ("case.toml" if case.startswith(_TOML) else "case.yaml")
         path.write_bytes(case)

@@ -27,7 +27,7 @@ class LiveView:
         Raises:
             LogError: There is no viewer.
         """
-        from symaware_cli.viewing.viewer import require
+        from symaware_cli.views.viewer import require
 
         require()
         folder = None if log else tempfile.mkdtemp()

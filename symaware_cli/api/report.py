@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from symaware_cli.runtime.pacer import Pace
-    from symaware_cli.runtime.run_summary import Extreme, RunSummary
+    from symaware_cli.engine import Extreme, Pace, RunSummary
 
 
 class TextReport(NamedTuple):
@@ -30,13 +28,9 @@ class TextReport(NamedTuple):
     @property
     def html(self) -> str:
         """The report as a table without colours, so that it fits every theme."""
-        cell = "text-align: left; vertical-align: top"
-        rows = "".join(
-            f'<tr><th scope="row" style="{cell}">{escape(label)}</th><td style="{cell}">{escape(fact)}</td></tr>'
-            for label, fact in self.facts
-        )
-        caption = f'<caption style="text-align: left; font-weight: bold">{escape(self.headline)}</caption>'
-        return f"<table>{caption}<tbody>{rows}</tbody></table>"
+        from symaware_cli.views import rendered
+
+        return str(rendered("summary.html", headline=self.headline, facts=self.facts)).strip()
 
 
 def summary_report(summary: RunSummary) -> TextReport:
@@ -46,6 +40,8 @@ def summary_report(summary: RunSummary) -> TextReport:
         ("agents", f"{agents}, {summary.steps:,} steps, seed {summary.seed}"),
         ("wall time", f"{summary.wall_time:.2f} s, {_factor(summary.real_time_factor)} real time"),
     ]
+    if summary.errors:
+        facts.append(("errors", ", ".join(f"{count:,} {name}" for name, count in summary.errors.items())))
     if summary.warnings:
         facts.append(("warnings", ", ".join(f"{count:,} {name}" for name, count in summary.warnings.items())))
     if summary.pace:

@@ -13,13 +13,10 @@ from symaware_cli.api.report import summary_report
 
 if TYPE_CHECKING:
     from symaware_cli.api.live import LiveView
-    from symaware_cli.recording.logged_events import LoggedEvent
-    from symaware_cli.recording.reader import Log
-    from symaware_cli.recording.series import Series
-    from symaware_cli.runtime.run import Run
-    from symaware_cli.runtime.run_summary import RunSummary
-    from symaware_cli.viewing.plotting.panels import Content
-    from symaware_cli.viewing.plotting.request import PlotRequest
+    from symaware_cli.engine import Run, RunSummary
+    from symaware_cli.log import Log, Series
+    from symaware_cli.log.logged_events import LoggedEvent
+    from symaware_cli.views import Content, PlotRequest
 
 
 class RunResult:
@@ -48,8 +45,7 @@ class RunResult:
         Raises:
             LogError: The run was not recorded, or the log cannot be read.
         """
-        from symaware_cli.recording.error import LogError
-        from symaware_cli.recording.reader import open_log
+        from symaware_cli.log import LogError, open_log
 
         if self.log_path is None:
             raise LogError(f"the run of {self.summary.name} was not recorded")
@@ -77,12 +73,12 @@ class RunResult:
         return list(self.log.events())
 
     def plot(self, path: str | os.PathLike[str], request: PlotRequest | None = None) -> Content:
-        """Draw a figure of the run to a file; see `symaware_cli.viewing.plotting.plot.plot`.
+        """Draw a figure of the run to a file; see `symaware_cli.views.plotting.plot.plot`.
 
         Raises:
             LogError: There is nothing to plot, matplotlib is not installed, or the run was not recorded.
         """
-        from symaware_cli.viewing.plotting.plot import plot
+        from symaware_cli.views import plot
 
         return plot(self.log, path, request)
 

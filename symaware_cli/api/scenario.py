@@ -1,28 +1,31 @@
-"""Scenarios that are loaded, checked, run and stepped from Python."""
+"""Scenarios that are loaded, checked, run and stepped from Python.
+
+Reasons: docs/decisions/0020-python-api.md
+"""
 
 from __future__ import annotations
 
 import math
-import os
 import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from symaware_cli import processor
-from symaware_cli.api.changes import Changes, texts
 from symaware_cli.api.report import TextReport, listed, number
 from symaware_cli.api.result import RunResult, result_of
+from symaware_cli.language import Changes, FilePath, texts
 
 if TYPE_CHECKING:
-    from symaware_cli.abstraction.knowledge_model import KnowledgeModel
     from symaware_cli.api.stepping import SteppedSimulation
     from symaware_cli.core import Event
-    from symaware_cli.scenario.build import Built
-    from symaware_cli.scenario.place import Place
+    from symaware_cli.knowledge import KnowledgeModel
+    from symaware_cli.language import Problem
+    from symaware_cli.language.build import Built
+    from symaware_cli.processes import Place
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +59,7 @@ class Outline:
         steps: The greatest number of steps.
         duration: Simulated time of these steps [s].
         digest: A digest of the scenario, in hexadecimal digits.
+        warnings: What is valid, and probably not meant, as `validate` finds it.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Outline:
     steps: int
     duration: float
     digest: str
+    warnings: Sequence[Problem] = ()
 
     @property
     def agents(self) -> int:
@@ -118,9 +123,10 @@ def outline(built: Built) -> Outline:
     )
 
 
-FilePath = str | os.PathLike[str]
-
 Mode = Literal["synchronous", "asynchronous"]
+
+Subscribers: TypeAlias = "Callable[[Event], object] | Mapping[str, Callable[[Event], object]]"
+"""A function that is called for all events, or functions by the names of events, in which ``*`` matches anything."""
 
 
 def load(path: FilePath, changes: Changes | None = None, *, seed: int | None = None) -> Scenario:
@@ -175,7 +181,7 @@ class Scenario:
         """
         built = self._build(changes, seed, mode, duration, pace)
         with built.simulation.environment:
-            return outline(built)
+            return replace(outline(built), warnings=tuple(built.find_warnings()))
 
     def knowledge_models(self) -> Mapping[str, KnowledgeModel]:
         """Return the knowledge models of the scenario in its present form, by name.
@@ -184,10 +190,9 @@ class Scenario:
             ScenarioError: It has problems.
             LogError: The log cannot be read, or contains no scenario.
         """
-        from symaware_cli.abstraction.knowledge_model import KnowledgeModel
+        from symaware_cli.knowledge import KnowledgeModel
 
-        simulation = self._build(None, None, None, None, None).simulation
-        models = {name: each for group in simulation.groups for name, each in group.knowledge_models.items()}
+        models = self._build(None, None, None, None, None).sections.get("knowledge_models", {})
         return {name: each for name, each in models.items() if isinstance(each, KnowledgeModel)}
 
     def run(
@@ -202,10 +207,11 @@ class Scenario:
         record: bool = True,
         timeout: float | None = None,
         progress: bool | Callable[[float], object] = False,
-        on_event: Callable[[Event], object] | None = None,
+        on_event: Subscribers | None = None,
         live: bool | str = False,
         place: Place | None = None,
         may_exit: bool = False,
+        on_warnings: Callable[[Sequence[Problem]], object] | None = None,
     ) -> RunResult:
         """Run the scenario to its end.
 
@@ -221,11 +227,14 @@ class Scenario:
             timeout: Wall time after which the run is ended with the status ``interrupted`` and its log finished [s].
             progress: True to show a bar, on the terminal or in a notebook; or a function that is called from time to
                 time with the simulated time that is reached [s].
-            on_event: Called with each event, except those of every step, turn or message.
+            on_event: Called with each event, those of every step, turn and message included; or functions by the names
+                of events, in which ``*`` matches anything, which cost less.
             live: True to show the run in a viewer while it is running, or the URL of a running viewer.
             place: The role of this process in a run of several: `Place.host` or `Place.member`.
             may_exit: Whether the process may exit, like a command, if the run reacts neither to a second Ctrl-C nor to
                 its time-out. Otherwise a second Ctrl-C ends the run immediately, even within the record of an instant.
+            on_warnings: Called before the run begins with what is valid and probably not meant, as `validate` finds it,
+                if there is any. Without a function to call, nothing is looked for.
 
         Raises:
             ScenarioError: The scenario has problems; no log was written.
@@ -239,7 +248,7 @@ class Scenario:
             ProcessorWarning: The run may differ in its last bits on another processor.
         """
         from symaware_cli.api.progress import progress as bar
-        from symaware_cli.scenario.execution import prepared
+        from symaware_cli.language import prepared
 
         built = self._build(changes, seed, mode, duration, pace)
         _warn_of_processor()
@@ -247,13 +256,14 @@ class Scenario:
         with ExitStack() as stack:
             stack.enter_context(built.simulation.environment)
             log = self._log(built, output) if record else None
+            if on_warnings is not None and (found := built.find_warnings()):
+                on_warnings(found)
             if live:
                 from symaware_cli.api.live import LiveView
 
                 viewer = LiveView(log, live if isinstance(live, str) else None)
                 stack.callback(viewer.close)
-            if on_event:
-                built.simulation.events.subscribe("*", on_event)
+            _subscribe(built, on_event)
             end = built.steps * built.simulation.environment.time_step
             with bar(built.document.name, 0, end, progress is True) as shown:
                 told = _in_seconds(progress) if callable(progress) else shown
@@ -273,7 +283,7 @@ class Scenario:
         duration: float | None = None,
         pace: float | None = None,
         output: FilePath | None = None,
-        on_event: Callable[[Event], object] | None = None,
+        on_event: Subscribers | None = None,
     ) -> SteppedSimulation:
         """Start the scenario for stepping; use it in a ``with`` statement, which finishes the log.
 
@@ -301,8 +311,7 @@ class Scenario:
         with ExitStack() as stack:
             stack.enter_context(built.simulation.environment)
             log = None if output is None else self._log(built, output)
-            if on_event:
-                built.simulation.events.subscribe("*", on_event)
+            _subscribe(built, on_event)
             simulation = SteppedSimulation(built, log)
             stack.pop_all()
         return simulation
@@ -310,7 +319,7 @@ class Scenario:
     def _build(
         self, changes: Changes | None, seed: int | None, mode: Mode | None, duration: float | None, pace: float | None
     ) -> Built:
-        from symaware_cli.scenario.files import open_scenario
+        from symaware_cli.language import open_scenario
 
         asked: dict[str, Any] = {"run.mode": mode, "run.duration": duration, "run.pace": pace}
         options = {path: value for path, value in asked.items() if value is not None}
@@ -327,7 +336,7 @@ class Scenario:
 
     def _log(self, built: Built, output: FilePath | None) -> Path:
         """Return the path of the log of a run."""
-        from symaware_cli.scenario.files import check_output, unused_path
+        from symaware_cli.language import check_output, unused_path
 
         if output is None:
             return unused_path(built.document.name)
@@ -352,6 +361,13 @@ def _warn_of_processor() -> None:
     shortfall = processor.shortfall()
     if shortfall:
         warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=3)
+
+
+def _subscribe(built: Built, subscribers: Subscribers | None) -> None:
+    """Let functions be called for the events of a run."""
+    by_pattern = {"*": subscribers} if callable(subscribers) else subscribers or {}
+    for pattern, call in by_pattern.items():
+        built.simulation.events.subscribe_matching(pattern, call)
 
 
 def _in_seconds(call: Callable[[float], object]) -> Callable[[int], None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.api.report import TextReport, number
 from symaware_cli.api.result import RunResult, result_of
-from symaware_cli.runtime.state.simulation_state import SimulationState, capture, restore
-from symaware_cli.scenario.execution import prepared
-from symaware_cli.scenario.problem import nearest
+from symaware_cli.engine import SimulationState, capture, restore
+from symaware_cli.language import nearest, prepared
 from symaware_cli.version import __version__
-from symaware_cli.world.arrays import frozen, is_finite
+from symaware_cli.world import frozen, is_finite
 
 if TYPE_CHECKING:
     from symaware_cli.core import AgentGroup, Event, Quantity
-    from symaware_cli.scenario.build import Built
+    from symaware_cli.core.event import Subscription
+    from symaware_cli.language.build import Built
 
 Array = NDArray[np.float64]
 
@@ -242,6 +242,19 @@ class SteppedSimulation:
         if name in self._named:
             return self._named[name], None
         raise KeyError(_unknown("group or agent", name, [*self._named, *self._rows]))
+
+    def subscribe(self, pattern: str, call: Callable[[Event], object], source: str = "*") -> Subscription:
+        """Call a function at events from now on; without subscribers, events of turns, steps and messages cost nothing.
+
+        Args:
+            pattern: The event's name, such as ``computed``, in which ``*`` matches anything.
+            call: Called with the `Event`, which has its agent, component and value.
+            source: The path of its source, such as ``agents.robot.*``, in which ``*`` matches anything.
+
+        Returns:
+            The subscription, which can be cancelled with ``cancel()``.
+        """
+        return self._simulation.events.subscribe_matching(pattern, call, source)
 
     def capture(self) -> SimulationState:
         """Capture the state of the simulation, to `restore` it here or in another process with the same scenario.

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import json
-import os
 import secrets
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symaware_cli.api.changes import Changes, texts
+from symaware_cli.language import Changes, FilePath, texts
 
 if TYPE_CHECKING:
     import pyarrow
 
     from symaware_cli.api.scenario import Scenario
-    from symaware_cli.api.sweep_verification import Level, SweepVerification
-    from symaware_cli.study.findings import VariantDifference, VerdictShare
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.request import SweepRequest
-    from symaware_cli.study.sweep_plan import SweepPlan
-
-FilePath = str | os.PathLike[str]
+    from symaware_cli.evidence import Level, SweepVerification
+    from symaware_cli.studies import SweepFolder, SweepPlan, SweepRequest
 
 
 def sweep(
@@ -41,7 +35,7 @@ def sweep(
     keep: str | None = None,
     timeout: float | None = None,
     jobs: int = 0,
-    ray: str | None = None,
+    on: str | None = None,
     batch: int | None = None,
     fail_fast: bool = False,
 ) -> pyarrow.Table:
@@ -60,12 +54,14 @@ def sweep(
         seed: The seed of the sweep.
         paired: Whether all variants share the seed of each run.
         until: A rule that ends the runs of each combination early, such as ``"halfwidth(satisfied.safe) < 0.01"``.
-        claim: What is to be certified, such as ``"P(safe) > 0.99 with confidence 0.99, sequential"``.
+        claim: What is to be certified, such as ``"P(safe) > 0.99 with confidence 0.99, sequential"``; ``"none"`` takes
+            away the claim of the file.
         keep: Which logs are kept: ``none``, ``failed``, ``worst:N`` or ``all``.
         timeout: Wall time after which a run is given up [s].
         jobs: How many worker processes; 0 to make all runs in this process.
-        ray: The address of a Ray cluster that makes the runs instead, such as ``"10.0.0.1:6379"`` or ``"auto"``; `jobs`
-            is then how many tasks there are at a time, 0 for as many as it has processors.
+        on: Where the runs are made, as ``EXECUTOR`` or ``EXECUTOR:ADDRESS``, such as ``"ray:10.0.0.1:6379"`` or
+            ``"ray:auto"`` for a Ray cluster; `jobs` is then how many are made at a time, 0 for as many as are
+            possible. By default on this machine.
         batch: How many runs are made together at most, where that is possible; 1 for none. The rows are the same.
         fail_fast: Whether to end with the first run that fails.
 
@@ -79,9 +75,7 @@ def sweep(
     """
     from pyarrow import parquet
 
-    from symaware_cli.study.request import SweepRequest
-    from symaware_cli.study.session import conduct
-    from symaware_cli.study.sweep_files import TABLE
+    from symaware_cli.studies import TABLE, SweepRequest, conduct, execution_at, varied
 
     options: dict[str, Any] = {
         "runs": runs,
@@ -99,9 +93,10 @@ def sweep(
         variants=[(name, "; ".join(texts(each))) for name, each in (variants or {}).items()],
         options={key: str(value) for key, value in options.items() if value is not None},
     )
+    execution_at(on)  # before a folder is made
     with tempfile.TemporaryDirectory() as temporary:
         folder = opened(Path(scenario), Path(temporary, "sweep") if output is None else Path(output), request)
-        outcome = conduct(folder, jobs, ray=ray, batch=batch, fail_fast=fail_fast)
+        outcome = conduct(folder, jobs, place=on, batch=batch, fail_fast=fail_fast)
         if outcome.is_interrupted:
             raise KeyboardInterrupt
         return parquet.read_table(folder.path / TABLE)
@@ -119,11 +114,10 @@ def opened(target: Path, output: Path | None, request: SweepRequest) -> SweepFol
         ScenarioError: The sweep or the scenario has problems; nothing was created.
         SweepError: The folder has something else, or pyarrow is not installed.
     """
+    from symaware_cli.studies import require_pyarrow
+
     require_pyarrow()
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.sweep_error import SweepError
-    from symaware_cli.study.sweep_files import is_sweep
-    from symaware_cli.study.sweep_source import read_sweep
+    from symaware_cli.studies import SweepError, SweepFolder, is_sweep, read_sweep
 
     if target.is_dir():
         return SweepFolder.opened(target)
@@ -143,75 +137,11 @@ def checked(target: Path, request: SweepRequest) -> SweepPlan:
     Raises:
         ScenarioError: They have problems.
     """
-    from symaware_cli.study.folder import SweepFolder, identity_of
-    from symaware_cli.study.sweep_source import read_sweep
+    from symaware_cli.studies import SweepFolder, identity_of, read_sweep
 
     source = SweepFolder.opened(target).source if target.is_dir() else read_sweep(target, request)
     identity_of(source, {})
     return source.plan
-
-
-def require_pyarrow() -> None:
-    """Make sure that tables can be written.
-
-    Raises:
-        LogError: They cannot.
-    """
-    from importlib.util import find_spec
-
-    from symaware_cli.recording.error import LogError
-
-    if find_spec("pyarrow") is None:
-        raise LogError("a sweep needs the module `pyarrow`, which is not installed: pip install 'symaware-cli[sweep]'")
-
-
-def varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Sequence[str]:
-    """Return what varies as ``--over`` takes it."""
-    if isinstance(values, str):
-        return (f"{path}={values}",)
-    if isinstance(values, Mapping):
-        return texts({path: values})
-    return tuple(f"{path}={text.partition('=')[2][1:-1]}" for text in texts({path: list(values)}))
-
-
-def read_rows(
-    folder: Path,
-    where: str | None = None,
-    sort: str | None = None,
-    limit: int | None = None,
-    columns: Iterable[str] = (),
-) -> tuple[pyarrow.Table, int]:
-    """Read rows of a sweep, also of one that is not finished or is running.
-
-    Args:
-        folder: The folder of the sweep.
-        where: See `symaware_cli.study.sweep_query.query`, as for the next two.
-        sort: See there.
-        limit: See there.
-        columns: The columns; by default all.
-
-    Returns:
-        The rows, and how many runs are planned.
-
-    Raises:
-        SweepError: There is no sweep, or the condition is not valid.
-        UnknownNameError: There is no such column.
-    """
-    require_pyarrow()
-    from symaware_cli.study import table_file
-    from symaware_cli.study.sweep_query import column, query
-
-    found = table_file.read(Path(folder))
-    if found is None:
-        from symaware_cli.study.folder import SweepFolder
-        from symaware_cli.study.session import rows_so_far
-
-        sweep = SweepFolder.opened(folder)
-        found = rows_so_far(sweep), sweep.plan.count
-    table, planned = found
-    table = query(table, where, sort, limit)
-    names = [column(table, name) for name in columns]
-    return (table.select(names) if names else table), planned
 
 
 def scenario_of(folder: Path, index: int) -> Scenario:
@@ -221,46 +151,10 @@ def scenario_of(folder: Path, index: int) -> Scenario:
         SweepError: There is no sweep, or no such run.
     """
     from symaware_cli.api.scenario import Scenario
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.sweep_error import SweepError
-    from symaware_cli.study.sweep_source import texts_of
+    from symaware_cli.studies import SweepFolder
 
     sweep = SweepFolder.opened(folder)
-    if not 0 <= index < sweep.plan.count:
-        raise SweepError(f"{folder} has no run {index}: they are numbered from 0 to {sweep.plan.count - 1}")
-    changes = texts_of(sweep.plan.changes(index))
-    return Scenario(sweep.source.scenario, changes, seed=sweep.plan.seed(index))
-
-
-def read_shares(folder: Path) -> Sequence[VerdictShare]:
-    """Return the share of the runs that satisfy each specification, for each combination and variant.
-
-    Raises:
-        SweepError: There is no sweep.
-    """
-    require_pyarrow()
-    from symaware_cli.study.findings import shares
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.session import rows_so_far
-
-    sweep = SweepFolder.opened(folder)
-    return list(shares(rows_so_far(sweep), sweep.plan))
-
-
-def read_differences(folder: Path, name: str) -> Sequence[VariantDifference]:
-    """Return what paired variants differ by from the first one in a column, run by run.
-
-    Raises:
-        SweepError: There is no sweep, or its variants cannot be compared.
-        UnknownNameError: There is no such column.
-    """
-    require_pyarrow()
-    from symaware_cli.study.findings import differences
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.session import rows_so_far
-
-    sweep = SweepFolder.opened(folder)
-    return list(differences(rows_so_far(sweep), sweep.plan, name))
+    return Scenario(sweep.source.scenario, sweep.changes(index), seed=sweep.plan.seed(index))
 
 
 def verify_sweep(
@@ -285,9 +179,11 @@ def verify_sweep(
         SweepError: There is no sweep.
         KeyboardInterrupt: A signal ended a run.
     """
+    from symaware_cli.studies import require_pyarrow
+
     require_pyarrow()
-    from symaware_cli.api.sweep_verification import verify_folder
-    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.evidence import verify_folder
+    from symaware_cli.studies import SweepFolder
 
     chosen = secrets.randbits(32) if seed is None else seed
     return verify_folder(SweepFolder.opened(folder), level, rows, chosen, on_progress)

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
+from symaware_cli.awareness.column import Column, TableColumn
 from symaware_cli.awareness.part import PARTS, Part
+from symaware_cli.awareness.series_column import SeriesColumn
 from symaware_cli.awareness.shared_beliefs import SharedBeliefs
 from symaware_cli.awareness.signal import Signal, SignalColumn
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
-from symaware_cli.world.arrays import frozen
-from symaware_cli.world.reading import Reading
+from symaware_cli.awareness.value_range import FINITE, ValueRange, require_within
+from symaware_cli.world import FARTHEST, Reading, frozen
 
 Array = NDArray[np.float64]
 
@@ -179,7 +180,7 @@ class GroupAwareness(SharedBeliefs):
             ValueError: A vector or a table has no columns.
         """
         super().__init__(len(state), name, (*PARTS, *parts))
-        self.state_column = Column(state)
+        self.state_column = Column(state, ValueRange(FARTHEST))
         self.columns: dict[str, SignalColumn] = {
             part.name: self.state_column if part.name == "state" else part.column(len(state))
             for part in self.parts.values()
@@ -188,6 +189,16 @@ class GroupAwareness(SharedBeliefs):
         self.declare(signals or {})
         self.observation: Observation | None = None
         self.readings: dict[str, Reading] = {}
+
+    def check(self, vector: AwarenessVector) -> None:
+        """Check that a value of the parts is within their bounds, before it is sent to others.
+
+        Raises:
+            ValueError: It is not.
+        """
+        for name, value in vector.items():
+            part = self.parts.get(name)
+            require_within(FINITE if part is None else part.bounds, value, f"the {name} of {vector.id}")
 
     def declare(self, signals: Mapping[str, Signal]) -> None:
         """Create the columns of signals, given by component and name.

@@ -6,14 +6,13 @@ values that were read never alias values that are written later.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.time_series import TimeSeries
-from symaware_cli.world.arrays import frozen, is_within, real
+from symaware_cli.awareness.value_range import FINITE, ValueRange
+from symaware_cli.world import frozen, real, said_of
 
 Array = NDArray[np.float64]
 
@@ -22,21 +21,32 @@ class Column:
     """A vector for every agent of a group; shape (n, k).
 
     Attributes:
-        fresh: Whether something was written since this was last set to False; the runtime uses it to check for NaN.
+        bounds: The numbers that may be written.
+        fresh: Whether something was written since `take_beyond` was last called.
         writes: How often the whole column or a row was written, not counting `restore`. A component can detect with it
             whether another has written since, also in another process.
     """
 
-    __slots__ = ("_array", "_changed", "_every", "_own", "_shape", "fresh", "writes")
+    __slots__ = ("_array", "_changed", "_every", "_own", "_restored", "_shape", "_since", "bounds", "fresh", "writes")
 
-    def __init__(self, values: ArrayLike) -> None:
+    def __init__(self, values: ArrayLike, bounds: ValueRange = FINITE, *, fresh: bool = True) -> None:
+        """Begin with some values.
+
+        Args:
+            values: Shape (n, k).
+            bounds: The numbers that may be written.
+            fresh: Whether the values count as written.
+        """
+        self.bounds = bounds
         self._array = frozen(values)
         self.writes = 0
         self._own = False  # whether the array was never returned, so that it may be written in place
         self._shape = self._array.shape[1:]
         self._changed: set[int] = set()
-        self._every = True
-        self.fresh = True
+        self._every = self.fresh = fresh
+        #: The rows written since `take_beyond` was last called, None for all, and those restored since.
+        self._since: set[int] | None = None if fresh else set()
+        self._restored: Sequence[int] | slice | None = None
 
     @property
     def values(self) -> Array:
@@ -53,6 +63,7 @@ class Column:
         self._array, self._own = array, False
         self.writes += 1
         self._every = self.fresh = True
+        self._since = None
 
     def row(self, index: int) -> Array:
         """Return a copy of one agent's vector; shape (k,)."""
@@ -81,13 +92,15 @@ class Column:
         self.writes += 1
         self._changed.add(index)
         self.fresh = True
+        if self._since is not None:
+            self._since.add(index)
 
     def restore(self, rows: Sequence[int] | slice, before: Array) -> None:
         """Restore some rows, which were written since, from an earlier array of the column."""
         array = self.values.copy()
         array[rows] = before[rows]
         array.flags.writeable = False
-        self._array = array
+        self._array, self._restored = array, rows
 
     def exchange(self, values: Array) -> Array:
         """Set an array that was read from this column, without counting a change; return the present one."""
@@ -110,189 +123,62 @@ class Column:
         else:
             self._changed.update(rows)
 
-    def rows_beyond(self, most: float) -> list[int]:
-        """Return the rows with NaN, infinity, or a number whose magnitude exceeds a limit."""
-        if is_within(self._array, most):
+    def take_beyond(self) -> list[int]:
+        """Return the rows out of bounds that were written since the last call and not restored, ascending."""
+        since, restored = self._since, self._restored
+        self._since, self._restored, self.fresh = set(), None, False
+        if self.bounds.includes(self._array):
             return []
-        bad: list[int] = np.flatnonzero(~(np.abs(self._array) <= most).all(axis=1)).tolist()
-        return bad
+        beyond = self.bounds.rows_beyond(self._array)
+        if restored is not None:
+            kept = range(*restored.indices(len(self._array))) if isinstance(restored, slice) else {*restored}
+            beyond = [row for row in beyond if row not in kept]
+        return beyond if since is None else [row for row in beyond if row in since]
 
+    def problem(self, row: int) -> str:
+        """Describe what is wrong with a row that is out of bounds."""
+        return said_of(self._array[row])
 
-class SeriesColumn:
-    """A time series for every agent of a group.
+    def clear(self, rows: Sequence[int]) -> None:
+        """Set some rows to NaN, as if they had never been written."""
+        for row in rows:
+            self.set_row(row, np.full(self._shape, np.nan))
+        self.take_beyond()
 
-    A group component writes all series at once as arrays with common times; a component of one agent writes its own
-    row. The value that was written last counts.
-    """
+    def held(self) -> Array:
+        """Return the present values, for `put_back`."""
+        return self.values
 
-    __slots__ = ("_changed", "_deferred", "_every", "_rows", "_times", "_values", "_width", "count")
-
-    def __init__(self, count: int) -> None:
-        self.count = count
-        self._times: NDArray[np.int64] | None = None
-        self._values: Array = np.empty((count, 0, 0))
-        self._deferred: Callable[[], tuple[ArrayLike, ArrayLike]] | None = None
-        self._width: int | None = None
-        self._rows: dict[int, TimeSeries] = {}
-        self._changed: set[int] = set()
-        self._every = False
-
-    def set(self, times: ArrayLike, values: ArrayLike) -> None:
-        """Replace every agent's series.
-
-        Args:
-            times: The common times of all series, ascending, in nanoseconds; shape (h,) or a scalar.
-            values: One scalar (n,), a scalar for each time (n, h) or a vector for each time (n, h, k).
-
-        Raises:
-            ValueError: The shapes do not match.
-        """
-        self._put(times, values)
-        self._rows.clear()
-        self._every = True
-
-    def _put(self, times: ArrayLike, values: ArrayLike) -> None:
-        instants = np.array(times, np.int64, ndmin=1)
-        array = frozen(values)
-        if array.ndim < 3:
-            array = array.reshape(len(array), -1, 1)
-        if array.shape[:2] != (self.count, len(instants)):
-            raise ValueError(f"expected values for {self.count} agents at {len(instants)} instants, not {array.shape}")
-        if len(instants) > 1 and not (instants[1:] > instants[:-1]).all():
-            raise ValueError("the times of a series must ascend")
-        instants.flags.writeable = False
-        self._times, self._values, self._width, self._deferred = instants, array, array.shape[2], None
-
-    def defer(self, compute: Callable[[], tuple[ArrayLike, ArrayLike]]) -> None:
-        """Replace every agent's series by one that is computed when it is first read.
-
-        Args:
-            compute: Returns the arguments of `set`. It may be called at any later time, so it must not read data that
-                can change.
-        """
-        self._deferred = compute
-        self._rows.clear()
-        self._every = True
-
-    def settle(self) -> None:
-        """Compute a deferred series."""
-        if self._deferred is not None:
-            self._put(*self._deferred())
-
-    def row(self, index: int) -> TimeSeries:
-        """Return one agent's series."""
-        own = self._rows.get(index)
-        if own is not None:
-            return own
-        self.settle()
-        if self._times is None:
-            return TimeSeries()
-        return TimeSeries.sampled(self._times, self._values[index])
-
-    def present(self, index: int) -> Array:
-        """Return the first vector of one agent's series, shape (k,); NaN if it is empty."""
-        series = self.row(index)
-        return series.values[0] if len(series) else np.full(self._width or 1, np.nan)
-
-    def set_row(self, index: int, series: TimeSeries) -> None:
-        """Replace one agent's series.
-
-        Raises:
-            TypeError: The value is not a `TimeSeries`.
-            ValueError: Its vectors have another length than those of the group's other series.
-        """
-        if not isinstance(series, TimeSeries):
-            raise TypeError(f"expected a TimeSeries, not {type(series).__name__}")
-        self.settle()
-        empty = series.times.size == 0
-        if empty and self._times is None and index not in self._rows:
-            return  # empty before and now: not a change to record
-        if not empty:
-            width = series.values.shape[1]
-            if self._width not in (None, width):
-                raise ValueError(f"expected vectors of {self._width} as in the group's other series, not of {width}")
-            self._width = width
-        self._rows[index] = series
-        self._changed.add(index)
-
-    @property
-    def is_unwritten(self) -> bool:
-        """Whether no series was ever written."""
-        return self._times is None and self._deferred is None and not self._rows
-
-    def put_back(self, series: Mapping[int, TimeSeries]) -> None:
-        """Put back the series of some rows as they were read here before; what was deferred stays so."""
-        unwritten = self._times is None and self._deferred is None
-        for index, own in series.items():
-            if self._rows.get(index) is own or (unwritten and index not in self._rows):
-                continue
-            self._rows[index] = own
-            self._changed.add(index)
-
-    @property
-    def shared(self) -> tuple[NDArray[np.int64], Array] | None:
-        """The times (h,) and values (n, h, k) if all series have the same times, else None."""
-        self.settle()
-        return None if self._times is None or self._rows else (self._times, self._values)
-
-    def take_changes(self) -> Sequence[int] | None:
-        """Return the rows written since the last call, ascending; None stands for every row."""
-        every, changed = self._every, self._changed
-        self._every = False
-        if changed:
-            self._changed = set()
-        return None if every else sorted(changed)
-
-    def maxima(self) -> Array:
-        """The largest value of each agent's series, 0 where it is empty or has none above; shape (n,)."""
-        self.settle()
-        if self._times is not None and self._values.size:
-            peaks: Array = np.maximum(self._values.reshape(self.count, -1).max(axis=1), 0.0)
-        else:
-            peaks = np.zeros(self.count)
-        for row, series in self._rows.items():
-            peaks[row] = series.values.max(initial=0.0) if len(series) else 0.0
-        return peaks
-
-    def peaks(self) -> Array:
-        """Return the largest value of each agent's series; shape (n,). Minus infinity where it is empty."""
-        self.settle()
-        peaks: Array = np.full(self.count, -math.inf)
-        if self._times is not None and self._values.size:
-            peaks = self._values.reshape(self.count, -1).max(axis=1)
-        for row, series in self._rows.items():
-            peaks[row] = series.values.max(initial=-math.inf)
-        return peaks
-
-    def maximum(self) -> tuple[float, int] | None:
-        """Return the largest value of any series and its row; None if all are empty."""
-        self.settle()
-        if self._times is None and not self._rows:
-            return None
-        best: tuple[float, int] | None = None
-        if self._times is not None and self._values.size:
-            peaks = self._values.reshape(self.count, -1).max(axis=1)
-            if self._rows:
-                peaks[list(self._rows)] = -math.inf
-            row = int(peaks.argmax())
-            best = (float(peaks[row]), row)
-        for row, series in sorted(self._rows.items()):
-            if len(series) and (best is None or series.values.max() > best[0]):
-                best = (float(series.values.max()), row)
-        return best if best is None or best[0] > -math.inf else None
+    def put_back(self, rows: Sequence[int], held: Array) -> None:
+        """Put back the values that some rows had."""
+        for row in rows:
+            self.set_row(row, held[row])
+        self.take_beyond()
 
 
 class TableColumn:
     """A table for every agent of a group, which tracks the rows that were written; all tables have the same columns.
 
     Attributes:
+        bounds: The numbers that may be written.
+        fresh: Whether something was written since `take_beyond` was last called.
         width: The number of columns.
     """
 
-    __slots__ = ("_changed", "_tables", "width")
+    __slots__ = ("_changed", "_since", "_tables", "bounds", "fresh", "width")
 
-    def __init__(self, count: int, width: int) -> None:
+    def __init__(self, count: int, width: int, bounds: ValueRange = FINITE) -> None:
+        """Begin with empty tables.
+
+        Args:
+            count: The number of agents.
+            width: The number of columns.
+            bounds: The numbers that may be written.
+        """
         self.width = width
+        self.bounds = bounds
+        self.fresh = False
+        self._since: set[int] = set()
         self._tables: list[Array] = [frozen(np.empty((0, width)))] * count
         self._changed: set[int] = set()
 
@@ -312,6 +198,8 @@ class TableColumn:
             raise ValueError(f"expected a table for each of {len(self._tables)} agents, not {len(tables)}")
         self._tables = [self._sound(table) for table in tables]
         self._changed.update(range(len(tables)))
+        self._since.update(range(len(tables)))
+        self.fresh = True
 
     def row(self, index: int) -> Array:
         """One agent's table, read-only; shape (m, columns)."""
@@ -323,6 +211,34 @@ class TableColumn:
         """Replace one agent's table; see `set`."""
         self._tables[index] = self._sound(table)
         self._changed.add(index)
+        self._since.add(index)
+        self.fresh = True
+
+    def take_beyond(self) -> list[int]:
+        """Return the rows out of bounds that were written since the last call, ascending."""
+        since, self._since, self.fresh = self._since, set(), False
+        return sorted(row for row in since if not self.bounds.includes(self._tables[row]))
+
+    def problem(self, row: int) -> str:
+        """Describe what is wrong with a row that is out of bounds."""
+        table = self._tables[row]
+        return said_of(table[self.bounds.rows_beyond(table)[0]])
+
+    def clear(self, rows: Sequence[int]) -> None:
+        """Empty the tables of some rows."""
+        for row in rows:
+            self.set_row(row, ())
+        self.take_beyond()
+
+    def held(self) -> Sequence[Array]:
+        """Return the present values, for `put_back`."""
+        return self.tables
+
+    def put_back(self, rows: Sequence[int], held: Sequence[Array]) -> None:
+        """Put back the values that some rows had."""
+        for row in rows:
+            self.set_row(row, held[row])
+        self.take_beyond()
 
     def take_changes(self) -> Sequence[int] | None:
         """Return the rows written since the last call, ascending; None stands for every row."""

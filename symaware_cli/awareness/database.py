@@ -14,15 +14,16 @@ from symaware_cli.awareness.own_beliefs import OwnBeliefs, Said
 from symaware_cli.awareness.part import PARTS
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
-from symaware_cli.world.arrays import frozen
-from symaware_cli.world.motion_layout import motion_quantities
-from symaware_cli.world.snapshot import StatesById
-from symaware_cli.world.time import SECOND
+from symaware_cli.awareness.value_range import FINITE, ValueRange, require_within
+from symaware_cli.world import SECOND, StatesById, frozen, motion_quantities
 
 if TYPE_CHECKING:
-    from symaware_cli.world.snapshot import Snapshot
+    from symaware_cli.world import Snapshot
 
 Array = NDArray[np.float64]
+
+#: The motion of others; NaN where it is not known.
+_MOTION = ValueRange(nan=True)
 
 _NOTHING = TimeSeries()
 _NO_PART: Mapping[str, Said] = {}
@@ -169,11 +170,6 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             if self.world is not None and id in self.world:
                 return empty
         return self.received.parts.get(name, _NO_PART).get(id, empty)
-
-    @property
-    def told(self) -> OwnBeliefs:
-        """The former name of `received`."""
-        return self.received
 
     @property
     def parts(self) -> Sequence[str]:
@@ -338,22 +334,25 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             is_state: Whether to interpret the numbers as a state of the model if a motion has the same length.
 
         Raises:
-            ValueError: It is none of these.
+            ValueError: It is none of these, or infinite.
         """
-        self.others.set_motion(id, self._awareness.motion(id, state, is_state=is_state), self._now)
+        motion = self._awareness.motion(id, state, is_state=is_state)
+        require_within(_MOTION, motion, f"the state of {id}")
+        self.others.set_motion(id, motion, self._now)
         self._changed("state")
 
     def set_states(self, states: Mapping[str, ArrayLike]) -> None:
         """Set the states that a perception returned, by id in the order of the models, including the agent's own.
 
         Raises:
-            ValueError: One is neither a motion, nor a state of its model, nor a position.
+            ValueError: One is neither a motion, nor a state of its model, nor a position, or infinite.
         """
         own, roster = self._own.id, self._awareness.roster
         if isinstance(states, StatesById) and states.snapshot.present is None:
             places, motions, rows = states.snapshot.roster.indices, states.motions, states.rows
         elif roster is not None and (table := roster.motions(states)) is not None:
             places, motions, rows = table
+            require_within(_MOTION, motions, "the state of another agent")
         else:
             for id, state in states.items():
                 if id == own:
@@ -367,10 +366,18 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._changed("state")
 
     def set_part(self, name: str, id: str, value: ArrayLike | TimeSeries) -> None:
-        """Set a part of another agent; other beliefs about it are kept."""
+        """Set a part of another agent; other beliefs about it are kept.
+
+        Raises:
+            ValueError: The value is not finite, and the part does not declare that.
+        """
         if name == "state":
             self.set_state(id, value)  # type: ignore[arg-type]
-        elif self.others.set_part(name, id, value if isinstance(value, TimeSeries) else frozen(value)):
+            return
+        value = value if isinstance(value, TimeSeries) else frozen(value)
+        part = self._awareness.parts.get(name)
+        require_within(FINITE if part is None else part.bounds, value, f"the {name} of {id}")
+        if self.others.set_part(name, id, value):
             self._changed(name)
 
     def receive(self, vector: AwarenessVector, time: int, *, alone: bool) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.awareness.readonly import readonly
-from symaware_cli.world.arrays import frozen, real
+from symaware_cli.world import frozen, real
 
 Array = NDArray[np.float64]
 

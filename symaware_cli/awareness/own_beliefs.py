@@ -1,4 +1,7 @@
-"""The beliefs about others of a single agent: those that its own components wrote, or that it received."""
+"""The beliefs about others of a single agent: those that its own components wrote, or that it received.
+
+Reasons: docs/decisions/0027-beliefs-of-others.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Parts of awareness: the quantities that agents are aware of, of themselves and of others, declared as data."""
+"""Parts of awareness: the quantities that agents are aware of, of themselves and of others, declared as data.
+
+Reasons: docs/decisions/0021-parts-of-awareness.md
+"""
 
 from __future__ import annotations
 

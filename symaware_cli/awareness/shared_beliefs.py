@@ -10,13 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.awareness.part import Part
 from symaware_cli.awareness.tracks import Tracks
-from symaware_cli.world.arrays import frozen
-from symaware_cli.world.motion_layout import as_motion
+from symaware_cli.world import as_motion, frozen
 
 if TYPE_CHECKING:
-    from symaware_cli.world.roster import Roster
-    from symaware_cli.world.snapshot import Snapshot
-    from symaware_cli.world.time import Clock
+    from symaware_cli.world import Clock, Roster, Snapshot
 
 Array = NDArray[np.float64]
 
@@ -38,6 +35,7 @@ class SharedBeliefs:
         holders: The rows of the agents with own beliefs about the motion of others.
         others_changed: For each part, the rows whose own beliefs changed since the last record.
         parts: The parts of awareness, by name.
+        sound: The version whose motions were found finite.
         version: A new object whenever something is written for the whole group.
     """
 
@@ -54,6 +52,7 @@ class SharedBeliefs:
         "others_changed",
         "parts",
         "roster",
+        "sound",
         "version",
     )
 
@@ -66,7 +65,7 @@ class SharedBeliefs:
         self._received: Tracks | None = None
         self._joined: Tracks | None = None
         self._joined_of: object = None
-        self.version = Version()
+        self.version = self.sound = Version()
         self.roster: Roster | None = None
         self.clock: Clock | None = None
         self.holders: set[int] = set()

@@ -1,4 +1,7 @@
-"""Signals: quantities that components publish besides awareness, declared as data; parts of awareness are in `part`."""
+"""Signals: quantities that components publish besides awareness, declared as data; parts of awareness are in `part`.
+
+Reasons: docs/decisions/0028-signals.md
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,10 @@ from typing import ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 
-from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
-from symaware_cli.world.model import Quantity
+from symaware_cli.awareness.column import Column, TableColumn
+from symaware_cli.awareness.series_column import SeriesColumn
+from symaware_cli.awareness.value_range import ValueRange
+from symaware_cli.world import Quantity
 
 Kind = Literal["vector", "series", "table"]
 Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links", "boxes"]
@@ -48,6 +53,8 @@ class Signal:
             ``agent`` has; or as ``boxes`` in the plane, which require the columns ``x_low``, ``x_high``, ``y_low`` and
             ``y_high``, with a cross where the column ``crossed`` is not 0. None if it is not drawn.
         description: Its meaning, in a few words.
+        nan: What NaN in it means; None if a component that writes NaN fails.
+        infinity: What infinity in it means; None if a component that writes infinity fails.
     """
 
     what: ClassVar = "signal"
@@ -57,6 +64,8 @@ class Signal:
     columns: Sequence[Quantity] | None = None
     drawn: Drawn | None = "curve"
     description: str = ""
+    nan: str | None = None
+    infinity: str | None = None
 
     def __post_init__(self) -> None:
         what = f"the {self.what} `{self.name}`"
@@ -97,6 +106,11 @@ class Signal:
         """The names of the columns; empty if they are not known."""
         return tuple(column.name for column in self.columns or ())
 
+    @property
+    def bounds(self) -> ValueRange:
+        """The numbers that may be written."""
+        return ValueRange(nan=self.nan is not None, infinity=self.infinity is not None)
+
     def field(self, component: str) -> str:
         """Return its full name for a component of a name, such as ``radar.returns``."""
         return component if self.name == MEASUREMENT else f"{component}.{self.name}"
@@ -111,14 +125,13 @@ class Signal:
             ValueError: It is not a series, and its columns are not defined.
         """
         if self.kind == "series":
-            return SeriesColumn(count)
+            return SeriesColumn(count, self.bounds)
         if self.columns is None:
             raise ValueError(f"the {self.what} `{self.name}` is a {self.kind} without columns")
         if self.kind == "table":
-            return TableColumn(count, len(self.columns))
-        column = Column(np.full((count, len(self.columns)), np.nan))
-        column.take_changes()  # an empty column is not recorded
-        return column
+            return TableColumn(count, len(self.columns), self.bounds)
+        # An empty column is not recorded.
+        return Column(np.full((count, len(self.columns)), np.nan), self.bounds, fresh=False)
 
     def of(self, columns: Sequence[Quantity]) -> Self:
         """Return a copy with these columns; None for undefined columns."""

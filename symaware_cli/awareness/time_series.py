@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.world.arrays import real
-from symaware_cli.world.time import SECOND, nanoseconds, seconds
+from symaware_cli.world import SECOND, nanoseconds, real, seconds
 
 _NO_TIMES: NDArray[np.int64] = np.empty(0, np.int64)
 _NO_VALUES: NDArray[np.float64] = np.empty((0, 0))

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.world.arrays import frozen
-from symaware_cli.world.time import SECOND
+from symaware_cli.world import SECOND, frozen
 
 if TYPE_CHECKING:
-    from symaware_cli.world.snapshot import Snapshot
+    from symaware_cli.world import Snapshot
 
 Array = NDArray[np.float64]
 

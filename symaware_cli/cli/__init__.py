@@ -2,6 +2,7 @@
 
 import errno
 import gc
+import io
 import os
 import sys
 import threading
@@ -10,7 +11,7 @@ from typing import NoReturn
 
 def main() -> None:
     """Run the command ``symaware``."""
-    _open_streams()
+    open_streams()
     if sys.argv[1:] == ["--version"]:
         # Before anything is imported: this is what scripts ask for most often.
         from symaware_cli.version import __version__
@@ -38,20 +39,23 @@ def main() -> None:
         raise SystemExit(130) from None
 
 
-def _open_streams() -> None:
+def open_streams() -> None:
     """Open the standard streams that the process was started without, so that no other file gets their numbers."""
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             stream = open(os.devnull, "r" if name == "stdin" else "w")  # noqa: SIM115 (for ever)
             os.set_inheritable(stream.fileno(), True)
             setattr(sys, name, stream)
+    # Names of files need not be UTF-8; they are printed as they are.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")
 
 
 def _refuse_output(error: OSError) -> NoReturn:
     """Report that the output could not be written; other errors are raised again."""
     if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
         raise error
-    from symaware_cli.recording.error import reason
+    from symaware_cli.log import reason
 
     # Otherwise flushing the rest of the buffer would fail again when the interpreter ends.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

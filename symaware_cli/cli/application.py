@@ -2,41 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
-from symaware_cli.cli import (
-    branch,
-    certify,
-    check,
-    diff,
-    estimate,
-    export,
-    falsify,
-    inspect,
-    list,  # noqa: A004 (a verb)
-    merge,
-    new,
-    plot,
-    recover,
-    replay,
-    reporting,
-    run,
-    schema,
-    show,
-    sweep,
-    validate,
-    verify,
-)
 from symaware_cli.cli.terminal import is_plain
+from symaware_cli.cli.verb_group import VerbGroup
+from symaware_cli.cli.verbs import UnusableVerb
 
 application = typer.Typer(
     name="symaware",
+    cls=VerbGroup,
     help="Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable.",
     epilog="Exit status: 0 success; 1 the run failed, or `verify` or `diff` found a difference; 2 the input is "
-    "invalid; 3 success, but data was lost, a specification is violated, or a claim is not established; 130 "
-    "interrupted.",
+    "invalid; 3 success, but data was lost, a specification is violated, an agent reported an error, or a claim is not "
+    "established; 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # Help and usage errors, too: Rich would leave out the colours and keep the rest.
@@ -62,29 +45,16 @@ def _symaware(
     """Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable."""
 
 
-for _verb in (
-    run.run,
-    sweep.sweep,
-    validate.validate,
-    new.new,
-    replay.replay,
-    plot.plot,
-    export.export,
-    inspect.inspect,
-    check.check,
-    verify.verify,
-    certify.certify,
-    falsify.falsify,
-    estimate.estimate,
-    diff.diff,
-    reporting.report,
-    branch.branch,
-    recover.recover,
-    merge.merge,
-    list.list_plugins,
-    show.show,
-    schema.schema,
-):
-    application.command(_verb.__name__.partition("_")[0], cls=sweep.SweepCommand if _verb is sweep.sweep else None)(
-        _verb
-    )
+def all_commands() -> Mapping[str, TyperCommand]:
+    """Every command of every verb that can be used, such as ``run`` or ``log events``; each is imported."""
+    root: Any = get_command(application)
+    found: dict[str, TyperCommand] = {}
+    context = root.make_context("symaware", ["run"], resilient_parsing=True)
+    for name in root.list_commands(context):
+        verb = root.get_command(context, name)
+        if isinstance(verb, TyperGroup):
+            commands: dict[str, Any] = dict(verb.commands)
+            found |= {f"{name} {part}": command for part, command in commands.items()}
+        elif not isinstance(verb, UnusableVerb):
+            found[name] = verb
+    return found

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.branching import BranchResult, Cell
+    from symaware_cli.evidence import BranchResult, Cell
 
 
+@in_help("run", 40)
 def branch(
     log: Annotated[Path, typer.Argument(help="The log.", metavar="LOG")],
     at: Annotated[
@@ -44,9 +46,9 @@ def branch(
 ) -> None:
     """Repeat a run up to an instant, and continue with something changed."""
     with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
-        from symaware_cli.api.branching import branch as branched
-        from symaware_cli.api.branching import branch_rows, branches, write_branch_table
-        from symaware_cli.scenario.files import unused_path
+        from symaware_cli.evidence import branch as branched
+        from symaware_cli.evidence import branch_rows, branches, write_branch_table
+        from symaware_cli.language import unused_path
 
         points = _points(over or (), as_json=as_json)
         path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
@@ -67,14 +69,14 @@ def branch(
     sys.stdout.flush()
     failed = any(each.summary.status == "failed" for each in results)
     raise typer.Exit(
-        terminal.FAILED if failed else terminal.VIOLATED if any(each.summary.violated for each in results) else 0
+        terminal.FAILED if failed else terminal.VIOLATED if any(each.summary.falls_short for each in results) else 0
     )
 
 
 def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
     """All combinations of the values of some parameters, as changes; one without changes if there are none."""
-    from symaware_cli.api.changes import texts
-    from symaware_cli.study.sweep_document import expanded, is_range
+    from symaware_cli.language import texts
+    from symaware_cli.studies import expanded, is_range
 
     axes: list[list[str]] = []
     for text in over:
@@ -111,7 +113,7 @@ def _print(log: Path, result: BranchResult) -> None:
 
 
 def _print_table(log: Path, results: Sequence[BranchResult], rows: Sequence[dict[str, Cell]], table: Path) -> None:
-    from symaware_cli.api.branching import branch_lines
+    from symaware_cli.evidence import branch_lines
 
     _print_head(log, results[0])
     shared = sum(each.way == "capture" for each in results)

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli.terminal import VIOLATED, WRONG_INPUT, Json, fail, output_kept, print_json, trouble_shown
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.certification import Certificate
+    from symaware_cli.evidence import Certificate
 
 #: How many combinations are shown.
 _MOST = 20
 
 
+@in_help("check", 40)
 def certify(
     folder: Annotated[Path, typer.Argument(help="The folder of a finished sweep.", metavar="DIR")],
     claim: Annotated[
@@ -40,7 +42,7 @@ def certify(
 ) -> None:
     """Decide the claim in the plan of a sweep. Exit status 3 if it is not established."""
     with trouble_shown(as_json), output_kept(as_json):
-        from symaware_cli.api.certification import certify
+        from symaware_cli.evidence import certify
 
         try:
             made = certify(folder, claim=claim, key=key, output=output)

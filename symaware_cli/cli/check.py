@@ -22,11 +22,13 @@ from symaware_cli.cli.terminal import (
     printable,
     trouble_shown,
 )
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.checking import CheckResult
+    from symaware_cli.evidence import CheckResult
 
 
+@in_help("check", 20)
 def check(
     paths: Annotated[list[Path], typer.Argument(help="Logs, or folders of logs.", metavar="LOG...")],
     formula: Annotated[
@@ -71,8 +73,8 @@ def check(
     logs = _logs(paths, as_json=as_json)
     results = []
     with trouble_shown(as_json), _located({"--formula": formula, "--each": each, "--pairs": pairs}):
-        from symaware_cli.api.checking import check_log
-        from symaware_cli.runtime.failure import RunError
+        from symaware_cli.engine import RunError
+        from symaware_cli.evidence import check_log
 
         for log in logs:
             stated: Mapping[str, Any] | Path | None = file
@@ -111,7 +113,7 @@ def _logs(paths: Sequence[Path], *, as_json: bool) -> list[Path]:
 @contextmanager
 def _located(options: Mapping[str, str | None]) -> Iterator[None]:
     """Locate the problems of a formula in the options in which it was typed, instead of in the scenario's changes."""
-    from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan
+    from symaware_cli.language import Problem, ScenarioError, TextSpan
 
     def typed(problem: Problem) -> Problem:
         span, line = problem.span, problem.source_line
@@ -139,7 +141,7 @@ def _stated(log: Path, stated: Mapping[str, str], each: str | None, pairs: str |
         return {"formula": {**stated, "pairs": pairs}}
     if each is not None:
         return {"formula": {**stated, "each": each}}
-    from symaware_cli.recording.reader import open_log
+    from symaware_cli.log import open_log
 
     groups = list(open_log(log).agents)
     return {("formula" if len(groups) == 1 else group): {**stated, "each": group} for group in groups}

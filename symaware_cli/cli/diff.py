@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli.terminal import FAILED, WRONG_INPUT, Json, fail, print_json, printable, trouble_shown
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.comparison import ComparisonResult
-    from symaware_cli.api.sweep_comparison import SweepComparison
-    from symaware_cli.recording.log_comparison import ChannelDifference
+    from symaware_cli.evidence import ComparisonResult, SweepComparison
+    from symaware_cli.log import ChannelDifference
 
 #: How many lines of a kind are shown.
 _MOST = 20
 
 
+@in_help("compare", 10)
 def diff(
     one: Annotated[Path, typer.Argument(help="A log, a scenario, or the folder of a sweep.", metavar="A")],
     other: Annotated[Path, typer.Argument(help="The one to compare it with.", metavar="B")],
@@ -46,7 +47,7 @@ def diff(
             for path in (one, other):
                 if path.is_dir():
                     fail(f"{path} is a folder, which is compared with another folder of a sweep", WRONG_INPUT, as_json)
-            from symaware_cli.api.comparison import compare
+            from symaware_cli.evidence import compare
 
             result = compare(one, other, plot)
             lines = _lines(result)
@@ -58,8 +59,8 @@ def diff(
 
 
 def _compared_sweeps(one: Path, other: Path, plot: Path | None, *, as_json: bool) -> SweepComparison:
-    from symaware_cli.api.sweep_comparison import compare_sweeps
-    from symaware_cli.study.sweep_error import SweepError
+    from symaware_cli.evidence import compare_sweeps
+    from symaware_cli.studies import SweepError
 
     try:
         return compare_sweeps(one, other, plot)

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.rare_events import RareEventEstimate
+    from symaware_cli.evidence import RareEventEstimate
 
 
+@in_help("check", 60)
 def estimate(
     scenario: terminal.ScenarioPath,
     specification: Annotated[
@@ -39,8 +41,7 @@ def estimate(
 ) -> None:
     """Estimate how probable a rare event is, by splitting runs where they come closer to it."""
     with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
-        from symaware_cli.api.rare_events import estimate
-        from symaware_cli.study.rare_event import EVENT_KINDS
+        from symaware_cli.evidence import EVENT_KINDS, estimate
 
         kind = next((each for each in EVENT_KINDS if each == event), None)
         if kind is None:

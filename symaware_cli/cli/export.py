@@ -2,42 +2,50 @@
 
 from __future__ import annotations
 
-import enum
 import signal
 import sys
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from symaware_cli.api import number, size_in_words
 from symaware_cli.api.progress import progress
-from symaware_cli.api.report import size_in_words
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.recording.reader import Log
-
-Progress = Callable[[int], None] | None
+    from symaware_cli.views import Exported
 
 
-class Target(enum.StrEnum):
-    """The formats that a log can be exported to."""
+def _completed(incomplete: str) -> list[str]:
+    """The names of all formats with this prefix."""
+    from symaware_cli.views import EXPORT
+    from symaware_cli.world import InstalledPlugins
 
-    parquet = "parquet"
-    csv = "csv"
-    foxglove = "foxglove"
+    known = {listing.name for listing in InstalledPlugins([EXPORT]).listings(EXPORT.name)}
+    return sorted(name for name in known if name.startswith(incomplete))
 
 
+@in_help("look", 70)
 def export(
     path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
-    form: Annotated[Target, typer.Option("--format", help="A folder of tables, or an MCAP file for Foxglove.")],
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="One that `symaware list exports` shows: csv and parquet are folders of tables, foxglove is an MCAP "
+            "file; plugins add others.",
+            autocompletion=_completed,
+            metavar="FORMAT",
+        ),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
             "--output",
             "-o",
-            help="A new or empty folder for tables, a file for Foxglove. By default named after the log.",
+            help="A new or empty folder for tables, or a file, which is replaced. By default named after the log.",
         ),
     ] = None,
     fields: Annotated[
@@ -50,84 +58,51 @@ def export(
     end: Annotated[float | None, typer.Option("--to", help="Last simulated time, in seconds.")] = None,
     as_json: terminal.Json = False,
 ) -> None:
-    """Export a log as tables (Parquet, CSV), or as an MCAP file for Foxglove."""
+    """Export a log as tables (Parquet, CSV), as an MCAP file for Foxglove, or in a format of a plugin."""
     filters = {"--fields": fields, "--agents": agents, "--from": start, "--to": end}
     given = [option for option, value in filters.items() if value is not None]
-    if form is Target.foxglove and given:
-        terminal.fail(
-            f"{given[0]} goes with tables only; Foxglove is given all of the log", terminal.WRONG_INPUT, as_json
-        )
     # An interruption leaves no partial files.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with terminal.trouble_shown(as_json):
-        from symaware_cli.recording.reader import open_log
+        from symaware_cli.log import open_log
+        from symaware_cli.views import Selection, installed_format, select
 
+        chosen = installed_format(form)
+        if given and not chosen.selects:
+            terminal.fail(f"{given[0]} does not go with {form}, which has all of a log", terminal.WRONG_INPUT, as_json)
+        first, last = terminal.span(start, end, as_json)
         log = open_log(path)
-        place = output or Path(f"{path.stem}-{form}{'.mcap' if form is Target.foxglove else ''}")
+        place = output or Path(f"{path.stem}-{form}{chosen.suffix}")
         shown = terminal.is_lively(sys.stderr) and not as_json
+        selection = Selection()
+        if given:
+            # Times are whole nanoseconds: the interval after the last one begins with the next.
+            stop = None if last is None else last + 1
+            selection = select(log, fields=_listed(fields), agents=_listed(agents), start=first, end=stop)
         with progress(path.name, log.start_time or 0, log.end_time or 0, shown) as on_progress:
-            if form is Target.foxglove:
-                report = _foxglove(log, place, on_progress)
-            else:
-                window = terminal.span(start, end, as_json)
-                report = _tables(log, place, form, _listed(fields), _listed(agents), window, on_progress)
+            exported = chosen.export(log, place, selection, on_progress)
     lost = bool(log.damage and log.damage.lost)
     if as_json:
-        terminal.print_json(
-            {"log": str(path), "output": str(place), **report, "damage": str(log.damage) if log.damage else None}
-        )
+        damage = str(log.damage) if log.damage else None
+        terminal.print_json({"log": str(path), "output": str(place), **exported.facts, "damage": damage})
     else:
-        typer.echo(_text(path, place, report))
+        typer.echo(_text(path, place, exported))
         if lost:
             typer.echo(f"symaware: {log.damage}", err=True)
     raise typer.Exit(terminal.DATA_LOST if lost else 0)
-
-
-def _tables(
-    log: Log,
-    folder: Path,
-    form: Target,
-    fields: Sequence[str] | None,
-    agents: Sequence[str] | None,
-    window: tuple[int | None, int | None],
-    on_progress: Progress,
-) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    from symaware_cli.exporting.conversion import export_tables
-    from symaware_cli.exporting.log_selection import select
-    from symaware_cli.exporting.parquet import PARQUET
-    from symaware_cli.exporting.text import CSV
-
-    start, last = window
-    # Times are whole nanoseconds: the interval after the last one begins with the next.
-    end = None if last is None else last + 1
-    selection = select(log, fields=fields, agents=agents, start=start, end=end)
-    written = export_tables(log, folder, CSV if form is Target.csv else PARQUET, selection, on_progress)
-    return {"tables": [asdict(each) for each in written]}
-
-
-def _foxglove(log: Log, place: Path, on_progress: Progress) -> dict[str, Any]:
-    from symaware_cli.viewing.foxglove import export_foxglove
-
-    topics = export_foxglove(log, place, on_progress)
-    return {"topics": dict(sorted(topics.items())), "size": place.stat().st_size}
 
 
 def _listed(text: str | None) -> list[str] | None:
     return None if text is None else terminal.names(text)
 
 
-def _text(path: Path, place: Path, report: dict[str, Any]) -> str:
-    if "topics" in report:
-        count = sum(report["topics"].values())
-        width = max([32, *map(len, report["topics"])])
-        topics = [f"  {topic:<{width}} {messages:>9,}" for topic, messages in report["topics"].items()]
-        head = f"{path}: {count:,} messages, {size_in_words(report['size'])} in {place}"
-        return "\n".join([head, "", f"  {'topic':<{width}} {'messages':>9}", *topics])
-    tables = report["tables"]
-    rows, size = (sum(table[key] for table in tables) for key in ("rows", "size"))
-    width = max(len(table["file"]) for table in tables)
-    lines = [f"  {table['file']:<{width}} {table['rows']:>10,} {size_in_words(table['size']):>9}" for table in tables]
-    head = f"{path}: {len(tables)} tables, {rows:,} rows, {size_in_words(size)} in {place}"
-    return "\n".join([head, "", f"  {'table':<{width}} {'rows':>10} {'size':>9}", *lines])
+def _text(path: Path, place: Path, exported: Exported) -> str:
+    part, entry = exported.nouns
+    count = sum(entries for _, entries, _ in exported.parts)
+    width = max(len(name) for name in (part, *(name for name, _, _ in exported.parts)))
+    sizes = any(size is not None for _, _, size in exported.parts)
+    lines = [f"  {part:<{width}} {entry:>10}{'      size' if sizes else ''}"]
+    for name, entries, size in exported.parts:
+        lines.append(f"  {name:<{width}} {entries:>10,}{'' if size is None else f' {size_in_words(size):>9}'}")
+    total = f"{number(len(exported.parts), part)}, {count:,} {entry}, {size_in_words(exported.size)}"
+    return "\n".join([f"{path}: {total} in {place}", "", *lines])

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.falsifying import Falsification
+    from symaware_cli.evidence import Falsification
 
 
+@in_help("check", 50)
 def falsify(
     scenario: terminal.ScenarioPath,
     specification: Annotated[
@@ -33,7 +35,7 @@ def falsify(
     ] = 0,
     overrides: terminal.Overrides = None,
     method: Annotated[
-        str, typer.Option(help="How to search: random, differential-evolution, tpe or cma-es.")
+        str, typer.Option(help="How to search: random, differential-evolution, tpe, cma-es, or a method of a plugin.")
     ] = "differential-evolution",
     runs: Annotated[
         int,
@@ -49,12 +51,8 @@ def falsify(
 ) -> None:
     """Search for a violation of a specification, and simplify what is found. Exit status 3 if there is one."""
     with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
-        from symaware_cli.api.falsifying import falsify
-        from symaware_cli.study.search_method import METHODS
+        from symaware_cli.evidence import falsify
 
-        chosen = next((each for each in METHODS if each == method), None)
-        if chosen is None:
-            terminal.fail(f"--method takes {' or '.join(METHODS)}, not {method}", terminal.WRONG_INPUT, as_json)
         with terminal.progress_shown("runs", not as_json) as shown:
             found = falsify(
                 scenario,
@@ -63,7 +61,7 @@ def falsify(
                 over=over or (),
                 seeds=seeds,
                 changes=overrides,
-                method=chosen,
+                method=method,
                 runs=runs,
                 seed=seed,
                 jobs=terminal.job_count(jobs),

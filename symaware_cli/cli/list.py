@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import enum
 from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import Json, bold, print_json
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, bold, fail, print_json
+from symaware_cli.help_place import in_help
 
 
-class Kind(enum.StrEnum):
-    """The kinds of plugins that can be listed."""
-
-    abstractions = "abstractions"
-    components = "components"
-    environments = "environments"
-    metrics = "metrics"
-    models = "models"
-    topologies = "topologies"
-    transports = "transports"
-
-
+@in_help("author", 20)
 def list_plugins(
-    kind: Annotated[Kind | None, typer.Argument(help="What to list; by default everything.")] = None,
+    kind: Annotated[str | None, typer.Argument(help="The kind, such as `components`; by default all.")] = None,
     as_json: Json = False,
 ) -> None:
-    """List the plugins that a scenario or a sweep can use, with their packages."""
-    from symaware_cli.scenario.catalogue import PLURALS, Catalogue
+    """List the installed plugins, with their packages."""
+    from symaware_cli.cli.plugin_catalogue import every_plugin
 
-    catalogue = Catalogue()
-    wanted = [each for each in PLURALS if kind is None or kind == PLURALS[each]]
-    listings = {each: catalogue.listings(each) for each in wanted}
+    catalogue = every_plugin()
+    kinds = {each.plural: each for each in catalogue.kinds.values()}
+    if kind is not None and kind not in kinds:
+        fail(f"there are no plugins of the kind `{kind}`; there are {', '.join(kinds)}", WRONG_INPUT, as_json)
+    wanted = [each for plural, each in kinds.items() if kind in (None, plural)]
+    listings = {each.plural: catalogue.listings(each.name) for each in wanted}
     if as_json:
         print_json(
             [
@@ -48,10 +40,11 @@ def list_plugins(
         )
         return
     width = max((len(listing.name) for same in listings.values() for listing in same), default=0)
-    for each, same in listings.items():
+    for plural, same in listings.items():
         if not same:
             continue
-        typer.echo(bold(PLURALS[each]))
+        typer.echo(bold(plural))
         for listing in same:
-            typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}")
+            note = " (not used: the name is built in)" if catalogue.is_shadowed(listing) else ""
+            typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}{note}")
     typer.echo("\nsymaware show NAME lists the parameters of one.")

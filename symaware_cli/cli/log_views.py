@@ -12,15 +12,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from symaware_cli.api.report import size_in_words
+from symaware_cli.api import size_in_words
 from symaware_cli.cli.terminal import WRONG_INPUT, fail, print_array, print_json, printable
-from symaware_cli.recording.entry_filter import EntryFilter
-from symaware_cli.recording.error import LogError, UnknownNameError
-from symaware_cli.recording.logged_events import Communication, LoggedContact, LoggedEvent
-from symaware_cli.recording.overview import Overview
-from symaware_cli.recording.reader import Log
-from symaware_cli.recording.series import Series
-from symaware_cli.scenario.problem import nearest
+from symaware_cli.language import nearest
+from symaware_cli.log import EntryFilter, Log, LogError, Overview, Series, UnknownNameError
+from symaware_cli.log.logged_events import Communication, LoggedContact, LoggedEvent
 
 #: How many columns of a channel are named.
 _MOST = 9
@@ -28,7 +24,8 @@ _MOST = 9
 
 def overview_text(summary: Overview) -> str:
     """Lay out the overview of a log."""
-    lines = [f"{summary.path}: {size_in_words(summary.size)}, {summary.status}"]
+    outcome = "" if summary.foreign else f", {summary.status}"
+    lines = [f"{summary.path}: {size_in_words(summary.size)}{outcome}"]
     if summary.foreign:
         lines.append(_line("origin", "not written by SymAware; only its channels can be shown"))
     else:
@@ -40,7 +37,9 @@ def overview_text(summary: Overview) -> str:
         lines.append(_line("agents", groups))
         if summary.entities:
             lines.append(_line("entities", ", ".join(summary.entities)))
-    if summary.simulated_time is not None:
+    if summary.foreign and summary.span is not None:
+        lines.append(_line("time", summary.span))
+    elif summary.simulated_time is not None:
         steps = f", {summary.steps:,} steps" if summary.steps is not None else ""
         step = f" of {summary.time_step:g} s" if steps and summary.time_step else ""
         wall = f"; {summary.wall_time:.2f} s of wall time" if summary.wall_time is not None else ""
@@ -107,7 +106,7 @@ def show_entries(log: Log, view: str, wanted: EntryFilter, limit: int | None, as
 
     Args:
         log: The log.
-        view: ``--events``, ``--messages`` or ``--contacts``.
+        view: ``events``, ``messages`` or ``contacts``.
         wanted: A filter.
         limit: The greatest number; None for all.
         as_json: Whether to print JSON.
@@ -116,9 +115,9 @@ def show_entries(log: Log, view: str, wanted: EntryFilter, limit: int | None, as
         LogError: The log has no such entries, or a name is unknown.
     """
     choose, plain, line, message_name = _VIEWS[view]
-    topic = view.replace("--", "/")
+    topic = f"/{view}"
     if log.foreign and not (topic in log.channels and log.channels[topic].carries(message_name)):
-        raise LogError(f"{log.path} was not written by SymAware: it has no {view.removeprefix('--')}")
+        raise LogError(f"{log.path} was not written by SymAware: it has no {view}")
     found = choose(wanted, log)
     entries: Iterator[Any] = islice(found, limit)
     # Read the first one before anything is printed, because this detects wrong names.
@@ -140,15 +139,14 @@ def show_entries(log: Log, view: str, wanted: EntryFilter, limit: int | None, as
 def _explain(log: Log, view: str, wanted: EntryFilter) -> None:
     """Explain on stderr why nothing is listed, and which entries exist."""
     everything = list(dict.fromkeys(_called(entry) for entry in _VIEWS[view][0](EntryFilter(), log)))
-    noun = view.removeprefix("--")
     if not everything:
-        typer.echo(f"symaware: {log.path} has no {noun}", err=True)
+        typer.echo(f"symaware: {log.path} has no {view}", err=True)
         return
     asked = wanted.name or wanted.kind
     near = nearest(asked, everything) if asked and asked not in everything else None
     hint = f"; did you mean `{near}`?" if near else ""
     there = f"; there are {', '.join(sorted(everything))}" if "" not in everything else ""
-    typer.echo(f"symaware: none of the {noun} matches{there}{hint}", err=True)
+    typer.echo(f"symaware: none of the {view} matches{there}{hint}", err=True)
 
 
 def _called(entry: Any) -> str:
@@ -175,7 +173,7 @@ def _communication(entry: Communication) -> str:
 
 def _contact(entry: LoggedContact) -> str:
     place = f"  at ({', '.join(f'{each:.4g}' for each in entry.point)}) m" if entry.point else ""
-    depth = f", {entry.depth:.3g} m deep" if entry.stage == "BEGIN" else ""
+    depth = f", {entry.depth:.3g} m deep" if entry.stage != "END" else ""
     return f"{_time(entry.time)}  {entry.stage:<5}  {entry.a} and {entry.b}{place}{depth}"
 
 
@@ -188,9 +186,9 @@ def _plain_communication(entry: Communication) -> dict[str, Any]:
 
 
 _VIEWS: dict[str, tuple[Callable[..., Iterator[Any]], Callable[[Any], Any], Callable[[Any], str], str]] = {
-    "--events": (EntryFilter.events, asdict, _event, "Event"),
-    "--messages": (EntryFilter.communications, _plain_communication, _communication, "Message"),
-    "--contacts": (EntryFilter.contacts, asdict, _contact, "Contact"),
+    "events": (EntryFilter.events, asdict, _event, "Event"),
+    "messages": (EntryFilter.communications, _plain_communication, _communication, "Message"),
+    "contacts": (EntryFilter.contacts, asdict, _contact, "Contact"),
 }
 """For each view: how to read entries, convert them to plain data and to a line, and their message type."""
 

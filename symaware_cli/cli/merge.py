@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
-from symaware_cli.api.report import size_in_words
 from symaware_cli.cli.terminal import DATA_LOST, Json, is_lively, print_json, trouble_shown
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.distributed.merging import Merged
-    from symaware_cli.distributed.process_log import ProcessLog
+    from symaware_cli.processes import Merged, ProcessLog
 
 
+@in_help("run", 50)
 def merge(
     paths: Annotated[
         list[Path], typer.Argument(help="The logs of the host and of the members, in any order.", metavar="LOG")
@@ -33,8 +34,8 @@ def merge(
     # An interruption leaves no partial file.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with trouble_shown(as_json):
-        from symaware_cli.distributed.merging import merge as write
-        from symaware_cli.distributed.process_log import missing_in_words, open_process_logs
+        from symaware_cli.processes import merge as write
+        from symaware_cli.processes import missing_in_words, open_process_logs
 
         parts = open_process_logs(paths)
         start = min((part.log.start_time or 0 for part in parts), default=0)

@@ -8,14 +8,16 @@ from typing import Annotated
 import typer
 
 from symaware_cli.cli.terminal import WRONG_INPUT, fail
+from symaware_cli.help_place import in_help
 
 
+@in_help("author", 10)
 def new(
     name: Annotated[str, typer.Argument(help="Name of the scenario and of the file.")],
     toml: Annotated[bool, typer.Option("--toml", help="Write TOML instead of YAML.")] = False,
 ) -> None:
     """Write a commented scenario to start from."""
-    from symaware_cli.scenario.template import TemplateError, template
+    from symaware_cli.language.template import TemplateError, template
 
     try:
         content = template(name, toml=toml)

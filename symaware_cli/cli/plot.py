@@ -8,11 +8,16 @@ from typing import Annotated, Any
 
 import typer
 
-from symaware_cli.api.report import size_in_words
+from symaware_cli.api import size_in_words
 from symaware_cli.cli import terminal
-from symaware_cli.study.sweep_files import is_sweep
+from symaware_cli.help_place import in_help
+
+Title = Annotated[str | None, typer.Option(help="Title of the figure.")]
+Size = Annotated[str | None, typer.Option(help="Width and height in inches, such as 12x8.", metavar="WxH")]
+Resolution = Annotated[int, typer.Option("--dpi", min=20, max=1200, help="Dots per inch.")]
 
 
+@in_help("look", 50)
 def plot(
     path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="LOG")],
     output: Annotated[
@@ -32,9 +37,6 @@ def plot(
             metavar="PANELS",
         ),
     ] = None,
-    specifications: Annotated[
-        bool, typer.Option("--specifications", help="The trajectories and the specifications alone.")
-    ] = False,
     series: Annotated[
         list[str] | None,
         typer.Option(
@@ -42,20 +44,6 @@ def plot(
             "entity; may be repeated. The fields: state, world, applied_control, requested_control, intent, "
             "uncertainty, risk, and further parts of awareness.",
             metavar="NAME:FIELD[:COLUMN]",
-        ),
-    ] = None,
-    trajectories: Annotated[
-        bool,
-        typer.Option(
-            "--trajectories",
-            help="Of a sweep: the paths of its runs over the map, those that violate a specification in red. The runs "
-            "are made again for it.",
-        ),
-    ] = False,
-    runs: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="With --trajectories: how many runs of each combination; by default 1,000 among all of them."
         ),
     ] = None,
     agents: Annotated[
@@ -68,44 +56,28 @@ def plot(
         float | None,
         typer.Option("--at", help="Show bodies and intents at this time, in seconds; by default the last."),
     ] = None,
-    title: Annotated[str | None, typer.Option(help="Title of the figure.")] = None,
-    size: Annotated[str | None, typer.Option(help="Width and height in inches, such as 12x8.", metavar="WxH")] = None,
-    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
+    title: Title = None,
+    size: Size = None,
+    dpi: Resolution = 150,
     as_json: terminal.Json = False,
 ) -> None:
     """Plot a log in one figure: trajectories, separation, risk, or any series by name; or the results of a sweep."""
-    if is_sweep(path):
-        others = {"--specifications": specifications, "--series": series, "--agents": agents, "--from": start}
-        for option, value in {**others, "--to": end, "--at": at}.items():
-            if value not in (None, False, []):
+    if terminal.is_sweep(path):
+        for option, value in {"--series": series, "--agents": agents, "--from": start, "--to": end, "--at": at}.items():
+            if value not in (None, []):
                 terminal.fail(f"{option} goes with a log, and {path} is a folder", terminal.WRONG_INPUT, as_json)
-        measures = _measures(size, as_json=as_json)
-        if trajectories:
-            if show is not None:
-                terminal.fail(
-                    "--show names metrics, and --trajectories is another picture", terminal.WRONG_INPUT, as_json
-                )
-            _plot_paths(path, output, runs, title, measures, dpi, as_json=as_json)
-            return
-        if runs is not None:
-            terminal.fail("--runs goes with --trajectories", terminal.WRONG_INPUT, as_json)
-        _plot_sweep(path, output, terminal.names(show), title, measures, dpi, as_json=as_json)
+        _plot_sweep(path, output, terminal.names(show), title, _measures(size, as_json=as_json), dpi, as_json=as_json)
         return
-    if trajectories or runs is not None:
-        terminal.fail(
-            "--trajectories and --runs go with the folder of a sweep; see --show", terminal.WRONG_INPUT, as_json
-        )
     terminal.span(start, end, as_json)
     terminal.instant("--at", at, as_json)
     measures = _measures(size, as_json=as_json)
     with terminal.trouble_shown(as_json):
-        from symaware_cli.recording.reader import open_log
-        from symaware_cli.scenario.files import unused_path
-        from symaware_cli.viewing.plotting.plot import plot
-        from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
+        from symaware_cli.language import unused_path
+        from symaware_cli.log import open_log
+        from symaware_cli.views import PlotRequest, SeriesName, plot
 
         request = PlotRequest(
-            show=(*terminal.names(show), *(("trajectories", "specifications") if specifications else ())),
+            show=tuple(terminal.names(show)),
             series=tuple(SeriesName.parse(name) for name in series or ()),
             agents=tuple(terminal.names(agents)),
             start=start,
@@ -140,8 +112,8 @@ def _plot_sweep(
     as_json: bool,
 ) -> None:
     with terminal.trouble_shown(as_json):
-        from symaware_cli.scenario.files import unused_path
-        from symaware_cli.study.picture.sweep_picture import plot_sweep
+        from symaware_cli.language import unused_path
+        from symaware_cli.studies import plot_sweep
 
         file = output or unused_path(folder.resolve().name, suffix=".png")
         picture = plot_sweep(folder, file, show, title, size, dpi)
@@ -168,23 +140,38 @@ def _plot_sweep(
         typer.echo(_line("note", note))
 
 
-def _plot_paths(
-    folder: Path,
-    output: Path | None,
-    count: int | None,
-    title: str | None,
-    size: tuple[float, float] | None,
-    dpi: int,
-    *,
-    as_json: bool,
+@in_help("look", 55)
+def trajectories(
+    folder: Annotated[Path, typer.Argument(help="The folder of a sweep.", metavar="DIR")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The figure, .png, .svg or .pdf; replaced if it exists. By default NAME-trajectories.png.",
+        ),
+    ] = None,
+    runs: Annotated[
+        int | None,
+        typer.Option(min=1, help="How many runs of each combination; by default 1,000 among all of them."),
+    ] = None,
+    title: Title = None,
+    size: Size = None,
+    dpi: Resolution = 150,
+    as_json: terminal.Json = False,
 ) -> None:
+    """Plot the paths of the runs of a sweep over the map, those that violate a specification in red.
+
+    The runs are made again for it.
+    """
+    measures = _measures(size, as_json=as_json)
     with terminal.trouble_shown(as_json):
-        from symaware_cli.scenario.files import unused_path
-        from symaware_cli.study.picture.sweep_picture import plot_paths
+        from symaware_cli.language import unused_path
+        from symaware_cli.studies import plot_paths
 
         file = output or unused_path(f"{folder.resolve().name}-trajectories", suffix=".png")
         with terminal.progress_shown("runs made again", not as_json) as tell:
-            picture = plot_paths(folder, file, count, title, size, dpi, tell)
+            picture = plot_paths(folder, file, runs, title, measures, dpi, tell)
     panels: list[dict[str, Any]] = [
         {"of": panel.caption, "runs": len(panel.paths), "violating": sum(panel.violated)} for panel in picture.panels
     ]

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.api.report import size_in_words
+from symaware_cli.api import size_in_words
 from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, trouble_shown
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.recording.reader import Log
-    from symaware_cli.recording.repair import Recovery
+    from symaware_cli.log import Log, Recovery
 
 
+@in_help("look", 80)
 def recover(
     path: Annotated[Path, typer.Argument(help="A damaged or incomplete log.", metavar="LOG")],
     output: Annotated[
@@ -29,12 +30,12 @@ def recover(
 ) -> None:
     """Repair a damaged log: write everything readable to a new log, and report what was lost."""
     with trouble_shown(as_json):
-        from symaware_cli.recording.reader import open_log
-        from symaware_cli.recording.repair import recover as write
+        from symaware_cli.log import open_log
+        from symaware_cli.log import recover as write
 
         log = open_log(path)
         if log.verify() and output is None:
-            from symaware_cli.scenario.files import unused_path
+            from symaware_cli.language import unused_path
 
             output = unused_path(f"{path.stem}.recovered", path.parent)
         recovery = None if output is None else write(log, output)

@@ -12,53 +12,97 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
-from symaware_cli.api.report import size_in_words
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.recording.reader import Log
-    from symaware_cli.viewing.foreign import ForeignReplaySession
-    from symaware_cli.viewing.replay_session import ReplaySession
+    from symaware_cli.log import Log
+    from symaware_cli.views import ForeignReplaySession
+    from symaware_cli.views.replay_session import ReplaySession
 
+
+_WHERE, _WHAT, _PICTURE = "Where to show it", "What to show", "Picture"
+
+#: The size of a picture, unless another is asked for.
+_SIZE = "1600x1000"
 
 #: The least and greatest width and height of a picture [pixels].
 _SMALLEST, _LARGEST = 200, 8192
 
 
+@in_help("look", 40)
 def replay(
     path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
     save: Annotated[
-        Path | None, typer.Option("--save", help="Write an .rrd file for any Rerun viewer instead of opening one.")
+        Path | None,
+        typer.Option(
+            "--save", help="Write an .rrd file for any Rerun viewer instead of opening one.", rich_help_panel=_WHERE
+        ),
     ] = None,
     screenshot: Annotated[
-        Path | None, typer.Option("--screenshot", help="Write a PNG of the viewer; needs no screen.")
+        Path | None,
+        typer.Option("--screenshot", help="Write a PNG of the viewer; needs no screen.", rich_help_panel=_PICTURE),
     ] = None,
     at: Annotated[
-        float | None, typer.Option("--at", help="Time of the screenshot, in seconds; by default the middle.")
+        float | None,
+        typer.Option(
+            "--at", help="Time of the screenshot, in seconds; by default the middle.", rich_help_panel=_PICTURE
+        ),
     ] = None,
     size: Annotated[
-        str, typer.Option("--size", help="Width and height of the screenshot.", metavar="WxH")
-    ] = "1600x1000",
-    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to browsers and print the link.")] = False,
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="The port of --web.")] = 9090,
+        str | None,
+        typer.Option(
+            "--size",
+            help="Width and height of the screenshot, by default 1600x1000.",
+            metavar="WxH",
+            rich_help_panel=_PICTURE,
+        ),
+    ] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve the viewer to browsers and print the link.", rich_help_panel=_WHERE)
+    ] = False,
+    port: Annotated[
+        int | None,
+        typer.Option("--port", min=1, max=65535, help="The port of --web, by default 9090.", rich_help_panel=_WHERE),
+    ] = None,
     bind: Annotated[
-        str, typer.Option("--bind", help="The address to listen on; 0.0.0.0 for access from other machines.")
-    ] = "127.0.0.1",
+        str | None,
+        typer.Option(
+            "--bind",
+            help="The address to listen on; by default 127.0.0.1; 0.0.0.0 for access from other machines.",
+            rich_help_panel=_WHERE,
+        ),
+    ] = None,
     connect: Annotated[
         str | None,
-        typer.Option("--connect", help="Send to a running viewer.", metavar="URL"),
+        typer.Option("--connect", help="Send to a running viewer.", metavar="URL", rich_help_panel=_WHERE),
     ] = None,
-    follow: Annotated[bool, typer.Option("--follow", help="Show a log while it is still being written.")] = False,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Show a log while it is still being written.", rich_help_panel=_WHAT)
+    ] = False,
     agents: Annotated[
-        str | None, typer.Option("--agents", help="Agents to show in detail: ids or groups, separated by commas.")
+        str | None,
+        typer.Option(
+            "--agents", help="Agents to show in detail: ids or groups, separated by commas.", rich_help_panel=_WHAT
+        ),
     ] = None,
     against: Annotated[
         Path | None,
-        typer.Option("--against", help="A second log to show beside it: its bodies in grey.", metavar="LOG"),
+        typer.Option(
+            "--against",
+            help="A second log to show beside it: its bodies in grey.",
+            metavar="LOG",
+            rich_help_panel=_WHAT,
+        ),
     ] = None,
-    start: Annotated[float | None, typer.Option("--from", help="The first simulated time, in seconds.")] = None,
-    end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", help="The first simulated time, in seconds.", rich_help_panel=_WHAT)
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", help="The last simulated time, in seconds.", rich_help_panel=_WHAT)
+    ] = None,
     as_json: terminal.Json = False,
 ) -> None:
     """Show a log in the Rerun viewer: motion, beliefs, intents, risks and messages of all agents."""
@@ -71,15 +115,22 @@ def replay(
         (_ends_otherwise(save, ".rrd"), f"--save writes a recording of Rerun; {named} .rrd, not {save}"),
         (_ends_otherwise(screenshot, ".png"), f"--screenshot writes a PNG; {named} .png, not {screenshot}"),
         (at is not None and not screenshot, "--at goes with --screenshot"),
+        (size is not None and not screenshot, "--size goes with --screenshot"),
+        (port is not None and not web, "--port is the port of --web"),
+        (
+            bind is not None and bool(save or screenshot or connect),
+            "--bind goes with --web, or with a viewer of its own",
+        ),
     )
     terminal.refuse(reasons, as_json)
     first, last = terminal.span(start, end, as_json)
     moment = terminal.instant("--at", at, as_json)
+    size, bind, port = size or _SIZE, bind or "127.0.0.1", port or 9090
     _require_sound(size, bind, as_json=as_json)
     bar = terminal.is_lively(sys.stderr) and not as_json
     facts: dict[str, object] = {"log": str(path)}
     with terminal.trouble_shown(as_json):
-        from symaware_cli.viewing.viewer import ViewerError, require
+        from symaware_cli.views.viewer import ViewerError, require
 
         require()
         log = _opened(path, follow=follow)
@@ -122,10 +173,10 @@ def _replay_session(
     log: Log, agents: Sequence[str], first: int | None, last: int | None, against: Path | None
 ) -> ReplaySession | ForeignReplaySession:
     if log.foreign:
-        from symaware_cli.viewing.foreign import ForeignReplaySession
+        from symaware_cli.views import ForeignReplaySession
 
         return ForeignReplaySession(log)
-    from symaware_cli.viewing.replay_session import replay_session
+    from symaware_cli.views.replay_session import replay_session
 
     # Times are whole nanoseconds: the interval after the last one begins with the next.
     other = None if against is None else _opened(against, follow=False)
@@ -145,7 +196,7 @@ def _present(
     as_json: bool,
 ) -> None:
     """Send everything to a viewer, and wait until it is closed or Ctrl-C is pressed."""
-    from symaware_cli.viewing import viewer
+    from symaware_cli.views import viewer
 
     # The viewer ends with this process, however that ends.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -205,10 +256,10 @@ def _require_shown(moment: int | None, log: Log, first: int | None, last: int | 
 
 def _opened(path: Path, *, follow: bool) -> Log:
     if follow:
-        from symaware_cli.viewing.following import await_beginning
+        from symaware_cli.views import await_beginning
 
         return await_beginning(path, lambda: True)
-    from symaware_cli.recording.reader import open_log
+    from symaware_cli.log import open_log
 
     return open_log(path)
 

@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from symaware_cli.cli.terminal import Json, output_kept, print_json, trouble_shown
+from symaware_cli.help_place import in_help
 
 
+@in_help("look", 60)
 def report(
     path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="PATH")],
     output: Annotated[
@@ -28,9 +30,9 @@ def report(
 ) -> None:
     """Write a page of HTML that needs no network: what ran, a map to play, figures, verdicts, how to repeat it."""
     with trouble_shown(as_json, path), output_kept(as_json):
-        from symaware_cli.api.html_report import write_report
-        from symaware_cli.api.report import size_in_words
-        from symaware_cli.scenario.files import unused_path
+        from symaware_cli.api import size_in_words
+        from symaware_cli.evidence import write_report
+        from symaware_cli.language import unused_path
 
         name = path.resolve().name if path.is_dir() else path.stem
         page = write_report(path, output or unused_path(name, suffix=".html"), viewer, pdf)

@@ -5,50 +5,66 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from symaware_cli import processor
-from symaware_cli.api.result import RunFailedError, RunInterrupted
+from symaware_cli.api import RunFailedError, RunInterrupted
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.scenario import Scenario
+    from symaware_cli.api import Scenario
     from symaware_cli.core import Event
-    from symaware_cli.scenario.place import Place
+    from symaware_cli.language import Problem
+    from symaware_cli.processes import Place
 
-_SPREAD = "Several processes"
+_WHAT, _RESULT, _VIEW, _SPREAD = "What to run", "What is written", "Live view", "Several processes"
 
 
+@in_help("run", 10)
 def run(
     scenario: terminal.ScenarioPath,
     seed: terminal.Seed = None,
     overrides: terminal.Overrides = None,
     index: Annotated[
-        int | None, typer.Option(min=0, help="Of the folder of a sweep, the run to repeat.", metavar="N")
+        int | None,
+        typer.Option(min=0, help="Of the folder of a sweep, the run to repeat.", metavar="N", rich_help_panel=_WHAT),
     ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="The log; replaced if it exists. By default NAME.mcap, or NAME-2.mcap, ..."
+            "--output",
+            "-o",
+            help="The log; replaced if it exists. By default NAME.mcap, or NAME-2.mcap, ...",
+            rich_help_panel=_RESULT,
         ),
     ] = None,
     timeout: Annotated[
         float | None,
         typer.Option(
-            "--timeout", min=0.001, help="Wall time after which the run is ended and its log finished, in seconds."
+            "--timeout",
+            min=0.001,
+            help="Wall time after which the run is ended and its log finished, in seconds.",
+            rich_help_panel=_WHAT,
         ),
     ] = None,
-    no_record: Annotated[bool, typer.Option("--no-record", help="Write no log.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Show the run in the Rerun viewer while it is running.")] = False,
+    no_record: Annotated[bool, typer.Option("--no-record", help="Write no log.", rich_help_panel=_RESULT)] = False,
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Show the run in the Rerun viewer while it is running.", rich_help_panel=_VIEW),
+    ] = False,
     connect: Annotated[
-        str | None, typer.Option("--connect", help="Like --live, in a running viewer.", metavar="URL")
+        str | None,
+        typer.Option("--connect", help="Like --live, in a running viewer.", metavar="URL", rich_help_panel=_VIEW),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.", rich_help_panel=_RESULT)
+    ] = False,
     as_json: terminal.Json = False,
     only: Annotated[
         list[str] | None,
@@ -99,11 +115,21 @@ def run(
     ] = 60.0,
 ) -> None:
     """Run a scenario and record it in a log."""
+    terminal.refuse([(no_record and output is not None, "--no-record writes no log, and --output names one")], as_json)
     place = _place(listen, bind, join, terminal.names(",".join(only or ())), key_file, name, wait, as_json=as_json)
     warnings.filterwarnings("ignore", category=processor.ProcessorWarning)
     shows = not quiet and not as_json
-    with terminal.trouble_shown(as_json), _refusals_shown(as_json), terminal.output_kept(as_json):
-        from symaware_cli.api.scenario import Scenario
+    doubtful: list[Problem] = []
+
+    def warn(found: Sequence[Problem]) -> None:
+        doubtful.extend(found)
+        if shows:
+            from symaware_cli.language import render
+
+            typer.echo(render(found, colour=terminal.is_lively(sys.stderr), noun="warning"), err=True)
+
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
+        from symaware_cli.api import Scenario
 
         if index is not None or os.path.isdir(scenario):
             source = _of_sweep(scenario, index, [seed is not None, overrides], as_json=as_json)
@@ -115,10 +141,12 @@ def run(
                 record=not no_record,
                 timeout=timeout,
                 progress=shows and terminal.is_lively(sys.stderr),
-                on_event=_tell if place and shows else None,
+                on_event=dict.fromkeys(_TOLD, _tell) if place and shows else None,
                 live=connect or live,
                 place=place,
                 may_exit=True,
+                # The host's warnings are about the whole run.
+                on_warnings=None if quiet or join is not None else warn,
             )
         except (RunFailedError, RunInterrupted) as ended:
             result = ended.run
@@ -126,7 +154,9 @@ def run(
     if shortfall and not quiet:
         typer.echo(f"symaware: {shortfall}", err=True)
     if as_json:
-        terminal.print_json(summary.to_json())
+        from symaware_cli.language import to_json
+
+        terminal.print_json({**summary.to_json(), "scenario_warnings": to_json(doubtful)})
     elif not quiet:
         typer.echo(result)
     if summary.failure and not as_json:
@@ -134,14 +164,14 @@ def run(
         if summary.log is None:
             typer.echo(summary.traceback or "", err=True, nl=False)
         elif summary.traceback:
-            typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
+            typer.echo(f"The traceback is in the log: symaware log events {summary.log}", err=True)
     sys.stdout.flush()
     if result.viewer:
         # Ctrl-C now closes the view.
         with suppress(KeyboardInterrupt):
             result.viewer.wait()
         result.viewer.close()
-    finished = terminal.VIOLATED if summary.violated else 0
+    finished = terminal.VIOLATED if summary.falls_short else 0
     raise typer.Exit(
         {"finished": finished, "failed": terminal.FAILED, "interrupted": terminal.INTERRUPTED}[result.status]
     )
@@ -149,8 +179,8 @@ def run(
 
 def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_json: bool) -> Scenario:
     """Return the scenario of a run of a sweep; exit if the options are inconsistent."""
-    from symaware_cli.api.sweeps import scenario_of
-    from symaware_cli.study.sweep_files import is_sweep
+    from symaware_cli.api import scenario_of
+    from symaware_cli.studies import is_sweep
 
     if index is None:
         if not is_sweep(folder):
@@ -165,22 +195,13 @@ def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_j
     return scenario_of(folder, index)
 
 
+#: The events of other processes that are printed.
+_TOLD = ("waiting", "joined", "rejoined", "lost", "rejected", "restored", "not-restored", "not-stored")
+
+
 def _tell(event: Event) -> None:
-    """Print the events of the other processes."""
-    if event.name in ("waiting", "joined", "rejoined", "lost", "rejected"):
-        typer.echo(f"symaware: {event.text}", err=True)
-
-
-@contextmanager
-def _refusals_shown(as_json: bool) -> Iterator[None]:
-    """Report why this process cannot take part in the run."""
-    from symaware_cli.distributed.transport import TransportError
-    from symaware_cli.scenario.place import DistributionError
-
-    try:
-        yield
-    except (DistributionError, TransportError) as error:
-        terminal.fail(str(error), terminal.WRONG_INPUT, as_json)
+    """Print an event of the other processes."""
+    typer.echo(f"symaware: {event.text}", err=True)
 
 
 def _place(
@@ -210,7 +231,7 @@ def _place(
         )
     if bind and join:
         terminal.fail("--bind says where a host listens: it goes with --listen", terminal.WRONG_INPUT, as_json)
-    from symaware_cli.scenario.place import Place
+    from symaware_cli.processes import Place
 
     if join is not None:
         return Place.member(join, only, name=name, key_file=key, wait=wait)

@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from symaware_cli.cli.terminal import WRONG_INPUT, fail
+from symaware_cli.help_place import in_help
 
 
+@in_help("author", 40)
 def schema(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
     sweep: Annotated[bool, typer.Option("--sweep", help="The schema of files of sweeps instead.")] = False,
@@ -19,9 +21,9 @@ def schema(
     import json
 
     if sweep:
-        from symaware_cli.study.sweep_schema import sweep_schema as described
+        from symaware_cli.studies.sweep_schema import sweep_schema as described
     else:
-        from symaware_cli.scenario.json_schema import scenario_schema as described
+        from symaware_cli.language import scenario_schema as described
 
     content, broken = described(built_in_only=built_in)
     text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"

@@ -9,20 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symaware_cli.cli.terminal import WRONG_INPUT, Json, bold, fail, print_json, trouble_shown
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.scenario.description import Description
+    from symaware_cli.language import Description
 
 
 def _completed(incomplete: str) -> list[str]:
     """The names of all plugins with this prefix."""
-    from symaware_cli.scenario.catalogue import GROUPS, Catalogue
+    from symaware_cli.cli.plugin_catalogue import every_plugin
 
-    catalogue = Catalogue()
-    known = {listing.name for kind in GROUPS for listing in catalogue.listings(kind)}
+    catalogue = every_plugin()
+    known = {listing.name for kind in catalogue.kinds for listing in catalogue.listings(kind)}
     return sorted(name for name in known if name.startswith(incomplete))
 
 
+@in_help("author", 30)
 def show(
     name: Annotated[
         str,
@@ -43,11 +45,12 @@ def show(
         return
     if output is not None:
         fail("--output goes with a scenario", WRONG_INPUT, as_json)
-    from symaware_cli.scenario.catalogue import PluginError
-    from symaware_cli.scenario.description import describe
+    from symaware_cli.cli.plugin_catalogue import every_plugin
+    from symaware_cli.entry_points import PluginError
+    from symaware_cli.language import describe
 
     try:
-        descriptions = describe(name)
+        descriptions = describe(name, every_plugin())
     except PluginError as error:
         hint = f"; did you mean `{error.suggestion}`?" if error.suggestion else ""
         fail(f"{error}{hint}", WRONG_INPUT, as_json)
@@ -60,21 +63,21 @@ def show(
 def _draw(scenario: Path, output: Path | None, *, as_json: bool) -> None:
     """Draw the knowledge models of a scenario."""
     with trouble_shown(as_json):
-        from symaware_cli.api.scenario import load
-        from symaware_cli.recording.output import whole_file
-        from symaware_cli.scenario.files import unused_path
-        from symaware_cli.viewing.plotting.request import check_format
+        from symaware_cli.api import load
+        from symaware_cli.language import unused_path
+        from symaware_cli.log import whole_file
+        from symaware_cli.views import check_format
 
         if output is not None:
             check_format(output)
         models = load(scenario).knowledge_models()
         if not models:
             fail(f"{scenario} has no knowledge models", WRONG_INPUT, as_json)
-        from symaware_cli.viewing.plotting.plot import matplotlib_required
+        from symaware_cli.views import matplotlib_required
 
         file = output or unused_path(scenario.stem, suffix=".svg")
         with matplotlib_required():
-            from symaware_cli.viewing.plotting.cell_map import draw_models
+            from symaware_cli.knowledge import draw_models
         with whole_file(file, scenario) as partial:
             draw_models(models, partial)
     facts = {

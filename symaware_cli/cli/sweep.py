@@ -1,4 +1,4 @@
-"""``symaware sweep``."""
+"""``symaware sweep``, ``resume`` and ``plan``."""
 
 from __future__ import annotations
 
@@ -12,49 +12,67 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.request import SweepRequest
-    from symaware_cli.study.session import SweepOutcome, SweepProgress
+    from symaware_cli.studies import SweepFolder, SweepOutcome, SweepProgress, SweepRequest
 
 #: The width of a terminal in which progress is not shortened, and the most of a name in a narrower one [characters].
 _WIDE, _NARROW_NAME = 110, 16
 
-_PLAN, _MEANS = "What to run", "How to run it"
-
-
 #: How many runs are made together, for the words that `--batch` takes; None for as many as suit.
 _BATCHES = {"auto": None, "off": 1}
 
+Target = Annotated[
+    Path,
+    typer.Argument(help="A scenario or a log of one, or a file of a sweep (`symaware-sweep: 1`).", metavar="SCENARIO"),
+]
+Over = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--over",
+        help="Vary a value: `agents.robot.count=4,8,16` or `run.duration=1..5 by 0.5`; may be repeated: every "
+        "combination is run. Or draw it in each run: `PATH={uniform: [0, 1]}`.",
+        metavar="PATH=VALUES",
+    ),
+]
+Runs = Annotated[int | None, typer.Option(min=1, help="Runs of each combination; 1 by default.")]
+SweepSeed = Annotated[int | None, typer.Option("--seed", min=0, max=2**63 - 1, help="The seed of the sweep.")]
+Entries = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with",
+        help="An entry of the plan, as in a file of a sweep; may be repeated: `keep=all`, `until=...`, `claim=...`, "
+        "`design=sobol`, `timeout=60`, `variants.NAME={PATH: VALUE}`, `paired=true`.",
+        metavar="KEY=VALUE",
+    ),
+]
+On = Annotated[
+    str | None,
+    typer.Option(
+        "--on",
+        help="Where to run: ray:HOST:PORT or ray:auto on an existing Ray cluster, or the executor of a plugin. --jobs "
+        "is then the number of runs at a time, by default as many as are possible.",
+        metavar="EXECUTOR[:ADDRESS]",
+    ),
+]
+Batch = Annotated[
+    str,
+    typer.Option(
+        help="How many runs are made together as one array program, where the scenario allows it: auto, off or a "
+        "number. The rows are the same.",
+        metavar="auto|off|N",
+    ),
+]
+FailFast = Annotated[bool, typer.Option("--fail-fast", help="End with the first run that fails.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.")]
 
-class SweepCommand(TyperCommand):
-    """Reads ``--variant NAME CHANGES``: an option with two values, which may be repeated."""
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Join the two values of each variant, for the option to take one."""
-        joined: list[str] = []
-        while args:
-            head, *args = args
-            joined.append(head)
-            if head == "--variant" and len(args) > 1:
-                joined.append(f"{args[0]}\0{args[1]}")
-                args = args[2:]
-        return super().parse_args(ctx, joined)
-
-
+@in_help("run", 20)
 def sweep(
-    target: Annotated[
-        Path,
-        typer.Argument(
-            help="A scenario or a log of one, a file of a sweep (`symaware-sweep: 1`), or a folder whose sweep is "
-            "resumed.",
-            metavar="SCENARIO",
-        ),
-    ],
+    target: Target,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -62,163 +80,134 @@ def sweep(
             "-o",
             help="The folder for journal, table and logs; if it has this sweep, it is resumed.",
             metavar="DIR",
-            rich_help_panel=_PLAN,
         ),
     ] = None,
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over",
-            help="Vary a value: `agents.robot.count=4,8,16` or `run.duration=1..5 by 0.5`; may be repeated: every "
-            "combination is run. Or draw it in each run: `PATH={uniform: [0, 1]}`.",
-            metavar="PATH=VALUES",
-            rich_help_panel=_PLAN,
-        ),
-    ] = None,
-    design: Annotated[
-        str | None,
-        typer.Option(
-            help="How runs draw from distributions: random, latin-hypercube or sobol.",
-            metavar="DESIGN",
-            rich_help_panel=_PLAN,
-        ),
-    ] = None,
+    over: Over = None,
     overrides: terminal.Overrides = None,
-    variants: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--variant",
-            help="A variant with its name and what it changes: `--variant blind 'path=value; path=value'`; may be "
-            "repeated.",
-            metavar="NAME CHANGES",
-            rich_help_panel=_PLAN,
-        ),
-    ] = None,
-    paired: Annotated[
-        bool, typer.Option("--paired", help="All variants share the seed of each run.", rich_help_panel=_PLAN)
-    ] = False,
-    runs: Annotated[
-        int | None, typer.Option(min=1, help="Runs of each combination; 1 by default.", rich_help_panel=_PLAN)
-    ] = None,
-    add_runs: Annotated[
-        int | None,
-        typer.Option("--add-runs", min=1, help="Further runs of each combination of a folder.", rich_help_panel=_PLAN),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, max=2**63 - 1, help="The seed of the sweep.", rich_help_panel=_PLAN)
-    ] = None,
-    keep: Annotated[
-        str | None,
-        typer.Option(
-            help="Which logs are kept: none, failed, worst:N or all. `symaware run DIR --index N` makes any of them "
-            "again.",
-            rich_help_panel=_PLAN,
-        ),
-    ] = None,
-    until: Annotated[
-        str | None,
-        typer.Option(
-            help="End the runs of each combination when enough is known, such as `halfwidth(satisfied.safe) < 0.01`; "
-            "--runs says how many at most.",
-            metavar="RULE",
-            rich_help_panel=_PLAN,
-        ),
-    ] = None,
-    claim: Annotated[
-        str | None,
-        typer.Option(
-            help="What `symaware certify` is to certify: `P(safe) > 0.99 with confidence 0.99, sequential` "
-            "ends the runs when it is established, `fixed` looks once after all of them.",
-            metavar="CLAIM",
-            rich_help_panel=_PLAN,
-        ),
-    ] = None,
-    timeout: Annotated[
-        float | None,
-        typer.Option(min=0.001, help="Wall time after which a run is given up, in seconds.", rich_help_panel=_PLAN),
-    ] = None,
+    runs: Runs = None,
+    seed: SweepSeed = None,
+    entries: Entries = None,
     jobs: terminal.Jobs = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            "--ray",
-            help="Run on an existing Ray cluster: HOST:PORT of its head, or `auto`. --jobs is then the "
-            "number of tasks at a time, by default one per processor of the cluster.",
-            metavar="ADDRESS",
-            rich_help_panel=_MEANS,
-        ),
-    ] = None,
-    batch: Annotated[
-        str,
-        typer.Option(
-            help="How many runs are made together as one array program, where the scenario allows it: auto, off or a "
-            "number. The rows are the same.",
-            metavar="auto|off|N",
-            rich_help_panel=_MEANS,
-        ),
-    ] = "auto",
-    retry: Annotated[
-        str | None,
-        typer.Option(
-            help="`lost`: make runs again that the machine lost or that took too long.", rich_help_panel=_MEANS
-        ),
-    ] = None,
-    fail_fast: Annotated[
-        bool, typer.Option("--fail-fast", help="End with the first run that fails.", rich_help_panel=_MEANS)
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check everything and show the plan; run nothing.", rich_help_panel=_MEANS)
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.")] = False,
+    on: On = None,
+    batch: Batch = "auto",
+    fail_fast: FailFast = False,
+    quiet: Quiet = False,
     as_json: terminal.Json = False,
 ) -> None:
     """Run a scenario many times, over parameters, variants and seeds; resumable, with one table at the end."""
-    options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
-    texts = {"design": design, "until": until, "claim": claim}
-    options |= {key: json.dumps(text, ensure_ascii=False) for key, text in texts.items() if text is not None}
-    options["paired"] = "true" if paired else None
-    given = {key: str(value) for key, value in options.items() if value is not None}
-    is_given = any((over, overrides, variants, given, output))
+    terminal.refuse([(target.is_dir(), f"{target} is a folder: `symaware resume {target}` resumes its sweep")], as_json)
+    request = _request(over, overrides, runs, seed, entries)
+
+    def folder() -> SweepFolder:
+        from symaware_cli.api import opened
+
+        return opened(target, output, request)
+
+    _conduct(folder, jobs, on, batch, fail_fast=fail_fast, quiet=quiet, as_json=as_json)
+
+
+@in_help("run", 30)
+def resume(
+    folder: Annotated[Path, typer.Argument(help="The folder of a sweep.", metavar="DIR")],
+    add_runs: Annotated[int | None, typer.Option("--add-runs", min=1, help="Further runs of each combination.")] = None,
+    retry_lost: Annotated[
+        bool,
+        typer.Option("--retry-lost", help="Make runs again that the machine lost or that took too long."),
+    ] = False,
+    jobs: terminal.Jobs = None,
+    on: On = None,
+    batch: Batch = "auto",
+    fail_fast: FailFast = False,
+    quiet: Quiet = False,
+    as_json: terminal.Json = False,
+) -> None:
+    """Resume a sweep: make the runs that are left, or further ones."""
+    terminal.refuse(
+        [(folder.is_file(), f"{folder} is a file: `symaware sweep {folder} -o DIR` begins a sweep")], as_json
+    )
+
+    def opened() -> SweepFolder:
+        from symaware_cli.studies import SweepFolder
+
+        found = SweepFolder.opened(folder)
+        return found if add_runs is None else found.add_runs(add_runs)
+
+    _conduct(opened, jobs, on, batch, retry_lost=retry_lost, fail_fast=fail_fast, quiet=quiet, as_json=as_json)
+
+
+@in_help("check", 15)
+def plan(
+    target: Target,
+    over: Over = None,
+    overrides: terminal.Overrides = None,
+    runs: Runs = None,
+    seed: SweepSeed = None,
+    entries: Entries = None,
+    as_json: terminal.Json = False,
+) -> None:
+    """Check a sweep and the scenario in all combinations, and show what would be run; nothing is run."""
+    request = _request(over, overrides, runs, seed, entries)
+    is_given = bool(over or overrides or entries or runs or seed is not None)
+    reason = f"{target} says what to run: leave out the options, or give its scenario"
+    terminal.refuse([(target.is_dir() and is_given, reason)], as_json)
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
+        shown = _checked(target, request)
+    if as_json:
+        terminal.print_json(shown)
+    else:
+        typer.echo(_plan_text(shown))
+
+
+def _request(
+    over: list[str] | None,
+    overrides: list[str] | None,
+    runs: int | None,
+    seed: int | None,
+    entries: list[str] | None,
+) -> SweepRequest:
+    from symaware_cli.studies import SweepRequest
+
+    options = {key: str(value) for key, value in (("runs", runs), ("seed", seed)) if value is not None}
+    return SweepRequest(over or (), overrides or (), options=options, entries=entries or ())
+
+
+def _conduct(
+    opened: Callable[[], SweepFolder],
+    jobs: int | None,
+    on: str | None,
+    batch: str,
+    *,
+    retry_lost: bool = False,
+    fail_fast: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Make the runs of a sweep that are left, print the outcome, and exit."""
     reasons = (
-        (retry not in (None, "lost"), f"--retry takes `lost`, not `{retry}`"),
         (batch not in _BATCHES and not _is_count(batch), f"--batch takes auto, off or a number, not `{batch}`"),
-        (ray is not None and jobs == 0, "--jobs 0 makes all runs in this process, --ray on a cluster: leave one out"),
-        (target.is_dir() and is_given, f"{target} says what to run: only --add-runs adds to it"),
-        (add_runs is not None and not target.is_dir(), "--add-runs goes with the folder of a sweep"),
+        (on is not None and jobs == 0, "--jobs 0 makes all runs in this process, --on elsewhere: leave one out"),
     )
     terminal.refuse(reasons, as_json)
     with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
-        from symaware_cli.api.sweeps import opened
-        from symaware_cli.study.request import SweepRequest
-        from symaware_cli.study.session import conduct
+        from symaware_cli.studies import conduct, execution_at, require_pyarrow
 
-        pairs = [each.partition("\0") for each in variants or ()]
-        request = SweepRequest(over or (), overrides or (), [(name, text) for name, _, text in pairs], given)
-        if dry_run:
-            shown = _dry(target, request, add_runs)
-        else:
-            folder = opened(target, output, request)
-            if add_runs is not None:
-                folder = folder.add_runs(add_runs)
-            with _shown(folder, not quiet and not as_json) as tell:
-                outcome = conduct(
-                    folder,
-                    0 if ray and jobs is None else terminal.job_count(jobs),
-                    ray=ray,
-                    batch=_BATCHES[batch] if batch in _BATCHES else int(batch),
-                    retry_lost=retry is not None,
-                    fail_fast=fail_fast,
-                    on_progress=tell,
-                )
-            shown = outcome.to_json()
+        execution_at(on)  # before a folder is made
+        require_pyarrow()
+        folder = opened()
+        with _shown(folder, not quiet and not as_json) as tell:
+            outcome = conduct(
+                folder,
+                0 if on and jobs is None else terminal.job_count(jobs),
+                place=on,
+                batch=_BATCHES[batch] if batch in _BATCHES else int(batch),
+                retry_lost=retry_lost,
+                fail_fast=fail_fast,
+                on_progress=tell,
+            )
     if as_json:
-        terminal.print_json(shown)
-    elif dry_run:
-        typer.echo(_plan_text(shown))
+        terminal.print_json(outcome.to_json())
     elif not quiet:
         typer.echo(_text(outcome))
-    if dry_run:
-        return
     if outcome.is_interrupted:
         raise typer.Exit(terminal.INTERRUPTED)
     raise typer.Exit(terminal.FAILED if outcome.counts.done < outcome.planned else 0)
@@ -228,12 +217,12 @@ def _is_count(text: str) -> bool:
     return text.isdecimal() and int(text) > 0
 
 
-def _dry(target: Path, request: SweepRequest, add_runs: int | None) -> dict[str, Any]:
+def _checked(target: Path, request: SweepRequest) -> dict[str, Any]:
     """Check everything, and return what would be run."""
-    from symaware_cli.api.sweeps import checked
+    from symaware_cli.api import checked
 
     plan = checked(target, request)
-    runs = plan.document.runs + (add_runs or 0)
+    runs = plan.document.runs
     cells = [
         {"parameters": dict(cell.parameters), **({} if cell.variant is None else {"variant": cell.variant})}
         for cell in plan.cells
@@ -249,7 +238,7 @@ def _dry(target: Path, request: SweepRequest, add_runs: int | None) -> dict[str,
 
 
 def _plan_text(plan: dict[str, Any]) -> str:
-    from symaware_cli.api.report import number
+    from symaware_cli.api import number
 
     cells = plan["combinations"]
     lines = [f"sound; {number(plan['runs'], 'run')}: {plan['runs_of_each']:,} of each of {len(cells):,}"]
@@ -265,7 +254,7 @@ def _plan_text(plan: dict[str, Any]) -> str:
 
 def _text(outcome: SweepOutcome) -> str:
     """Return the report of a sweep."""
-    from symaware_cli.study.sweep_files import TABLE
+    from symaware_cli.studies import TABLE
 
     counts = outcome.counts
     left = outcome.planned - counts.all
@@ -274,12 +263,12 @@ def _text(outcome: SweepOutcome) -> str:
     if outcome.stopped:
         lines.append(f"  {'stopped':<14} {outcome.stopped}")
     if counts.failed:
-        show = f"symaware inspect {outcome.folder} --where 'state == \"failed\"'"
+        show = f"symaware rows {outcome.folder} --where 'state == \"failed\"'"
         lines.append(f"  {'failed':<14} {counts.failed:,}: {show}")
     if counts.lost:
-        lines.append(f"  {'lost':<14} {counts.lost:,}: symaware sweep {outcome.folder} --retry lost")
+        lines.append(f"  {'lost':<14} {counts.lost:,}: symaware resume {outcome.folder} --retry-lost")
     if left:
-        lines.append(f"  {'left':<14} {left:,}: symaware sweep {outcome.folder}")
+        lines.append(f"  {'left':<14} {left:,}: symaware resume {outcome.folder}")
     rate = f", {outcome.made / outcome.wall_time:,.1f} runs/s" if outcome.made else ""
     if outcome.rule:
         lines.append(f"  {'enough':<14} {outcome.rule}")

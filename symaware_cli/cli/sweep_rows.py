@@ -1,4 +1,4 @@
-"""The table of a sweep in the terminal."""
+"""``symaware rows``, ``shares`` and ``compare``: the table of a sweep in the terminal."""
 
 from __future__ import annotations
 
@@ -6,121 +6,124 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from symaware_cli.cli import terminal
 from symaware_cli.cli.terminal import print_array, printable
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
     import pyarrow
 
-    from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
-    from symaware_cli.study.sweep_plan import Cell
+    from symaware_cli.studies import Cell, IntervalEstimate
 
 #: Columns that are shown only when they are asked for, or as JSON or CSV.
 _QUIET = ("replicate", "seed", "digest", "error")
 
 
-def show_rows(
-    folder: Path,
-    where: str | None,
-    sort: str | None,
-    limit: int | None,
-    columns: list[str],
-    *,
-    as_json: bool,
-    as_csv: bool,
+Folder = Annotated[Path, typer.Argument(help="The folder of a sweep.", metavar="DIR")]
+
+
+@in_help("look", 30)
+def rows(
+    folder: Folder,
+    where: Annotated[str | None, typer.Option(help="A condition on the columns, such as `closest < 0.6`.")] = None,
+    sort: Annotated[
+        str | None, typer.Option(help="The column to sort by; with a minus before it, in descending order.")
+    ] = None,
+    columns: Annotated[str | None, typer.Option(help="The columns, separated by commas.")] = None,
+    limit: Annotated[int | None, typer.Option(min=0, help="Greatest number of rows.")] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    as_json: terminal.Json = False,
 ) -> None:
-    """Print rows of the table of a sweep.
+    """Show the table of a sweep, one row for each run, also while it is running."""
+    terminal.refuse([(as_csv and as_json, "--csv and --json are two forms of the table: give one of them")], as_json)
+    with terminal.trouble_shown(as_json):
+        from symaware_cli.studies import read_rows, require_pyarrow
 
-    Raises:
-        SweepError: There is no sweep, or the condition is not valid.
-        UnknownNameError: There is no such column.
-    """
-    from symaware_cli.api.sweeps import read_rows, require_pyarrow
+        require_pyarrow()
+        import pyarrow
 
-    require_pyarrow()
-    import pyarrow
+        wanted = terminal.names(columns)
+        table, planned = read_rows(folder, where, sort, None, wanted)
+        shown = table if limit is None else table.slice(0, limit)
+        if as_json:
+            print_array(shown.to_pylist())
+        elif as_csv:
+            from pyarrow import csv
 
-    table, planned = read_rows(folder, where, sort, None, columns)
-    shown = table if limit is None else table.slice(0, limit)
-    if as_json:
-        print_array(shown.to_pylist())
-    elif as_csv:
-        from pyarrow import csv
-
-        sink = pyarrow.BufferOutputStream()
-        csv.write_csv(_flat(shown), sink)
-        sys.stdout.write(sink.getvalue().to_pybytes().decode())
-    else:
-        if not columns:
-            empty = [name for name in shown.column_names if shown[name].null_count == shown.num_rows]
-            lists = [each.name for each in shown.schema if pyarrow.types.is_list(each.type)]
-            shown = shown.drop_columns([name for name in shown.column_names if name in (*_QUIET, *lists, *empty)])
-        if shown.num_rows:
-            typer.echo("\n".join(_aligned(shown.to_pylist())))
-        typer.echo(f"{table.num_rows:,} of {planned:,} runs" + (f", {limit:,} of them shown" if limit else ""))
+            sink = pyarrow.BufferOutputStream()
+            csv.write_csv(_flat(shown), sink)
+            sys.stdout.write(sink.getvalue().to_pybytes().decode())
+        else:
+            if not wanted:
+                empty = [name for name in shown.column_names if shown[name].null_count == shown.num_rows]
+                lists = [each.name for each in shown.schema if pyarrow.types.is_list(each.type)]
+                shown = shown.drop_columns([name for name in shown.column_names if name in (*_QUIET, *lists, *empty)])
+            if shown.num_rows:
+                typer.echo("\n".join(_aligned(shown.to_pylist())))
+            typer.echo(f"{table.num_rows:,} of {planned:,} runs" + (f", {limit:,} of them shown" if limit else ""))
 
 
-def show_shares(folder: Path, as_json: bool) -> None:
-    """Print the share of runs that satisfy each specification.
+@in_help("look", 35)
+def shares(folder: Folder, as_json: terminal.Json = False) -> None:
+    """Show the share of the runs of a sweep that satisfy each specification, with intervals."""
+    with terminal.trouble_shown(as_json):
+        from symaware_cli.studies import read_shares
 
-    Raises:
-        SweepError: There is no sweep.
-    """
-    from symaware_cli.api.sweeps import read_shares
-
-    found = read_shares(folder)
-    if as_json:
-        print_array(each.to_json() for each in found)
-        return
-    if not found:
-        typer.echo("the scenario has no specifications")
-        return
-    lines = [
-        {
-            **_of(each.cell),
-            "specification": each.specification,
-            "satisfied": f"{each.satisfied:,} of {each.interval.count:,}",
-            "share": each.interval.value,
-            "from": each.interval.lower,
-            "to": each.interval.upper,
-        }
-        for each in found
-    ]
-    typer.echo("\n".join(_with_method(lines, found[0].interval)))
+        found = read_shares(folder)
+        if as_json:
+            print_array(each.to_json() for each in found)
+            return
+        if not found:
+            typer.echo("the scenario has no specifications")
+            return
+        lines = [
+            {
+                **_of(each.cell),
+                "specification": each.specification,
+                "satisfied": f"{each.satisfied:,} of {each.interval.count:,}",
+                "share": each.interval.value,
+                "from": each.interval.lower,
+                "to": each.interval.upper,
+            }
+            for each in found
+        ]
+        typer.echo("\n".join(_with_method(lines, found[0].interval)))
 
 
-def show_differences(folder: Path, name: str, as_json: bool) -> None:
-    """Print what variants differ by.
+@in_help("compare", 20)
+def compare(
+    folder: Folder,
+    column: Annotated[str, typer.Argument(help="A column of the table, such as `closest`.")],
+    as_json: terminal.Json = False,
+) -> None:
+    """Compare the paired variants of a sweep in one column, run by run."""
+    with terminal.trouble_shown(as_json):
+        from symaware_cli.studies import read_differences
 
-    Raises:
-        SweepError: There is no sweep, or its variants cannot be compared.
-        UnknownNameError: There is no such column.
-    """
-    from symaware_cli.api.sweeps import read_differences
-
-    found = read_differences(folder, name)
-    if as_json:
-        print_array(each.to_json() for each in found)
-        return
-    lines = [
-        {
-            **_of(each.cell),
-            "mean": each.comparison.mean.value,
-            "from": each.comparison.mean.lower,
-            "to": each.comparison.mean.upper,
-            "greater": each.comparison.greater,
-            "less": each.comparison.less,
-            "sign test": each.comparison.sign_test,
-            "variance ratio": each.comparison.variance_ratio,
-        }
-        for each in found
-    ]
-    first = found[0].comparison.mean
-    typer.echo(f"{name}, less that of {found[0].against}, run by run")
-    typer.echo("\n".join(_with_method(lines, first, f", {first.count:,} pairs")))
+        found = read_differences(folder, column)
+        if as_json:
+            print_array(each.to_json() for each in found)
+            return
+        lines = [
+            {
+                **_of(each.cell),
+                "mean": each.comparison.mean.value,
+                "from": each.comparison.mean.lower,
+                "to": each.comparison.mean.upper,
+                "greater": each.comparison.greater,
+                "less": each.comparison.less,
+                "sign test": each.comparison.sign_test,
+                "variance ratio": each.comparison.variance_ratio,
+            }
+            for each in found
+        ]
+        first = found[0].comparison.mean
+        typer.echo(f"{column}, less that of {found[0].against}, run by run")
+        typer.echo("\n".join(_with_method(lines, first, f", {first.count:,} pairs")))
 
 
 def _with_method(lines: Sequence[Mapping[str, Any]], estimate: IntervalEstimate, more: str = "") -> list[str]:

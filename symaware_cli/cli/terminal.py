@@ -140,6 +140,14 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
     raise typer.Exit(status)
 
 
+def fail_for(error: OSError, as_json: bool = False) -> NoReturn:
+    """Exit because a path cannot be used: as wrong input, unless the disk is full or fails."""
+    from symaware_cli.log import is_about_path, reason
+
+    name = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else str(error.filename)
+    fail(f"cannot use {printable(name)}: {reason(error)}", WRONG_INPUT if is_about_path(error) else FAILED, as_json)
+
+
 def refuse(reasons: Iterable[tuple[bool, str]], as_json: bool) -> None:
     """Exit with the first of some sentences that is true of the options."""
     for is_true, reason in reasons:
@@ -157,6 +165,15 @@ def job_count(jobs: int | None) -> int:
     if jobs is not None:
         return jobs
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def is_sweep(path: Path) -> bool:
+    """Whether a path is the folder of a sweep."""
+    if not os.path.isdir(path):
+        return False
+    from symaware_cli.studies import is_sweep
+
+    return is_sweep(path)
 
 
 def instant(option: str, time: float | None, as_json: bool = False) -> int | None:
@@ -178,35 +195,61 @@ def span(start: float | None, end: float | None, as_json: bool = False) -> tuple
 
 @contextmanager
 def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator[None]:
-    """Report problems with scenarios and logs, and exit with their status.
+    """Report what the user can change, and exit with its status.
 
     Args:
         as_json: Whether to report them as JSON.
         interrupted: What is said to be interrupted by Ctrl-C; None to exit without a word.
     """
-    from symaware_cli.recording.error import LogError, OutputError, UnknownNameError
-    from symaware_cli.scenario.problem import ScenarioError, nearest, render, to_json
-    from symaware_cli.study.sweep_error import LostResultError
+    from symaware_cli.entry_points import PluginError
+    from symaware_cli.language import ScenarioError, nearest, render, to_json
+    from symaware_cli.log import UnknownNameError
+    from symaware_cli.world import UserError
 
     try:
-        yield
+        with _plugins_reported():
+            yield
     except ScenarioError as error:
         if as_json:
             print_json({"valid": False, "problems": to_json(error.problems)})
         else:
             typer.echo(render(error.problems, colour=is_lively(sys.stderr)), err=True)
         raise typer.Exit(WRONG_INPUT) from None
-    except (OutputError, LostResultError) as error:
-        fail(str(error), FAILED, as_json)
     except UnknownNameError as error:
         near = nearest(error.name, error.known)
         fail(f"{error}; did you mean `{near}`?" if near else str(error), WRONG_INPUT, as_json)
-    except LogError as error:
-        fail(str(error), WRONG_INPUT, as_json)
+    except UserError as error:
+        fail(str(error), error.status, as_json)
+    except PluginError as error:
+        hint = f"; did you mean `{error.suggestion}`?" if error.suggestion else ""
+        more = f"; expected {error.expected}" if error.expected and not hint else ""
+        fail(f"{error}{hint or more}", FAILED if error.code == "failed-plugin" else WRONG_INPUT, as_json)
     except KeyboardInterrupt:
         if interrupted is None:
             raise typer.Exit(INTERRUPTED) from None
         fail(f"{interrupted}: interrupted", INTERRUPTED, as_json)
+
+
+@contextmanager
+def _plugins_reported() -> Iterator[None]:
+    """Print which plugins are left out because they are broken, each once."""
+    import warnings
+
+    from symaware_cli.entry_points import PluginWarning
+
+    with warnings.catch_warnings():
+        shown, said = warnings.showwarning, set[str]()
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
+            if not issubclass(category, PluginWarning):
+                shown(message, category, *rest, **more)
+            elif str(message) not in said:
+                said.add(str(message))
+                typer.echo(f"symaware: {message}", err=True)
+
+        warnings.showwarning = show
+        warnings.simplefilter("always", PluginWarning)
+        yield
 
 
 def printable(text: str) -> str:

@@ -10,26 +10,30 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.api.sweep_verification import Finding, Level, SweepVerification
-    from symaware_cli.api.verification import VerificationResult
-    from symaware_cli.recording.log_comparison import LogDifference
+    from symaware_cli.evidence import Finding, Level, SweepVerification, VerificationResult
+    from symaware_cli.log import LogDifference
 
 #: How many findings are shown.
 _MOST = 10
 
 
+@in_help("check", 30)
 def verify(
     path: Annotated[Path, typer.Argument(help="A log, the folder of a sweep, or a certificate in it.", metavar="PATH")],
     level: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="How much of a sweep is verified, each level with those before it: arithmetic (what the table says of "
-            "itself), monitor (the logs that were kept), sample (some rows, made again), all (all rows, made again)."
+            help="How much of a sweep is verified, each level with those before it: arithmetic (what table, plan, "
+            "certificates and digests say of each other), monitor (what the logs that were kept say), sample (some "
+            "rows, made again; the default), all (all rows, made again)."
         ),
-    ] = "sample",
-    rows: Annotated[int, typer.Option(min=1, help="How many rows the level `sample` makes again.")] = 20,
+    ] = None,
+    rows: Annotated[
+        int | None, typer.Option(min=1, help="How many rows the level `sample` makes again; by default 20.")
+    ] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed by which they are chosen; by default one that cannot be predicted.")
     ] = None,
@@ -41,6 +45,13 @@ def verify(
     as_json: terminal.Json = False,
 ) -> None:
     """Repeat runs and compare: equal, or what differs and where. Exit status 1 if something does."""
+    is_of_sweep = path.suffix == ".json" or path.is_dir()
+    for option, value in {"--level": level, "--rows": rows, "--seed": seed}.items():
+        if value is not None and not is_of_sweep:
+            terminal.fail(f"{option} goes with a sweep, and {path} is none", terminal.WRONG_INPUT, as_json)
+        if option != "--level" and value is not None and level not in (None, "sample"):
+            terminal.fail(f"{option} goes with the level sample, not with {level}", terminal.WRONG_INPUT, as_json)
+    level, rows = level or "sample", rows or 20
     if path.suffix == ".json":
         raise typer.Exit(_verify_certificate(path, level, rows, seed, key, quiet=quiet, as_json=as_json))
     if key is not None:
@@ -48,7 +59,7 @@ def verify(
     if path.is_dir():
         raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet=quiet, as_json=as_json))
     with terminal.trouble_shown(as_json, path), terminal.output_kept(as_json):
-        from symaware_cli.api.verification import verify_log
+        from symaware_cli.evidence import verify_log
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
             result = verify_log(path, shown)
@@ -63,7 +74,7 @@ def verify(
 def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, *, quiet: bool, as_json: bool) -> int:
     """Verify the folder of a sweep, and return the exit status."""
     with terminal.trouble_shown(as_json, folder), terminal.output_kept(as_json):
-        from symaware_cli.api.sweeps import verify_sweep
+        from symaware_cli.api import verify_sweep
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
             result = verify_sweep(folder, _level(level, as_json=as_json), rows=rows, seed=seed, on_progress=shown)
@@ -79,7 +90,7 @@ def _verify_certificate(
 ) -> int:
     """Verify a certificate and the folder of its sweep, and return the exit status."""
     with terminal.trouble_shown(as_json, path), terminal.output_kept(as_json):
-        from symaware_cli.api.certification import verify_certificate
+        from symaware_cli.evidence import verify_certificate
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
             result = verify_certificate(
@@ -102,7 +113,7 @@ def _verify_certificate(
 
 
 def _level(level: str, *, as_json: bool) -> Level:
-    from symaware_cli.api.sweep_verification import LEVELS
+    from symaware_cli.evidence import LEVELS
 
     chosen = next((each for each in LEVELS if each == level), None)
     if chosen is None:

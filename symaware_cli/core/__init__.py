@@ -1,12 +1,17 @@
 """The vocabulary of plugins: agents, components, environments, messages, events, and the types that they consist of."""
 
-from symaware_cli.awareness.awareness import AwarenessVector, GroupAwareness, Observation
-from symaware_cli.awareness.database import AwarenessDatabase
-from symaware_cli.awareness.knowledge import KnowledgeDatabase
-from symaware_cli.awareness.part import PARTS, Part
-from symaware_cli.awareness.signal import Signal
-from symaware_cli.awareness.time_series import TimeSeries
-from symaware_cli.awareness.tracks import Tracks
+from symaware_cli.awareness import (
+    PARTS,
+    AwarenessDatabase,
+    AwarenessVector,
+    GroupAwareness,
+    KnowledgeDatabase,
+    Observation,
+    Part,
+    Signal,
+    TimeSeries,
+    Tracks,
+)
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.component import Component, GroupCommunicationReceiver, GroupComponent
 from symaware_cli.core.entity_group import EntityGroup
@@ -23,20 +28,31 @@ from symaware_cli.core.families import (
 from symaware_cli.core.links import Links
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.core.metric import Metric
-from symaware_cli.geometry.path import Pose, ScriptedPath
-from symaware_cli.geometry.scenery import Scenery
-from symaware_cli.geometry.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
-from symaware_cli.world.chance import Turn, generator
-from symaware_cli.world.contact import Contact
-from symaware_cli.world.drive import Drive
-from symaware_cli.world.entity import Entity, Obstacle
-from symaware_cli.world.model import Model, Quantity
-from symaware_cli.world.plugin import Parameters, Plugin
-from symaware_cli.world.reading import Frame, Image, Reading, Scan
-from symaware_cli.world.roster import Roster
-from symaware_cli.world.snapshot import Snapshot
-from symaware_cli.world.time import Clock, nanoseconds, seconds
-from symaware_cli.world.unsupported import ErrorCollector, UnsupportedError
+from symaware_cli.core.scenario_view import EntryView, ScenarioView
+from symaware_cli.geometry import Box, Circle, Cylinder, Mesh, Polygon, Pose, Scenery, ScriptedPath, Shape, Urdf, Wall
+from symaware_cli.world import (
+    Clock,
+    Contact,
+    Drive,
+    Entity,
+    ErrorCollector,
+    Frame,
+    Image,
+    Model,
+    Obstacle,
+    Parameters,
+    Plugin,
+    Quantity,
+    Reading,
+    Roster,
+    Scan,
+    Snapshot,
+    Turn,
+    UnsupportedError,
+    generator,
+    nanoseconds,
+    seconds,
+)
 
 __all__ = [
     "EVERYBODY",
@@ -58,6 +74,7 @@ __all__ = [
     "Drive",
     "Entity",
     "EntityGroup",
+    "EntryView",
     "Environment",
     "EnvironmentParameters",
     "ErrorCollector",
@@ -90,6 +107,7 @@ __all__ = [
     "RiskEstimator",
     "Roster",
     "Scan",
+    "ScenarioView",
     "Scenery",
     "ScriptedPath",
     "Shape",

@@ -1,4 +1,7 @@
-"""Agents and the groups that hold their data."""
+"""Agents and the groups that hold their data.
+
+Reasons: docs/decisions/0001-agents-in-columns.md
+"""
 
 from __future__ import annotations
 
@@ -10,25 +13,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.awareness import GroupAwareness, SelfAwareness
-from symaware_cli.awareness.column import Column
-from symaware_cli.awareness.database import AwarenessDatabase
-from symaware_cli.awareness.knowledge import Changes, KnowledgeDatabase, KnownColumn
-from symaware_cli.awareness.part import STATE, Part
-from symaware_cli.awareness.signal import Signal
-from symaware_cli.awareness.tracks import Tracks
+from symaware_cli.awareness import (
+    STATE,
+    AwarenessDatabase,
+    Changes,
+    Column,
+    GroupAwareness,
+    KnowledgeDatabase,
+    KnownColumn,
+    Part,
+    SelfAwareness,
+    Signal,
+    Tracks,
+)
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import EventBus
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.verdict import OFFERS, OfferBoard, SpecificationStatus, SpecificationStatuses
-from symaware_cli.geometry.region import Region
-from symaware_cli.world.drive import Drive
-from symaware_cli.world.entity import Entity
-from symaware_cli.world.model import Model
-from symaware_cli.world.plugin import Plugin
-from symaware_cli.world.roster import Roster
-from symaware_cli.world.time import Clock
+from symaware_cli.geometry import Region
+from symaware_cli.world import Clock, Drive, Entity, Model, Roster
 
 Array = NDArray[np.float64]
 
@@ -69,7 +73,7 @@ class AgentGroup(EntityGroup):
         drive: How the world moves their bodies; None where it does not state that, and before the run.
         regions: The regions of the scenario, by name.
         folder: The folder of the scenario, below which the files that parameters name are.
-        knowledge_models: The knowledge models of the scenario, by name; None for one that could not be made.
+        sections: What the sections of the scenario that plugins add describe, by their keys.
         specifications: The statuses of the specifications of the run, by name.
         offers: Accepts specifications that are offered; None if the scenario has none.
     """
@@ -98,7 +102,7 @@ class AgentGroup(EntityGroup):
         self.drive: Drive | None = None
         self.regions: Mapping[str, Region] = {}
         self.folder = Path()
-        self.knowledge_models: Mapping[str, Plugin | None] = {}
+        self.sections: Mapping[str, Any] = {}
         self.specifications: Mapping[str, SpecificationStatuses] = {}
         self.offers: OfferBoard | None = None
         self.surroundings: Surroundings

@@ -10,20 +10,14 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.awareness.database import AwarenessDatabase
-from symaware_cli.awareness.knowledge import KnowledgeDatabase
-from symaware_cli.awareness.part import Part
-from symaware_cli.awareness.signal import Signal
+from symaware_cli.awareness import AwarenessDatabase, AwarenessVector, KnowledgeDatabase, Part, Signal
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
-from symaware_cli.core.links import Links
-from symaware_cli.core.message import Delivery, Message
+from symaware_cli.core.message import Delivery, Message, MessageBatch
+from symaware_cli.core.scenario_view import ScenarioView
 from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, Sleep, Wait
-from symaware_cli.world.chance import AgentChance, GroupChance, Turn
-from symaware_cli.world.model import Quantity
-from symaware_cli.world.plugin import Plugin
-from symaware_cli.world.time import SECOND, nanoseconds
+from symaware_cli.world import SECOND, AgentChance, GroupChance, Plugin, Quantity, Turn, nanoseconds
 
 Array = NDArray[np.float64]
 Owner = TypeVar("Owner")
@@ -105,21 +99,19 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             ValueError: It cannot. The message explains the reason to the author of the scenario.
         """
 
-    def check_specifications(
-        self, specifications: Mapping[str, Any], groups: Sequence[AgentGroup], links: Links | None
-    ) -> None:
-        """Check whether the component can work with all `specifications` that it names; called before a run.
+    def check_scenario(self, view: ScenarioView) -> None:
+        """Check the whole scenario before a run; see `Plugin.check_scenario`."""
 
-        Args:
-            specifications: The `Specification` of each name.
-            groups: All groups, in the order of the roster.
-            links: Which agents can send messages to which, as indices in the roster; None if links change, or if all
-                agents reach each other.
+    def find_warnings(self, view: ScenarioView) -> None:
+        """Look for what is valid and probably not meant; see `Plugin.find_warnings`."""
 
-        Raises:
-            ValueError: It cannot. The message explains the reason to the author of the scenario; it is shown at the
-                first specification that it mentions in backquotes.
+    def perceives(self) -> Mapping[str, bool]:
+        """Return what the component perceives, and whether it does so without errors and delay.
+
+        Returns:
+            ``own`` for the agent's own state, ``others`` for those of others; empty by default.
         """
+        return {}
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
         """Return the names of the columns of the time series that the component sets, for readers of the log.
@@ -400,11 +392,17 @@ class Component(BaseComponent[Agent]):
         self._agent.self_awareness[signal.field(self.name)] = value
 
     def send(self, message: Message) -> None:
-        """Send a message; its receiver can read it from the next step on."""
+        """Send a message; its receiver can read it from the next step on.
+
+        Raises:
+            ValueError: A part of the awareness that it contains is not finite.
+        """
         surroundings = self._surroundings
+        for value in message.payload.values():
+            if isinstance(value, AwarenessVector):
+                self._agent.group.awareness.check(value)
         if "sending" in surroundings.events.wanted:
-            event = Event("sending", f"agents.{message.sender}", self.now, subject=message, agent=message.sender)
-            surroundings.events.fire(event)
+            surroundings.events.fire(_sending(message, self.now))
         surroundings.exchange.send(message)
 
 
@@ -466,6 +464,19 @@ class GroupComponent(BaseComponent[AgentGroup]):
     def emit_for(self, row: int, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
         """Fire an event on behalf of one agent of the group."""
         self._emit_from(self.agent_path(row), self._group.ids[row], name, text, level, data)
+
+    def post(self, batch: MessageBatch) -> None:
+        """Send messages of agents of the group; their receivers can read them from the next step on."""
+        surroundings = self._surroundings
+        if "sending" in surroundings.events.wanted:
+            # An event for each message, as its subscribers want them.
+            for message in batch.messages(surroundings.environment.roster.ids):
+                surroundings.events.fire(_sending(message, self.now))
+        surroundings.exchange.post(batch)
+
+
+def _sending(message: Message, now: int) -> Event:
+    return Event("sending", f"agents.{message.sender}", now, subject=message, agent=message.sender, value=message)
 
 
 class GroupCommunicationReceiver(GroupComponent):

@@ -7,11 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.column import Column
-from symaware_cli.world.chance import agent_numbers
-from symaware_cli.world.entity import Entity
-from symaware_cli.world.model import Model
-from symaware_cli.world.roster import Roster
+from symaware_cli.awareness import Column
+from symaware_cli.world import Entity, Model, Roster, agent_numbers
 
 Array = NDArray[np.float64]
 

@@ -12,20 +12,21 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from symaware_cli.core.entity_group import EntityGroup
-from symaware_cli.geometry.articulation import Articulation
-from symaware_cli.geometry.path import Pose
-from symaware_cli.geometry.proximity import Proximity
-from symaware_cli.geometry.rays import BodiesInPlane, rays_in_plane
-from symaware_cli.geometry.scenery import Scenery
-from symaware_cli.world.contact import Contact
-from symaware_cli.world.drive import Drive
-from symaware_cli.world.entity import Obstacle
-from symaware_cli.world.plugin import Parameters, Plugin
-from symaware_cli.world.reading import Image
-from symaware_cli.world.roster import Roster
-from symaware_cli.world.snapshot import Snapshot
-from symaware_cli.world.time import nanoseconds, seconds
-from symaware_cli.world.unsupported import ErrorCollector, UnsupportedError
+from symaware_cli.geometry import Articulation, BodiesInPlane, Pose, Proximity, Scenery, rays_in_plane
+from symaware_cli.world import (
+    Contact,
+    Drive,
+    ErrorCollector,
+    Image,
+    Obstacle,
+    Parameters,
+    Plugin,
+    Roster,
+    Snapshot,
+    UnsupportedError,
+    nanoseconds,
+    seconds,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -35,6 +36,13 @@ class EnvironmentParameters(Parameters):
     """The parameters of every environment."""
 
     time_step: float = Field(0.05, ge=1e-6, le=1e6, description="Simulated time between two steps [s].")
+    debounce: float = Field(
+        0.0,
+        ge=0,
+        le=1e6,
+        description="How long two bodies must be apart until their contact has ended [s]; if they touch again before, "
+        "it goes on. 0: a contact ends when the bodies part.",
+    )
 
 
 class WorldError(UnsupportedError):
@@ -55,7 +63,9 @@ class Environment(Plugin, ABC):
     Attributes:
         batchable: Whether the agents of many runs may share it: none has an influence on those of another run. It has
             `contacts_begun` then.
+        debounce: How long two bodies must be apart until their contact has ended, in nanoseconds.
         folder: The folder of the files that a scenario refers to.
+        further_folders: Folders that are searched for such files after it.
         ground: The height of the ground plane [m]; None if there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
@@ -73,6 +83,7 @@ class Environment(Plugin, ABC):
 
     batchable: ClassVar[bool] = False
     folder: Path = Path()
+    further_folders: tuple[Path, ...] = ()
     ground: float | None = None
     is_open: ClassVar[bool] = False
     is_shared: ClassVar[bool] = False
@@ -82,11 +93,13 @@ class Environment(Plugin, ABC):
     present: NDArray[np.bool_] | None = None
     proximity: Proximity
     roster: Roster
+    debounce: int
     time_step: int
 
     def __init__(self, parameters: BaseModel | None = None) -> None:
         super().__init__(parameters)
         self.time_step = nanoseconds(self.parameters.time_step)
+        self.debounce = nanoseconds(getattr(self.parameters, "debounce", 0.0))
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Place all agents and obstacles.
@@ -278,11 +291,14 @@ class Environment(Plugin, ABC):
         """The true states of all agents now; shared by all callers within a step."""
 
     def contacts_begun(self) -> NDArray[np.intp]:
-        """Return an agent, by index, of each contact that began since the last call; only batchable worlds do."""
+        """Return an agent, by index, of each contact that began since the last step; only batchable worlds do.
+
+        A contact that goes on within `debounce` after the bodies parted does not begin again.
+        """
         raise NotImplementedError(f"`{type(self).__name__}` cannot be batched")
 
     def contacts(self) -> Sequence[Contact]:
-        """The contacts that began or ended with the last step."""
+        """The contacts that began or ended with the last step, without regard to `debounce`."""
         return ()
 
     def share(self) -> Mapping[str, Array]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import enum
 import fnmatch
-from collections.abc import Callable, Collection, Mapping
+import functools
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, ClassVar
@@ -17,8 +18,11 @@ TURNS = frozenset({"computing", "computed", "updating", "updated"})
 #: Events that occur at every step, turn or message: never part of ``*``, and not recorded as events by default.
 RECURRING = TURNS | {
     *("initialising", "initialised", "iterating", "iterated", "stepping", "stepped"),
-    *("sending", "sent", "received", "dropped", "traffic", "adding", "removing"),
+    *("sending", "sent", "received", "dropped", "traffic", "adding", "removing", "touching"),
 }
+
+#: Those of `RECURRING` that have a channel of their own in the log.
+CHANNELS = frozenset({"traffic", "touching"})
 
 
 class Level(enum.IntEnum):
@@ -43,7 +47,9 @@ class Event:
         data: Further facts as plain JSON values, which are recorded.
         subject: The object that it concerns, for subscribers within the process; never recorded.
         agent: The id of the agent that it concerns; None if it does not concern a single one.
-        value: The computed value, for ``computed``, ``updating`` and ``updated``; never recorded.
+        value: What it is about, which must not be changed; never recorded: the computed value for ``computed``,
+            ``updating`` and ``updated``, the `Message` for ``sending``, ``sent``, ``received`` and ``dropped``, the
+            `Contact` for ``contact``.
     """
 
     name: str
@@ -55,6 +61,21 @@ class Event:
     subject: Any = None
     agent: str | None = None
     value: Any = None
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time in seconds."""
+        return self.time / 1e9
+
+    @property
+    def component(self) -> str | None:
+        """The name of the component that it concerns, such as ``steer``; None if it does not concern one."""
+        if not self.source.startswith("agents."):
+            return None
+        if self.agent is not None:
+            return self.source.removeprefix(f"agents.{self.agent}").removeprefix(".") or None
+        # Of the whole group; the name of a group has no dots.
+        return self.source.removeprefix("agents.").partition(".")[2] or None
 
 
 Subscriber = Callable[[Event], Any]
@@ -89,6 +110,16 @@ class Subscription:
 _number = attrgetter("number")
 
 
+def _matching(pattern: str, callback: Subscriber) -> Subscriber:
+    """Pass on the events whose names match a pattern."""
+
+    @functools.wraps(callback, updated=())
+    def passing(event: Event) -> Any:
+        return callback(event) if fnmatch.fnmatchcase(event.name, pattern) else None
+
+    return passing
+
+
 class EventBus:
     """Delivers events to subscribers, in the order in which they subscribed.
 
@@ -118,13 +149,30 @@ class EventBus:
             callback: Called with the `Event`.
             source: A path, in which ``*`` matches anything.
         """
+        return self._add((name,), callback, source)
+
+    def _add(self, names: Iterable[str], callback: Subscriber, source: str) -> Subscription:
         self._count += 1
         subscription = Subscription(callback, source, self._count)
-        present = tuple(each for each in self._subscriptions.get(name, ()) if each.active)
-        self._subscriptions[name] = (*present, subscription)
+        for name in names:
+            present = tuple(each for each in self._subscriptions.get(name, ()) if each.active)
+            self._subscriptions[name] = (*present, subscription)
         self.wanted = frozenset(self._subscriptions)
         self.turns_wanted = not TURNS.isdisjoint(self.wanted)
         return subscription
+
+    def subscribe_matching(self, pattern: str, callback: Subscriber, source: str = "*") -> Subscription:
+        """Call ``callback(event)`` on each event whose name matches a pattern, those that recur included.
+
+        Args:
+            pattern: The event's name, in which ``*`` matches anything.
+            callback: Called with the `Event`.
+            source: A path, in which ``*`` matches anything.
+        """
+        if not set(pattern) & set("*?["):
+            return self.subscribe(pattern, callback, source)
+        recurring = sorted(name for name in RECURRING - CHANNELS if fnmatch.fnmatchcase(name, pattern))
+        return self._add(("*", *recurring), callback if pattern == "*" else _matching(pattern, callback), source)
 
     def mute(self, sources: Collection[str]) -> None:
         """Suppress the events of these sources from now on, and of no others.

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.time_series import TimeSeries
+from symaware_cli.awareness import TimeSeries
 from symaware_cli.core.component import Component
 from symaware_cli.core.message import Message
 from symaware_cli.core.waiting import MessageWait, Wait
-from symaware_cli.world.arrays import real
-from symaware_cli.world.snapshot import Snapshot
+from symaware_cli.world import Snapshot, real
 
 Array = NDArray[np.float64]
 

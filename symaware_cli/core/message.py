@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.awareness.awareness import AwarenessVector
+from symaware_cli.awareness import AwarenessVector
 from symaware_cli.core.links import Links
 
 Indices = NDArray[np.intp]
@@ -72,6 +72,16 @@ class MessageBatch:
             name: copied(values[row]) if values.dtype == object else values[row]
             for name, values in self.columns.items()
         }
+
+    def messages(self, ids: Sequence[str]) -> Iterator[Message]:
+        """Yield each row as a message to send.
+
+        Args:
+            ids: The ids of all agents, in the order of the roster.
+        """
+        for row, sender in enumerate(self.senders.tolist()):
+            receiver = EVERYBODY if self.receivers is None else ids[self.receivers[row]]
+            yield Message(ids[sender], receiver, self.payload(row), self.kind)
 
     def some(self, rows: NDArray[np.bool_]) -> MessageBatch:
         """The batch with some of the rows."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 from symaware_cli.core.agent import AgentGroup
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import Event, EventBus
-from symaware_cli.world.plugin import Plugin
+from symaware_cli.world import Plugin
 
 
 class Metric(Plugin, ABC):

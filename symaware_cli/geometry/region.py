@@ -186,6 +186,14 @@ class RegionShape(StrictModel):
         assert self.polygon is not None
         return _polygon_depth(self.polygon, points)
 
+    def names(self) -> Iterator[str]:
+        """Yield the names of the regions that it is composed of."""
+        for member in self.members:
+            if isinstance(member, str):
+                yield member
+            else:
+                yield from member.names()
+
 
 class Region(RegionShape):
     """A named set of points of the workspace, which may move with an agent."""
@@ -198,35 +206,6 @@ class Region(RegionShape):
         True,
         description="Whether the x axis of a region around an agent points along the agent's heading, if it has one.",
     )
-
-
-def names_in(region: RegionShape) -> Iterator[str]:
-    """Yield the names of the regions that a region is composed of."""
-    for member in region.members:
-        if isinstance(member, str):
-            yield member
-        else:
-            yield from names_in(member)
-
-
-def relative(points: Array, origin: Array, heading: float | Array | None) -> Array:
-    """Return the coordinates of points in the frame of an agent.
-
-    Args:
-        points: Points in the world; shape (n, d).
-        origin: The agent's position; shape (k,), or (n, k) with one for each point. Missing coordinates are 0.
-        heading: The direction of the frame's x axis [rad], or one for each point; None if the frame does not turn.
-    """
-    moved = points.copy()
-    shared = min(points.shape[1], origin.shape[-1])
-    moved[:, :shared] -= origin[..., :shared]
-    if heading is None:
-        return moved
-    cosine, sine = np.cos(heading), np.sin(heading)
-    turned = moved.copy()
-    turned[:, 0] = cosine * moved[:, 0] + sine * moved[:, 1]
-    turned[:, 1] = cosine * moved[:, 1] - sine * moved[:, 0]
-    return turned
 
 
 @lru_cache(maxsize=1024)

@@ -62,8 +62,7 @@ class Automaton:
         """Construct the automaton of a formula.
 
         Args:
-            formula: A formula of predicates, `Not`, `And`, `Or` and future operators without windows; a window of
-                exactly one step ahead is ``next``.
+            formula: A formula of predicates, `Not`, `And`, `Or`, `Next` and future operators without windows.
             propositions: Number of predicates.
 
         Raises:
@@ -119,8 +118,8 @@ def _term(formula: stl.Formula, *, positive: bool) -> _Term:
         case stl.And() | stl.Or():
             parts = [_term(each, positive=positive) for each in formula.operands]
             return ("and" if isinstance(formula, stl.And) == positive else "or", *parts)
-        case stl.Eventually(first=1, last=1, operand=operand):
-            return ("next" if positive else "weak next", _term(operand, positive=positive))
+        case stl.Next(operand=operand, weak=weak):
+            return ("next" if positive != weak else "weak next", _term(operand, positive=positive))
         case stl.Always(first=0, last=None, operand=operand):
             inner = _term(operand, positive=positive)
             return ("release", ("constant", False), inner) if positive else ("until", ("constant", True), inner)
@@ -237,8 +236,9 @@ class AutomatonMonitor:
         """Return nothing: this logic has no robustness."""
         return 0, np.empty((0, len(self._states)))
 
-    def reason(self, row: int) -> None:
-        """Return None: no single sample decides a path through an automaton."""
+    def reasons(self, rows: NDArray[np.intp], side: int | None = None) -> list[None]:
+        """Return None for each row: no single sample decides a path through an automaton."""
+        return [None] * len(rows)
 
     def select(self, rows: NDArray[np.intp]) -> AutomatonMonitor:
         """Return a monitor of some rows, with their history."""

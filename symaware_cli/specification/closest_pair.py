@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import EntityGroup
-from symaware_cli.geometry.proximity import ClosestPair, closest_pair
-from symaware_cli.geometry.region import Region
+from symaware_cli.geometry import ClosestPair, Region, closest_pair
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.node import (
+    NEXT,
     Arithmetic,
     Call,
     Comparison,
@@ -33,8 +33,8 @@ from symaware_cli.specification.scope import PAIR_UNITS, Scope, World
 from symaware_cli.specification.token import ExpressionError
 
 #: Operators that take a minimum over instants, and those that do so below a negation.
-_MINIMA = ("always", "historically", "next")
-_MAXIMA = ("eventually", "once", "next")
+_MINIMA = ("always", "historically", *NEXT)
+_MAXIMA = ("eventually", "once", *NEXT)
 
 
 class ClosestPairScope(Scope):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 
 #: The version of the meaning of specifications: it rises when one of them gets another verdict of the same run.
-SEMANTICS = 1
+SEMANTICS = 2
 
 #: A robustness of 0 of a predicate that holds.
 ZERO = 1e-300
@@ -85,6 +85,14 @@ class Eventually:
 
 
 @dataclass(frozen=True, slots=True)
+class Next:
+    """The operand at the next instant; at the last instant of the run it holds if `weak`, and otherwise fails."""
+
+    operand: Formula
+    weak: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Until:
     """``right`` holds ``first`` to ``last`` steps ahead, and ``left`` from now until just before that instant."""
 
@@ -122,7 +130,9 @@ class Since:
     right: Formula
 
 
-Formula: TypeAlias = Constant | Predicate | Not | And | Or | Always | Eventually | Until | Historically | Once | Since
+Formula: TypeAlias = (
+    Constant | Predicate | Not | And | Or | Always | Eventually | Next | Until | Historically | Once | Since
+)
 
 
 def operands(formula: Formula) -> tuple[Formula, ...]:
@@ -164,7 +174,79 @@ def horizon(formula: Formula) -> int | None:
     deepest = max((each for each in below if each is not None), default=0)
     if isinstance(formula, Always | Eventually | Until):
         return None if formula.last is None else deepest + formula.last
-    return deepest
+    return deepest + isinstance(formula, Next)
+
+
+def cut(formula: Formula, instants: int) -> Formula:
+    """Return a formula with equal robustness whose windows are not longer than a run can tell.
+
+    Beyond the last instant, all samples are unknown. So a window ahead that reaches past it contains the same values
+    wherever it ends, except that operands which look back still see known samples for some time; and a window in the
+    past that reaches before the first instant contains the same values wherever it begins.
+
+    A window in the past that begins later than now is kept within a window ahead that has no end: the run may go on
+    until it contains known samples again.
+
+    Args:
+        formula: The formula.
+        instants: Twice the greatest number of instants of the run, or more.
+
+    Returns:
+        A formula of the same structure. It is equal in every run of at most half as many instants, at all of them.
+    """
+    return _cut(formula, instants, instants, False)
+
+
+def _cut(formula: Formula, instants: int, evaluated: int, endless: bool) -> Formula:
+    """Cut windows of a formula.
+
+    Args:
+        formula: The formula.
+        instants: See `cut`.
+        evaluated: The number of instants at which it is evaluated: the known ones, and those that windows reach.
+        endless: Whether it is evaluated at all later ones as well.
+    """
+
+    def below(further: int = 0, endless: bool = endless) -> tuple[Formula, ...]:
+        return tuple(_cut(each, instants, evaluated + further, endless) for each in operands(formula))
+
+    match formula:
+        case Constant() | Predicate():
+            return formula
+        case Not():
+            return Not(*below())
+        case Next():
+            return Next(below(1)[0], formula.weak)
+        case And() | Or():
+            return type(formula)(below())
+        case Always() | Eventually() | Until():
+            # One more than suffices for `Until`, whose left operand counts up to the instant before.
+            most = instants + max(map(_look_back, operands(formula))) + 2
+            first, last = min(formula.first, most), None if formula.last is None else min(formula.last, most)
+            return type(formula)(first, last, *below(last or 0, endless or last is None))
+        case Historically() | Once() | Since():
+            if endless and formula.first > 0:
+                return type(formula)(formula.first, formula.last, *below())
+            last = None if formula.last is None else min(formula.last, evaluated)
+            return type(formula)(min(formula.first, evaluated), last, *below())
+
+
+def _look_back(formula: Formula) -> int:
+    """Return the number of steps after which samples no longer count in windows of the past that have a beginning."""
+    before = max(map(_look_back, operands(formula)), default=0)
+    if isinstance(formula, Historically | Once | Since):
+        return before + (formula.first if formula.last is None else formula.last) + 1
+    return before
+
+
+def reach(formula: Formula) -> int:
+    """Return how many steps the windows of a formula reach at most, those of operands added."""
+    inner = max(map(reach, operands(formula)), default=0)
+    if isinstance(formula, Constant | Predicate | Not | And | Or):
+        return inner
+    if isinstance(formula, Next):
+        return inner + 1
+    return inner + (formula.first if formula.last is None else formula.last)
 
 
 def encoded(robustness: Array, holds_at_zero: bool) -> Array:

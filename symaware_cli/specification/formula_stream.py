@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from symaware_cli.specification import formula as stl
 from symaware_cli.specification.formula import Formula, from_now
-from symaware_cli.specification.future_stream import AheadStream, ToTheEndStream, UntilStream
+from symaware_cli.specification.future_stream import AheadStream, NextStream, ToTheEndStream, UntilStream
 from symaware_cli.specification.past_stream import AgoStream, SinceStream, SoFarStream
 from symaware_cli.specification.stream import Clock, ConstantStream, JunctionStream, NotStream, PredicateStream, Stream
 
@@ -49,6 +49,8 @@ def stream(formula: Formula, clock: Clock, last: int | None) -> Stream:
             return ToTheEndStream(clock, stream(operand, clock, ever), greatest, last)
         case stl.Always(first, int(until), operand) | stl.Eventually(first, int(until), operand):
             return AheadStream(clock, stream(operand, clock, further(until)), first, until, greatest, last)
+        case stl.Next(operand, weak):
+            return NextStream(clock, stream(operand, clock, further(1)), weak)
         case stl.Historically(_, None, operand) | stl.Once(_, None, operand):
             return SoFarStream(clock, stream(operand, clock, last), greatest)
         case stl.Historically(first, int(until), operand) | stl.Once(first, int(until), operand):

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from symaware_cli.core import nanoseconds
 from symaware_cli.specification import formula as stl
 from symaware_cli.specification.columns import KindError, Lookup, robustness
-from symaware_cli.specification.node import Constant, Junction, Node, Not, Temporal, walk
+from symaware_cli.specification.node import NEXT, Constant, Junction, Node, Not, Temporal, walk
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.token import ExpressionError
 
 #: Maximum depth of nested operators in a formula.
 _DEEPEST = 50
+
+#: The number of instants beyond the end of the run at which formulas are evaluated at most: predictions reach there.
+_BEYOND = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,32 +58,47 @@ class Formulation:
         return stl.horizon(self.formula)
 
 
-def formulate(tree: Node, time_step: int) -> Formulation:
+def formulate(tree: Node, time_step: int, steps: int = 0) -> Formulation:
     """Translate the syntax tree of a specification into a formula.
 
     Args:
         tree: The syntax tree.
         time_step: The time between two instants, in nanoseconds.
+        steps: The number of steps of the run, beyond which windows are cut, as they need memory.
 
     Raises:
-        ExpressionError: A window contains no instant, a temporal operator is used as a value, or the operators are
-            nested too deeply.
+        ExpressionError: A window contains no instant, a temporal operator is used as a value, the operators are nested
+            too deeply, or the windows reach too far.
     """
     builder = _Formulator(time_step)
-    formula = builder.formula(tree, 0)
+    instants = 2 * steps + _BEYOND
+    formula = stl.cut(builder.formula(tree, 0), instants)
+    # Without windows in the past within windows ahead, each cut window reaches some more than `instants`.
+    if stl.reach(formula) > 2 * _DEEPEST * instants:
+        said = "windows in the past, within windows ahead, reach too far beyond the end of the run"
+        raise ExpressionError(said, tree.span)
     return Formulation(formula, tuple(builder.atoms), tree, time_step)
 
 
-def subformula(tree: Node, path: tuple[int, ...]) -> Node:
-    """Return the part of a specification at a path of operand positions, which refer to the translated formula."""
+def parts(node: Node) -> tuple[Node, ...]:
+    """Return the parts of a node that correspond to the operands of its formula, from left to right.
+
+    Of ``a implies b``, which means ``not a or b``, they are ``not a`` and ``b``.
+    """
+    match node:
+        case Junction(operator="implies", operands=(premise, conclusion)):
+            return Not(premise.span, premise), conclusion
+        case Junction() | Temporal():
+            return node.operands
+        case Not(operand=operand):
+            return (operand,)
+    return ()
+
+
+def subformula(tree: Node, path: Sequence[int]) -> Node:
+    """Return the part of a specification at a path of operand positions in its formula."""
     for place in path:
-        match tree:
-            case Junction():
-                tree = tree.operands[place]
-            case Not(operand=operand):
-                tree = operand
-            case Temporal():
-                tree = tree.operands[place]
+        tree = parts(tree)[place]
     return tree
 
 
@@ -101,19 +119,17 @@ class _Formulator:
             case Not(operand=operand):
                 return stl.Not(self.formula(operand, depth + 1))
             case Junction():
-                operands = tuple(self.formula(each, depth + 1) for each in node.operands)
-                if node.operator == "and":
-                    return stl.And(operands)
-                if node.operator == "or":
-                    return stl.Or(operands)
-                return stl.Or((stl.Not(operands[0]), operands[1]))
+                operands = tuple(self.formula(each, depth + 1) for each in parts(node))
+                return stl.And(operands) if node.operator == "and" else stl.Or(operands)
             case Temporal():
                 return self._temporal(node, depth)
         return self._predicate(node)
 
     def _temporal(self, node: Temporal, depth: int) -> stl.Formula:
-        first, last = self._steps(node)
         operands = [self.formula(each, depth + 1) for each in node.operands]
+        if node.operator in NEXT:
+            return stl.Next(operands[0], weak=node.operator == "weak next")
+        first, last = self._steps(node)
         match node.operator:
             case "until":
                 return stl.Until(first, last, *operands)
@@ -129,8 +145,6 @@ class _Formulator:
 
     def _steps(self, node: Temporal) -> tuple[int, int | None]:
         """Return the window of an operator in steps."""
-        if node.operator == "next":
-            return 1, 1
         if node.window is None:
             return 0, None
         start, end = node.window

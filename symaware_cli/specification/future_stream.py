@@ -21,6 +21,41 @@ from symaware_cli.specification.sliding import (
 from symaware_cli.specification.stream import Clock, Stream, Together
 
 
+class NextStream(Stream):
+    """The value at the next instant; a neutral one at the last instant of the run."""
+
+    def __init__(self, clock: Clock, operand: Stream, weak: bool) -> None:
+        lower, upper = operand.soonest
+        # At the end of the run either bound may become known at once.
+        soonest = (min(lower + 1, 0.0), upper + 1) if weak else (lower + 1, min(upper + 1, 0.0))
+        super().__init__(clock, None if operand.horizon is None else operand.horizon + 1, operand.reach, soonest)
+        self._operand = operand
+        self._weak = weak
+
+    def push(self, samples: Sequence[Any]) -> Any:
+        """See the base class."""
+        value = self._operand.push(samples)
+        if value is None or self._operand.exact < 1:
+            return None
+        self.exact += 1
+        return value
+
+    def bound(self, side: int, begin: int, end: int) -> Values | None:
+        """See the base class."""
+        found = self._operand.bound(side, begin + 1, end + 1)
+        last = self.clock.now
+        if self.clock.ended:
+            if not begin <= last < end:
+                return found
+            found = self.clock.full(end - begin, side == 1) if found is None else found.copy()
+            found[last - begin] = self.clock.extreme(self._weak)
+        elif found is not None and self._weak == (side == 1) and end > last:
+            # The run may end with any instant from the last one on.
+            found = found.copy()
+            found[max(last - begin, 0) :] = self.clock.extreme(self._weak)
+        return found
+
+
 class AheadStream(Stream):
     """The minimum or maximum over a window ahead."""
 

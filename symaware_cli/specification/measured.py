@@ -45,6 +45,9 @@ def measured(formula: Formula, samples: Sequence[Array], instants: int, rows: in
                 return window(np.minimum, np.inf, part)
             case stl.Eventually() | stl.Once():
                 return window(np.maximum, -np.inf, part)
+            case stl.Next():
+                beyond = np.full((1, rows), np.inf if part.weak else -np.inf)
+                return np.concatenate([of(part.operand)[1:], beyond])
             case stl.Until() | stl.Since():
                 return chain(part)
 

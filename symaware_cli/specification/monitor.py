@@ -68,12 +68,9 @@ class Monitor:
         self._robustness_clock = Clock(rows, boolean=False, single=single)
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False
-        #: Number of calls of `update` and `finish` after which each row was decided.
-        self._decided: NDArray[np.int64] = np.zeros(rows, np.int64)
         self._samples: list[list[Any]] = []
         self._known: list[Array] = []
         self._told = 0
-        self._reasons: dict[int, Reason | None] = {}
         limit = KEPT // max(1, rows * _predicates(formula))
         self._last_kept = limit if self.horizon is None else self.horizon
         self._judge()
@@ -86,8 +83,6 @@ class Monitor:
         """
         now = self.instants
         self.instants = now + 1
-        if self._reasons:
-            self._reasons = {}
         samples: list[Any] = (
             [each.item() for each in values] if self._clock.single else [np.array(each) for each in values]
         )
@@ -112,7 +107,6 @@ class Monitor:
     def finish(self) -> None:
         """End the declared run with the last instant processed."""
         self.ended = self._clock.ended = True
-        self._reasons = {}
         if not self._settled:
             self._judge()
         if self.horizon is None and self.complete and self.instants:
@@ -157,39 +151,25 @@ class Monitor:
     def select(self, rows: NDArray[np.intp]) -> Monitor:
         """Return a monitor of some rows, at least one, with their history."""
         made: Monitor = _selected(self, rows)
-        made._reasons = {}
         for each in (made, made._clock, made._robustness_clock):
             each.rows = len(rows)
         return made
 
-    def reason(self, row: int) -> Reason | None:
-        """Return the sample that decided the verdict of a row, or that bounds its robustness so far.
+    def reasons(self, rows: NDArray[np.intp], side: int | None = None) -> list[Reason | None]:
+        """Return what accounts for the present bounds of several rows; None where samples of it were not kept.
 
-        Rows that were decided by the same call are traced together, so that the reasons of all rows cost little more.
+        Args:
+            rows: The rows.
+            side: The bound; see `reason.reasons`. It equals the robustness of each row where that is known.
         """
-        if row not in self._reasons:
-            decided = self._decided == self._decided[row]
-            rows = np.flatnonzero(decided & (self.verdict != 0)) if self.verdict[row] else np.array([row])
-            self._reasons |= zip(rows.tolist(), self.reasons(rows), strict=True)
-        return self._reasons[row]
-
-    def reasons(self, rows: NDArray[np.intp]) -> list[Reason | None]:
-        """Return the reasons of several rows; None where no sample decides, or it was not kept."""
-        calls = np.where(self.verdict[rows] == 0, self.instants + self.ended, self._decided[rows])
-        found: list[Reason | None] = [None] * len(rows)
-        for call in sorted(set(calls.tolist())):
-            places = np.flatnonzero(calls == call)
-            instants, ended = min(call, self.instants), call > self.instants
-            if instants > len(self._samples):
-                if self.horizon is None:
-                    continue
-                instants = len(self._samples)
-            signals = self._signals(rows[places], instants) if instants else []
-            if not signals:
-                continue
-            for place, each in zip(places, reasons(self.formula, signals, instants, ended), strict=True):
-                found[place] = each
-        return found
+        instants, ended = self.instants, self.ended
+        if instants > len(self._samples):
+            if self.horizon is None:
+                return [None] * len(rows)
+            instants, ended = len(self._samples), False  # later samples have no influence
+        if not instants or not len(rows):
+            return [None] * len(rows)
+        return reasons(self.formula, self._signals(rows, instants), instants, ended, side)
 
     def _signals(self, rows: NDArray[np.intp], instants: int) -> list[Array]:
         """Return the kept samples of each predicate for some rows [instants, rows]."""
@@ -217,11 +197,8 @@ class Monitor:
             if self._clock.single and lower[0] < 0.0 < upper[0]:
                 return
             holds, fails = lower > 0.0, upper < 0.0
-        verdict = np.subtract(holds, fails, dtype=np.int8)
-        if verdict.tobytes() != self.verdict.tobytes():
-            self._decided[verdict != self.verdict] = self.instants + self.ended
-            self.verdict = verdict
-        self._settled = exact is not None or (not self.interval and bool(verdict.all()))
+        self.verdict = np.subtract(holds, fails, dtype=np.int8)
+        self._settled = exact is not None or (not self.interval and bool(self.verdict.all()))
 
 
 def _predicates(formula: Formula) -> int:

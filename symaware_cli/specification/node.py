@@ -5,15 +5,16 @@ Every node has a span: the characters of the text that it was parsed from.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, TypeAlias
 
 #: Start and end in characters.
 Span: TypeAlias = tuple[int, int]
 
-#: Temporal operators about the future, and about the past.
-FUTURE = ("always", "eventually", "next", "until")
+#: Temporal operators about the future, those about the next instant, and those about the past.
+FUTURE = ("always", "eventually", "next", "weak next", "until")
+NEXT = ("next", "weak next")
 PAST = ("historically", "once", "since")
 
 
@@ -131,13 +132,18 @@ def walk(node: Node) -> Iterator[Node]:
                 yield from walk(child)
 
 
-def moved(node: Node, span: Span) -> Node:
-    """The same tree with one span for all its nodes: that of the name which stands for it in another text."""
-    changes: dict[str, Any] = {"span": span}
+def with_children(node: Node, change: Callable[[Node], Node]) -> Node:
+    """Return a node with its direct children changed."""
+    changes: dict[str, Any] = {}
     for each in fields(node):
         value = getattr(node, each.name)
         if isinstance(value, Node):
-            changes[each.name] = moved(value, span)
+            changes[each.name] = change(value)
         elif isinstance(value, tuple) and each.name != "span":
-            changes[each.name] = tuple(moved(item, span) if isinstance(item, Node) else item for item in value)
+            changes[each.name] = tuple(change(item) if isinstance(item, Node) else item for item in value)
     return replace(node, **changes)
+
+
+def moved(node: Node, span: Span) -> Node:
+    """The same tree with one span for all its nodes: that of the name which stands for it in another text."""
+    return replace(with_children(node, lambda child: moved(child, span)), span=span)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ class Decision:
         agents: The agents it concerns; empty if it concerns the world.
         satisfied: The verdict.
         predicate: The predicate that decided it; empty if none did.
-        formula: The smallest temporal formula that contains the predicate.
+        formula: The formula directly above the predicate; without a predicate, the formula that decided it.
         instant: The instant whose value decided it, in nanoseconds; None if there was none.
         robustness: The robustness of the predicate at that instant, positive where it holds; infinite for Boolean
             values.
@@ -124,6 +124,12 @@ class Outcome:
         """Return the outcome as plain data."""
         return asdict(self)
 
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Outcome:
+        """Create an outcome from what `to_json` returned; keys that this version does not know are ignored."""
+        known = {each.name: data[each.name] for each in fields(cls) if each.name in data}
+        return cls(**{**known, "agents": tuple(data["agents"])})
+
     def rejected(self, reason: str) -> Outcome:
         """Return the outcome of a specification that was offered and that nobody took."""
         return replace(self, verdict=REJECTED, reason=reason)
@@ -150,6 +156,7 @@ def outcome_of(
     upper: Array,
     decisions: Iterable[Decision],
     presumption: int | None = None,
+    explained: Callable[[int], Decision | None] = lambda row: None,
 ) -> Outcome:
     """Summarise a specification.
 
@@ -162,12 +169,20 @@ def outcome_of(
         upper: The upper bound of the robustness of each row.
         decisions: The decisions so far.
         presumption: The worst verdict if the run ended now; None where that is unknown.
+        explained: Returns what accounts for the robustness, or the upper bound of it, that is known of a row.
     """
     worst = int(verdicts.min()) if len(verdicts) else 0
     known = np.where(np.isnan(robustness), upper, robustness)
     row = int(known.argmin()) if len(known) and np.isfinite(known.min()) else None
     decided = [each for each in decisions if worst and each.satisfied == (worst > 0)]
     decision = min(decided, key=lambda each: each.severity, default=None)
+    if decision is not None and row is not None:
+        # What decided the verdict need not account for the robustness, which other samples may have changed since.
+        of_robustness = explained(row)
+        if of_robustness is not None:
+            decision = of_robustness
+        elif abs(decision.robustness) != abs(known[row]):
+            decision = replace(decision, robustness=np.inf)
     who = agents(row) if row is not None else ()
     if decision is not None and (worst < 0 or not who):
         who = decision.agents

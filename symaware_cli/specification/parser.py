@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from typing import Literal, cast
+from typing import Literal, NamedTuple, NoReturn, TypeAlias, cast
 
 from symaware_cli.specification.node import (
     FUTURE,
+    NEXT,
     PAST,
     Arithmetic,
     Call,
@@ -27,6 +28,7 @@ from symaware_cli.specification.node import (
     Vector,
     moved,
 )
+from symaware_cli.specification.notation import apart, foreign_word
 from symaware_cli.specification.token import ExpressionError, Token, tokens
 
 #: Maximum length of an expression, in characters.
@@ -40,7 +42,7 @@ PRECEDENCE: tuple[tuple[str, ...], ...] = (
     ("or",),
     ("and",),
     ("until", "since"),
-    ("not", "always", "eventually", "next", "historically", "once"),  # before their operand
+    ("not", "always", "eventually", "next", "weak next", "historically", "once"),  # before their operand
     ("<", "<=", ">", ">=", "==", "!="),
     ("+", "-"),
     ("*", "/", "%"),
@@ -63,9 +65,25 @@ _FOREIGN: Mapping[str, str] = {
 _CONSTANTS: Mapping[str, bool | None] = {"true": True, "True": True, "false": False, "False": False, "None": None}
 
 
+class Keys(NamedTuple):
+    """What a name is followed by in brackets, as in ``position["robot.2"]``.
+
+    Attributes:
+        kind: What it names: ``agent``, ``specification``, ...
+        names: The texts that are valid.
+    """
+
+    kind: str
+    names: Collection[str]
+
+
+#: The names that an expression may refer to, each with what follows it in brackets; None for a plain value.
+Names: TypeAlias = Mapping[str, Keys | None]
+
+
 def parse(
     text: str,
-    names: Collection[str],
+    names: Collection[str] | Names,
     functions: Mapping[str, int | None],
     definitions: Mapping[str, Node] | None = None,
     longest: int = LONGEST,
@@ -74,7 +92,7 @@ def parse(
 
     Args:
         text: The expression.
-        names: The names it may refer to.
+        names: The names it may refer to; those of `Names` have to be followed by what these say.
         functions: The functions it may call, each with its number of arguments; None for any number but 0.
         definitions: Syntax trees by name; a name in the text is replaced by its tree.
         longest: Maximum length in characters.
@@ -91,10 +109,16 @@ def parse(
 
 class _Parser:
     def __init__(
-        self, text: str, names: Collection[str], functions: Mapping[str, int | None], definitions: Mapping[str, Node]
+        self,
+        text: str,
+        names: Collection[str] | Names,
+        functions: Mapping[str, int | None],
+        definitions: Mapping[str, Node],
     ) -> None:
         self._text = text
         self._names = names
+        keys = names.items() if isinstance(names, Mapping) else ()
+        self._keys = {name: each for name, each in keys if isinstance(each, Keys)}
         self._functions = functions
         self._definitions = definitions
         # One token of lookahead: an invalid token is reported only after the errors that precede it.
@@ -136,7 +160,17 @@ class _Parser:
             return ExpressionError("the expression breaks off here", span)
         if token.kind == "word" and token.text in _FOREIGN:
             return ExpressionError(_FOREIGN[token.text], span)
+        if (foreign := self._foreign(token)) is not None:
+            return foreign
         return ExpressionError(f"`{token.text}` cannot stand here: an operator is missing before it", span)
+
+    def _foreign(self, token: Token) -> ExpressionError | None:
+        """Return the error for a word of another language; None for any other word."""
+        word = foreign_word(token.text, RESERVED) if token.kind == "word" else None
+        if word is None or word == token.text:
+            return None
+        said = f"write `{word}` instead of `{token.text}`"
+        return ExpressionError(said, token.span, correction=apart(self._text, token.span, word))
 
     # Expressions
 
@@ -187,8 +221,8 @@ class _Parser:
         window = None
         if token.text != "not":
             window = self._window(token)
-            if window is not None and token.text == "next":
-                raise ExpressionError("`next` has no window: it is about the next step", token.span)
+            if window is not None and token.text in NEXT:
+                raise ExpressionError(f"`{token.text}` has no window: it is about the next step", token.span)
         operand = self._expression(level)
         span = (token.span[0], operand.span[1])
         return Not(span, operand) if token.text == "not" else Temporal(span, token.text, window, (operand,))
@@ -230,6 +264,9 @@ class _Parser:
 
     def _operand(self) -> Node:
         node = self._atom()
+        keys = self._keys.get(node.name) if isinstance(node, Name) else None
+        if isinstance(node, Name) and keys is not None and not self._is("[", "."):
+            raise ExpressionError(f"say whose: {node.name}{_example(keys)}", node.span)
         while self._is("[", "."):
             key: int | str
             if self._take().text == ".":
@@ -237,12 +274,22 @@ class _Parser:
                 if end.kind != "word":
                     said = 'a name is missing after the dot; other keys are written in brackets, such as [0] or ["a-b"]'
                     raise ExpressionError(said, self._spot(end))
-                key = end.text
+                key, place = end.text, end
             else:
+                place = self._next
                 key = self._key()
                 end = self._expect("]", "the index")
+            if keys is not None and key not in keys.names and isinstance(node, Name):
+                self._refuse_key(node.name, key, keys, place)
+            keys = None
             node = Element((node.span[0], end.span[1]), node, key)
         return node
+
+    def _refuse_key(self, name: str, key: int | str, keys: Keys, place: Token) -> NoReturn:
+        if isinstance(key, int):
+            raise ExpressionError(f"`{name}` takes a name in quotes: {name}{_example(keys)}", place.span)
+        said, quotes = f"there is no {keys.kind} `{key}`", place.kind == "text"
+        raise ExpressionError(said, place.span, key, keys.names, quotes=quotes)
 
     def _atom(self) -> Node:
         token = self._take()
@@ -277,6 +324,8 @@ class _Parser:
             return Name(token.span, name)
         if name in self._functions:
             raise ExpressionError(f"`{name}` is a function: write {name}(...)", token.span)
+        if (foreign := self._foreign(token)) is not None:
+            raise foreign
         raise ExpressionError(f"there is no `{name}` here", token.span, name, {*self._names, *self._definitions})
 
     def _brackets(self, token: Token) -> Node:
@@ -302,6 +351,8 @@ class _Parser:
     def _call(self, token: Token) -> Node:
         name = token.text
         if name not in self._functions:
+            if (foreign := self._foreign(token)) is not None:
+                raise foreign
             raise ExpressionError(f"there is no function `{name}`", token.span, name, self._functions)
         self._take()
         arguments = self._items(")")
@@ -368,6 +419,10 @@ _LEVELS: tuple[Callable[[_Parser, int], Node], ...] = (
     _Parser._signed,
     _Parser._power,
 )
+
+
+def _example(keys: Keys) -> str:
+    return f'["{next(iter(keys.names))}"]' if keys.names else f'["..."], but there is no {keys.kind}'
 
 
 def _joined(first: Node, last: Node) -> Span:

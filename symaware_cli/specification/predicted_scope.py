@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.geometry.region import Region
+from symaware_cli.geometry import Region
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.scope import AgentScope, KnownValues, PairScope, World
 

@@ -56,6 +56,8 @@ def truth_bounds(formula: Formula, predicates: Sequence[TruthBounds], instants: 
             return _negated(_all([_negated(of(each)) for each in operands]))
         case stl.Always(first, last, operand):
             return _always(of(operand), first, last)
+        case stl.Next(operand):
+            return _always(of(operand), 1, 1)
         case stl.Eventually(first, last, operand):
             return _negated(_always(_negated(of(operand)), first, last))
         case stl.Historically(first, last, operand):

@@ -14,39 +14,45 @@ from symaware_cli.specification.whole import Bounds, bounds
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """The critical sample of a formula.
+    """The critical sample of a formula, or the operator whose window has no instant.
 
     Attributes:
-        predicate: The index of its predicate.
-        instant: The number of its instant.
-        robustness: The robustness of the predicate at that instant.
-        path: The operand positions that lead from the formula to the predicate.
-        instants: The instant of each formula on that path, from the formula itself to the predicate.
+        predicate: The index of its predicate; None if an operator without instants, or a constant, decides.
+        instant: The number of the instant of the sample, or of that operator.
+        robustness: The robustness of the predicate at that instant; infinite where there is no predicate.
+        path: The operand positions that lead from the formula to the predicate or operator.
+        instants: The instant of each formula on that path, from the formula itself to the predicate or operator.
+        value: The bound of the robustness of the formula at its first instant that the sample accounts for: the
+            robustness of the predicate or, below an odd number of negations, its opposite.
     """
 
-    predicate: int
+    predicate: int | None
     instant: int
     robustness: float
     path: tuple[int, ...]
     instants: tuple[int, ...]
+    value: float
 
 
-def reasons(formula: Formula, samples: Sequence[Array], instants: int, ended: bool) -> list[Reason | None]:
-    """Find, for each row, the sample that decides a formula at the first instant or bounds its robustness so far.
+def reasons(
+    formula: Formula, samples: Sequence[Array], instants: int, ended: bool, side: int | None = None
+) -> list[Reason | None]:
+    """Find, for each row, the sample that accounts for a bound of the robustness of a formula at the first instant.
 
     Args:
         formula: The formula.
         samples: Robustness of each predicate [instants, rows].
         instants: Number of instants whose samples are known.
         ended: Whether the declared run ends with the last of these instants.
+        side: The bound: 0 for the lower, 1 for the upper one. By default that which decides the verdict: the lower
+            bound if the formula holds, otherwise the upper bound or, if that is infinite, the lower one.
 
     Returns:
-        The earliest sample whose robustness equals the bound in question: the lower bound if the formula holds,
-        otherwise the upper bound or, if that is infinite, the lower one; None if no sample has that value.
+        The earliest sample whose robustness equals the bound; None if nothing is known of it.
     """
     rows = samples[0].shape[1]
     known: dict[Formula, Bounds] = {}
-    return [_Trace(samples, instants, ended, row, known).reason(formula) for row in range(rows)]
+    return [_Trace(samples, instants, ended, row, known).reason(formula, side) for row in range(rows)]
 
 
 class _Trace:
@@ -59,15 +65,17 @@ class _Trace:
         self.row = row
         self.known = known
 
-    def reason(self, formula: Formula) -> Reason | None:
+    def reason(self, formula: Formula, side: int | None) -> Reason | None:
         lower, upper = self.among(formula, 0, 1)[0]
-        side = 0 if lower > 0.0 or not (upper < 0.0 or np.isfinite(upper)) else 1
+        if side is None:
+            side = 0 if lower > 0.0 or not (upper < 0.0 or np.isfinite(upper)) else 1
+        value = float((lower, upper)[side])
         path: list[int] = []
         t, instants = 0, [0]
         while not isinstance(formula, stl.Predicate):
             step = self.step(formula, t, side)
             if step is None:
-                return None
+                return Reason(None, t, np.inf, tuple(path), tuple(instants), value)
             if isinstance(formula, stl.Not):
                 side = 1 - side
             position, t = step
@@ -76,7 +84,8 @@ class _Trace:
             instants.append(t)
         if t >= self.instants:
             return None
-        return Reason(formula.index, t, float(self.samples[formula.index][t, self.row]), tuple(path), tuple(instants))
+        robustness = float(self.samples[formula.index][t, self.row])
+        return Reason(formula.index, t, robustness, tuple(path), tuple(instants), value)
 
     def step(self, formula: Formula, t: int, side: int) -> tuple[int, int] | None:
         """Return the first operand, and its first instant, whose bound equals that of the formula at an instant."""
@@ -91,6 +100,8 @@ class _Trace:
                     if self.among(each, t, t + 1)[0, side] == value
                 )
                 return next(equal, None)
+            case stl.Next():
+                return self.first(0, formula.operand, t + 1, t + 2, side, value)
             case stl.Always() | stl.Eventually():
                 return self.first(0, formula.operand, t + formula.first, self.end(formula, t), side, value)
             case stl.Historically() | stl.Once():

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symaware_cli.geometry.region import Region, RegionShape, names_in, relative
-from symaware_cli.geometry.vectors import Array
+from symaware_cli.geometry import Array, relative
 from symaware_cli.specification.formula import encoded
+
+if TYPE_CHECKING:
+    from symaware_cli.geometry import Region, RegionShape
 
 #: Returns the pose of an agent: position, shape (k,) [m], NaN while it is absent; heading [rad], None if it has none.
 #: In predictions there is one for each row: shapes (n, k) and (n,).
@@ -37,7 +40,7 @@ def check_names(regions: Mapping[str, Region]) -> None:
         RegionError: A reference is invalid.
     """
     for start in regions:
-        seen, waiting = {start}, list(names_in(regions[start]))
+        seen, waiting = {start}, list(regions[start].names())
         while waiting:
             name = waiting.pop()
             if name not in regions:
@@ -49,7 +52,7 @@ def check_names(regions: Mapping[str, Region]) -> None:
                 raise RegionError(said, start, name)
             if name not in seen:
                 seen.add(name)
-                waiting += names_in(regions[name])
+                waiting += regions[name].names()
 
 
 class PlacedRegion:

@@ -7,7 +7,7 @@ There are four scopes: the true states of the agents of a group, their beliefs, 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, EntityGroup, Snapshot, seconds
-from symaware_cli.geometry.proximity import Proximity, nearest_distances
-from symaware_cli.geometry.region import Region
-from symaware_cli.geometry.vectors import lengths
+from symaware_cli.geometry import Proximity, Region, lengths, nearest_distances
 from symaware_cli.specification.formula import Array
+from symaware_cli.specification.parser import Keys, Names
 from symaware_cli.specification.region import PlacedRegion
 
 #: The unit of each name of `AgentScope`; "" where it depends on the model.
@@ -107,9 +106,9 @@ class Scope(ABC):
         self.regions = {name: PlacedRegion(name, regions, self.anchor) for name in sorted(regions)}
 
     @property
-    def names(self) -> Collection[str]:
+    def names(self) -> Names:
         """All names that a specification may refer to."""
-        return {*self.units, *self.regions}
+        return dict.fromkeys([*self.units, *self.regions])
 
     @property
     def present(self) -> NDArray[np.bool_] | None:
@@ -286,6 +285,12 @@ class PairScope(Scope):
     def _second(self) -> NDArray[np.intp]:
         indices = self._world.snapshot().roster.indices
         return np.array([indices[second] for _, second in self._pairs], np.intp)
+
+    @property
+    def names(self) -> Names:
+        """See the base class."""
+        each = Keys("agent of the pair", ("first", "second"))
+        return {**super().names, "position": each, "speed": each, "velocity": each}
 
     @property
     def present(self) -> NDArray[np.bool_] | None:

@@ -228,9 +228,10 @@ class Extremum:
         self._single = single
         self._greatest = greatest
         self._block: list[Any] = []
-        self._beginning = neutral
-        #: For each value of the last block, the extremum from it to the end of the block.
-        self._ends = [neutral] * width
+        self._neutral = self._beginning = neutral
+        #: For each value of the last block, the extremum from it to the end of the block; empty during the first block,
+        #: so that a window which is longer than the run needs no memory for the rest.
+        self._ends: list[Any] = []
 
     def push(self, value: Any) -> Any:
         """Add a value and return the extremum of the window."""
@@ -243,7 +244,7 @@ class Extremum:
         block.append(value)
         if len(block) < self._width:
             self._beginning = beginning
-            end = self._ends[len(block)]
+            end = self._ends[len(block)] if self._ends else self._neutral
             if self._single:
                 return end if (end > beginning) is greatest else beginning
             return EXTREMA[False][greatest](end, beginning)
@@ -266,11 +267,11 @@ class UntilWindow:
         self._single = single
         self._lefts: list[Any] = []
         self._rights: list[Any] = []
-        self._held = neutral
-        self._until = neutral
-        #: For each instant of the last block: both values from it to the end of the block.
-        self._holds = [neutral] * width
-        self._untils = [neutral] * width
+        self._neutral = self._held = self._until = neutral
+        #: For each instant of the last block: both values from it to the end of the block; empty during the first one,
+        #: as in `Extremum`.
+        self._holds: list[Any] = []
+        self._untils: list[Any] = []
 
     def push(self, left: Any, right: Any) -> Any:
         """Add both values of an instant and return the robustness, which is meaningful once the window is full."""
@@ -285,6 +286,8 @@ class UntilWindow:
         rights.append(right)
         length = len(lefts)
         if length < self._width:
+            if not self._untils:
+                return greatest(self._neutral, least(self._neutral, self._until))
             return greatest(self._untils[length], least(self._holds[length], self._until))
         for i in range(length - 2, -1, -1):
             rights[i] = greatest(rights[i], least(lefts[i], rights[i + 1]))

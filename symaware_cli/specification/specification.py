@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.specification.absence import AbsentError
 from symaware_cli.specification.automaton import Automaton, AutomatonMonitor
-from symaware_cli.specification.columns import KindError, Lookup
+from symaware_cli.specification.columns import NO_VALUE, Lookup
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.formulation import Formulation
 from symaware_cli.specification.monitor import Monitor
@@ -112,9 +113,12 @@ class Specification:
         with np.errstate(all="ignore"):
             for atom in self.formulation.atoms:
                 try:
-                    value = atom.robustness(remembered)
+                    try:
+                        value = atom.robustness(remembered)
+                    except AbsentError:
+                        value = np.full(rows, -np.inf)
                     column = value if value.shape == (rows,) else np.broadcast_to(value, (rows,))
-                except (KindError, ValueError, TypeError, KeyError, IndexError, ArithmeticError) as error:
+                except NO_VALUE as error:
                     raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
                 wrong = np.isnan(column)
                 if present is not None:

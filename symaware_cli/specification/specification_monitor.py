@@ -17,6 +17,7 @@ from symaware_cli.specification.measured import measured
 from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
 from symaware_cli.specification.printing import printed
+from symaware_cli.specification.reason import Reason
 from symaware_cli.specification.specification import Specification
 
 
@@ -93,7 +94,8 @@ class SpecificationMonitor:
         lower: Lower bound of the robustness of each row; minus infinity without intervals.
         upper: Upper bound of the robustness of each row; infinity without intervals.
         robustness: The exact robustness of each row at the latest instant where it is known; NaN before the first.
-        settled: The exact robustness that the verdict of each row is about; NaN while it is unknown.
+        settled: The exact robustness that the verdict of each row is about, the least of its instances; NaN while that
+            of any is unknown.
         begun: Which rows count: those that have ever been present, or that have accepted it; shape (rows,).
         rejection: Why nobody has accepted it; empty if that is open, or if it is not offered.
         decisions: The decisions in the order in which they were made.
@@ -119,6 +121,9 @@ class SpecificationMonitor:
         self.lower, self.upper = np.full(count, -np.inf), np.full(count, np.inf)
         self.robustness = np.full(count, np.nan)
         self.settled = np.full(count, np.nan)
+        #: The least exact robustness of the instances of each row so far, and of how many it is unknown.
+        self._least = np.full(count, np.inf)
+        self._unsettled = np.zeros(count, np.int64)
         self.begun = np.zeros(count, bool)
         self.is_over = False
         self.is_continued = False
@@ -133,6 +138,8 @@ class SpecificationMonitor:
         self._exact: list[Exact] = []
         self._momentary_agents: dict[int, tuple[str, ...]] = {}
         self.decisions: list[Decision] = []
+        #: What accounts for the least upper bound of each row that is no longer evaluated, with that bound.
+        self._explained: dict[int, tuple[float, Decision]] = {}
 
     def look(self, now: int) -> Sequence[Decision]:
         """Evaluate the predicates at the present step, and return the decisions that follow.
@@ -279,6 +286,7 @@ class SpecificationMonitor:
             self.upper[begun],
             self.decisions,
             self.presumption,
+            lambda place: self._explanation(int(begun[place])),
         )
         return outcome.rejected(self.rejection) if self.rejection else outcome
 
@@ -297,13 +305,18 @@ class SpecificationMonitor:
         specification = self.specification
         if self.begins and not self.begun.all():
             self._due.append(np.flatnonzero(~self.begun))
-        for due in self._due:
-            rows = due if present is None else due[present[due]]
-            if len(rows):
-                self.begun[rows] |= not self._is_offered
-                monitor = specification.monitor(len(rows), self.is_continued)
-                self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
+        if not self._due:
+            return
+        # However many events fired since the last step, each row begins at most one instance: all would be equal.
+        due = np.unique(np.concatenate(self._due))
         self._due.clear()
+        rows = due if present is None else due[present[due]]
+        if len(rows):
+            self.begun[rows] |= not self._is_offered
+            self._unsettled[rows] += 1
+            self.settled[rows] = np.nan
+            monitor = specification.monitor(len(rows), self.is_continued)
+            self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
 
     def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
         """End the evaluation of rows that are no longer present."""
@@ -316,7 +329,7 @@ class SpecificationMonitor:
                 gone = cohort.select(~here) if here.any() else cohort
                 gone.monitor.finish()
                 self._take(gone, decisions)
-                self._ended.add(gone, self.specification.interval)
+                self._close(gone)
         self.cohorts = remaining
 
     def _take(self, cohort: Cohort, decisions: list[Decision]) -> None:
@@ -329,7 +342,10 @@ class SpecificationMonitor:
                 self._exact.append(Exact(times, rows, values))
                 self.robustness[rows] = values[-1]
             if first == 0:
-                self.settled[rows] = np.fmin(self.settled[rows], values[0])
+                is_known = ~np.isnan(values[0])
+                self._unsettled[rows] -= is_known
+                self._least[rows] = np.fmin(self._least[rows], values[0])
+                self.settled[rows] = np.where(self._unsettled[rows] == 0, self._least[rows], np.nan)
         if self._is_offered:
             # What is offered is about the instant at which it begins alone.
             known = rows[self.begun[rows] & np.isnan(self.robustness[rows]) & ~np.isnan(self.settled[rows])]
@@ -342,7 +358,7 @@ class SpecificationMonitor:
             changed &= self.begun[rows]
         if changed.any():
             if self.specification.explains:
-                found = [self._decision(cohort, place) for place in np.flatnonzero(changed).tolist()]
+                found = self._decisions(cohort, np.flatnonzero(changed))
                 decisions += found
                 self.decisions += found
             cohort.told = np.where(changed, verdicts, cohort.told)
@@ -353,7 +369,7 @@ class SpecificationMonitor:
         if not self.begins and not self._is_offered:
             for cohort in self.cohorts:
                 if cohort.told.all():
-                    self._ended.add(cohort, interval)
+                    self._close(cohort)
             self.cohorts = [cohort for cohort in self.cohorts if not cohort.told.all()]
         outcome = self._ended.copy()
         for cohort in self.cohorts:
@@ -367,15 +383,48 @@ class SpecificationMonitor:
         """Whether the verdicts of an offered cohort, and their robustness, are known."""
         return self._is_offered and isinstance(cohort.monitor, Monitor) and cohort.monitor.is_complete
 
-    def _decision(self, cohort: Cohort, place: int) -> Decision:
+    def _close(self, cohort: Cohort) -> None:
+        """Keep the results of a cohort that is no longer evaluated."""
+        self._ended.add(cohort, self.specification.interval)
+        if self.specification.explains:
+            every = np.arange(len(cohort.rows))
+            for row, bound, decision in self._bounds(cohort, every):
+                if row not in self._explained or bound < self._explained[row][0]:
+                    self._explained[row] = bound, decision
+
+    def _explanation(self, row: int) -> Decision | None:
+        """Return what accounts for the robustness of a row, or for the upper bound of it; None if that was not kept."""
+        found = [(row, *self._explained[row])] if row in self._explained else []
+        if self.specification.explains:
+            for cohort in self.cohorts:
+                found += self._bounds(cohort, np.flatnonzero(cohort.rows == row))
+        known = self.upper[row] if np.isnan(self.settled[row]) else self.settled[row]
+        return next((decision for _, bound, decision in found if bound == known), None)
+
+    def _bounds(self, cohort: Cohort, places: NDArray[np.intp]) -> list[tuple[int, float, Decision]]:
+        """Return rows of a cohort with the upper bound of their robustness and what accounts for it, where known."""
+        found = []
+        for place, reason in zip(places.tolist(), cohort.monitor.reasons(places, side=1), strict=True):
+            if reason is not None:
+                bound = float(plain(np.asarray(reason.value)))
+                found.append((int(cohort.rows[place]), bound, self._decision(cohort, place, reason)))
+        return found
+
+    def _decisions(self, cohort: Cohort, places: NDArray[np.intp]) -> list[Decision]:
+        """Return the verdicts of rows of a cohort that were just decided."""
+        every = cohort.monitor.reasons(places)
+        return [self._decision(cohort, place, each) for place, each in zip(places.tolist(), every, strict=True)]
+
+    def _decision(self, cohort: Cohort, place: int, reason: Reason | None) -> Decision:
         specification = self.specification
-        reason, tree = cohort.monitor.reason(place), specification.formulation.tree
+        tree = specification.formulation.tree
         satisfied = bool(cohort.monitor.verdict[place] > 0)
         agents = specification.scope.agents(int(cohort.rows[place]))
-        if reason is None:
-            # No single sample decides a path through an automaton, and an empty run has none.
+        if reason is None or reason.predicate is None:
+            # No single sample decides a path through an automaton, and an operator may be about no instant.
             now = self._now if specification.automaton is not None else None
-            return Decision(specification.name, agents, satisfied, "", specification.text, now, np.inf, satisfied)
+            formula = specification.text if reason is None else printed(subformula(tree, reason.path))
+            return Decision(specification.name, agents, satisfied, "", formula, now, np.inf, satisfied)
         instant = cohort.start + reason.instant * self._time_step
         return Decision(
             specification=specification.name,

@@ -7,11 +7,12 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from symaware_cli.specification.node import Span
+from symaware_cli.specification.notation import foreign_sign
 
 _TOKEN = re.compile(
     r"(?P<space>\s+)"
     r"|(?P<number>(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][-+]?\d+)?)"
-    r"|(?P<word>[^\W\d]\w*)"
+    r"|(?P<word>weak\s+next\b|[^\W\d]\w*)"
     r"|(?P<text>\"[^\"\n]*\"|'[^'\n]*')"
     r"|(?P<operator>\*\*|<=|>=|==|!=|[-+*/%<>()\[\],.])"
 )
@@ -26,14 +27,35 @@ class ExpressionError(ValueError):
         end: Its end.
         names: Valid names, if an unknown name is the problem.
         name: The unknown name, if any.
+        correction: The text to write in place of the faulty part; None if that is not known.
     """
 
-    def __init__(self, problem: str, span: Span, name: str = "", names: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        problem: str,
+        span: Span,
+        name: str = "",
+        names: Collection[str] = (),
+        correction: str | None = None,
+        *,
+        quotes: bool = False,
+    ) -> None:
+        """Initialise.
+
+        Args:
+            problem: What is wrong, in one sentence.
+            span: The faulty part of the text.
+            name: The unknown name, if any.
+            names: Valid names, if an unknown name is the problem.
+            correction: The text to write in place of the faulty part.
+            quotes: Whether the span includes quotes around the name, which is narrowed to the name.
+        """
         super().__init__(problem)
         self.problem = problem
-        self.start, self.end = span
+        self.start, self.end = (span[0] + 1, span[1] - 1) if quotes else span
         self.name = name
         self.names = sorted(names)
+        self.correction = correction
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,27 +81,21 @@ def tokens(text: str) -> Iterator[Token]:
     """
     position = 0
     while position < len(text):
-        match = None if text.startswith("->", position) else _TOKEN.match(text, position)
+        foreign = foreign_sign(text, position)
+        match = _TOKEN.match(text, position)
+        if foreign is not None and (match is None or len(match.group()) < foreign.length):
+            raise ExpressionError(foreign.problem, foreign.span, correction=foreign.correction)
         if match is None:
             raise ExpressionError(*_unknown(text, position))
         if match.lastgroup != "space":
-            yield Token(str(match.lastgroup), match.group(), match.span())
+            yield Token(str(match.lastgroup), " ".join(match.group().split()), match.span())
         position = match.end()
     yield Token("end", "", (len(text), len(text)))
 
 
 def _unknown(text: str, position: int) -> tuple[str, Span]:
     """Describe a character that begins no token, and return its span."""
-    character, rest = text[position], text[position : position + 2]
-    one = (position, position + 1)
+    character = text[position]
     if character in "\"'":
         return "the text in quotes does not end", (position, len(text))
-    if rest in ("&&", "||"):
-        return f"write `{'and' if rest == '&&' else 'or'}` instead of `{rest}`", (position, position + 2)
-    if rest == "->":
-        return "write `implies` instead of `->`", (position, position + 2)
-    if character == "!":
-        return "write `not` instead of `!`", one
-    if character == "=":
-        return "write `==` to compare, instead of `=`", one
-    return f"{character!r} has no meaning in an expression", one
+    return f"{character!r} has no meaning in an expression", (position, position + 1)

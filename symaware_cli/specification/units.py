@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import TypeAlias
 
+from symaware_cli.specification.columns import FUNCTIONS
 from symaware_cli.specification.node import (
     Arithmetic,
     Call,
@@ -29,9 +30,6 @@ from symaware_cli.specification.token import ExpressionError
 Unit: TypeAlias = Mapping[str, Fraction]
 
 _FACTOR = re.compile(r"([A-Za-zµ°%]+)(?:\^?(-?\d+))?")
-_SAME = ("abs", "max", "min", "norm", "wrap")
-#: Functions that return a dimensionless number.
-_PURE = ("cos", "count", "sin")
 
 
 def unit_of(text: str) -> Unit | None:
@@ -99,13 +97,12 @@ def _unit(node: Node, units: Mapping[str, str]) -> Unit | None:
             return _common([_unit(left, units), _unit(right, units)], node, "this combines")
         case Call(function=function, arguments=arguments):
             given = [_unit(each, units) for each in arguments]
-            if function in _SAME or function == "distance":
+            unit = FUNCTIONS[function].unit
+            if unit == "same":
                 return _common(given, node, f"{function}(...) takes")
-            if function == "signed_distance":
-                return unit_of("m")
-            if function == "sqrt" and given[0] is not None:
-                return {name: each / 2 for name, each in given[0].items()}
-            return {} if function in _PURE else None
+            if unit == "root":
+                return None if given[0] is None else {name: each / 2 for name, each in given[0].items()}
+            return unit_of(unit)
     return None
 
 

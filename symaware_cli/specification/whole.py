@@ -83,6 +83,8 @@ class _Evaluation:
                 if formula.last is None:
                     return self._to_the_end(operand, formula.first, ufunc, neutral, open_side)
                 return self._ahead(operand, formula.first, formula.last, ufunc)
+            case stl.Next():
+                return self._next(self.bounds(formula.operand), formula.weak)
             case stl.Historically() | stl.Once():
                 ufunc, neutral, _ = _extremum(formula)
                 return self._ago(self.bounds(formula.operand), formula.first, formula.last, ufunc, neutral)
@@ -100,6 +102,17 @@ class _Evaluation:
     def _ahead(self, operand: Bounds, first: int, last: int, ufunc: np.ufunc) -> Bounds:
         length = max(len(operand.values) - first, 0)
         return Bounds(sliding(ufunc, operand.upto(length + last)[first:], last - first + 1)[:length], operand.beyond)
+
+    def _next(self, operand: Bounds, weak: bool) -> Bounds:
+        """Shift by an instant. A run that has not ended may end with any instant from the last known one on."""
+        length = max(len(operand.values) - 1, self.instants)
+        values, beyond = operand.upto(length + 1)[1:].copy(), operand.beyond.copy()
+        neutral, last = np.inf if weak else -np.inf, max(self.instants - 1, 0)
+        if self.ended:
+            values[last : self.instants] = neutral
+        else:
+            values[last:, int(weak)] = beyond[int(weak)] = neutral
+        return Bounds(values, beyond)
 
     def _to_the_end(self, operand: Bounds, first: int, ufunc: np.ufunc, neutral: float, open_side: int) -> Bounds:
         """Evaluate a window to the end of the run, which may come now or never: each bound is the worse of the two."""

@@ -9,6 +9,8 @@ counter, which identifies the drawing agent and the other one. So a thousand age
 generators are created at the start. BLAKE2b is used because Python's own hash differs between processes.
 Philox-4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3",
 SC 2011.
+
+Reasons: docs/decisions/0018-chance-by-purpose.md
 """
 
 from __future__ import annotations

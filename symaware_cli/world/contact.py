@@ -17,6 +17,7 @@ class Contact:
         impulse: The impulse in the step in which the contact begins, along its normal [N s]; 0 in worlds without
             forces, and at the end.
         begins: Whether the contact begins; False if it ends.
+        resumes: Whether it begins so soon after its end that both belong to one episode.
     """
 
     first: str
@@ -25,3 +26,4 @@ class Contact:
     depth: float
     begins: bool = True
     impulse: float = 0.0
+    resumes: bool = False

@@ -9,8 +9,7 @@ from typing import Annotated
 
 from pydantic import Field, field_validator, model_validator
 
-from symaware_cli.geometry.path import Pose, ScriptedPath
-from symaware_cli.geometry.shape import LARGEST, Number, Position, Shape, StrictModel, footprint
+from symaware_cli.geometry import LARGEST, Number, Pose, Position, ScriptedPath, Shape, StrictModel, footprint
 
 Mass = Annotated[float, Field(gt=0, le=LARGEST)]
 

@@ -56,3 +56,20 @@ class Plugin:
 
     def __init__(self, parameters: BaseModel | None = None) -> None:
         self.parameters = self.Parameters() if parameters is None else parameters
+
+    def check_scenario(self, view: Any) -> None:
+        """Check the whole scenario before a run; called once for each section that uses the plugin.
+
+        Args:
+            view: A `symaware_cli.ScenarioView`: the other plugins with their timing, the groups, links and
+                specifications. What is wrong is reported to it, and so is located in the file.
+        """
+
+    def find_warnings(self, view: Any) -> None:
+        """Look for what is valid and probably not meant.
+
+        It is called when a valid scenario is validated, and not before a run, so it may take a second.
+
+        Args:
+            view: As of `check_scenario`; warnings are given to it.
+        """

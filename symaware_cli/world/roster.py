@@ -1,4 +1,7 @@
-"""Rosters: all agents of a world, in an order that does not depend on the order in the scenario."""
+"""Rosters: all agents of a world, in an order that does not depend on the order in the scenario.
+
+Reasons: docs/decisions/0005-agent-ids-and-the-roster.md
+"""
 
 from __future__ import annotations
 

@@ -1,16 +1,21 @@
 """The state of a simulation, taken and put back."""
 
+import hashlib
 import os
 import subprocess
 import sys
+import zlib
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from checkout import CHECKOUT
 
 import symaware_cli as sa
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
+SCENARIOS = CHECKOUT / "scenarios"
 
 #: Shipped scenarios of a world without a physics engine, and a step at which to take their state.
 KINEMATIC = {
@@ -50,6 +55,25 @@ def test_a_simulation_goes_on_from_its_state_as_if_nothing_had_come_between(name
         simulation.step(8)
         assert np.array_equal(simulation.state(next(iter(simulation.groups))), whole)
     assert messages(tmp_path / "again.mcap") == messages(tmp_path / "whole.mcap")
+
+
+@pytest.mark.parametrize("name", ["hello", *(pytest.param(each, marks=pytest.mark.slow) for each in KINEMATIC)])
+@pytest.mark.parametrize("steps", [1, 4])
+def test_restoring_the_state_at_the_start_is_a_reset_with_all_messages(name: str, steps: int, tmp_path: Path) -> None:
+    scenario = sa.load(SCENARIOS / f"{name}.yaml")
+    with scenario.start(output=tmp_path / "whole.mcap") as simulation:
+        simulation.step(6)
+    with scenario.start(output=tmp_path / "again.mcap") as simulation:
+        state = simulation.capture()
+        for _ in range(2):
+            simulation.step(steps)
+            simulation.restore(state)
+        simulation.step(6)
+    assert messages(tmp_path / "again.mcap") == messages(tmp_path / "whole.mcap")
+    with scenario.start(output=tmp_path / "fresh.mcap") as simulation:
+        simulation.restore(sa.SimulationState.from_bytes(state.to_bytes()))
+        simulation.step(6)
+    assert messages(tmp_path / "fresh.mcap") == messages(tmp_path / "whole.mcap")
 
 
 @pytest.mark.parametrize("name", ["billiards", "drones"])
@@ -139,6 +163,84 @@ def test_bytes_that_are_no_state_are_refused(path: Path) -> None:
         sa.SimulationState.from_bytes(b"something else")
     with pytest.raises(sa.StateError, match="damaged"):
         sa.SimulationState.from_bytes(data[:-20])
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_bytes_that_were_changed_are_refused_with_one_kind_of_error(seed: int, changed: bytes) -> None:
+    chance = np.random.default_rng(seed)
+    data = bytearray(changed)
+    match seed % 3:
+        case 0:
+            data[int(chance.integers(len(data)))] ^= 1 << int(chance.integers(8))
+        case 1:
+            place = int(chance.integers(len(data)))
+            data[place:place] = chance.bytes(3)
+        case 2:
+            del data[int(chance.integers(len(data))) :]
+    with pytest.raises(sa.StateError):
+        sa.SimulationState.from_bytes(bytes(data))
+
+
+@pytest.fixture(scope="module")
+def changed() -> bytes:
+    """The bytes of a state that are to be changed."""
+    with sa.load(SCENARIOS / "hello.yaml").start() as simulation:
+        return simulation.capture().to_bytes()
+
+
+@pytest.mark.parametrize("seed", [*range(6), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(6, 200))])
+def test_a_forged_state_is_refused_or_restored_and_restoring_raises_nothing_else(seed: int) -> None:
+    chance, scenario = np.random.default_rng(seed), sa.load(SCENARIOS / "hello.yaml", {"run.duration": 1.0})
+    raised: list[Exception | None] = []
+    # What a forged state contains may end a run in any way, once it was restored.
+    with suppress(Exception), scenario.start() as simulation:
+        state = simulation.capture()
+        entries = [(kind, name, [*contents]) for kind, name, contents in state.entries]
+        for _ in range(3):
+            kind, name, contents = entries[number := int(chance.integers(len(entries)))]
+            match int(chance.integers(4)):
+                case 0:
+                    kind = str(chance.choice(["object", "list", "array", "view", "method", "function", "odd"]))
+                case 1:
+                    name = str(chance.choice(["", "os:system", "builtins:eval", "numpy:ndarray", "x"]))
+                case 2 if contents:
+                    contents[int(chance.integers(len(contents)))] = (int(chance.integers(len(entries))),)
+                case _:
+                    del contents[int(chance.integers(len(contents) + 1)) :]
+            entries[number] = kind, name, contents
+        forged = replace(state, entries=entries)
+        try:
+            simulation.restore(sa.SimulationState.from_bytes(forged.to_bytes()))
+            raised.append(None)
+        except sa.StateError:
+            raised.append(None)
+        except Exception as error:
+            raised.append(error)
+    assert raised == [None]
+
+
+def test_bytes_that_would_expand_without_limit_are_refused() -> None:
+    with sa.load(SCENARIOS / "hello.yaml").start() as simulation:
+        magic = simulation.capture().to_bytes()[: len(b"SymAware state 2\n")]
+    packing = zlib.compressobj(9)
+    packed = b"".join(packing.compress(bytes(2**24)) for _ in range(20)) + packing.flush()
+    assert len(packed) < 2**20
+    with pytest.raises(sa.StateError, match="larger than 268,435,456 bytes"):
+        sa.SimulationState.from_bytes(magic + hashlib.sha256(packed).digest() + packed)
+
+
+@pytest.mark.parametrize("name", ["hello", "patrol"])
+def test_a_state_captured_with_a_log_can_be_restored_without_one(name: str, tmp_path: Path) -> None:
+    scenario = sa.load(SCENARIOS / f"{name}.yaml", {"run.duration": 1.0})
+    with scenario.start(output=tmp_path / "run.mcap") as simulation:
+        simulation.step(3)
+        state = simulation.capture()
+        simulation.step(5)
+        ends = {group: simulation.state(group) for group in simulation.groups}
+    with scenario.start() as simulation:
+        simulation.restore(state)
+        simulation.step(5)
+        assert all(np.array_equal(simulation.state(group), end) for group, end in ends.items())
 
 
 def test_a_run_that_is_over_has_no_state_to_take(path: Path) -> None:

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from checkout import CHECKOUT
 from numpy.typing import ArrayLike
 from simulating import Command, present
 
 import symaware_cli as sa
 from symaware_cli import Event, Scenario
 from symaware_cli.api.scenario import Mode
-from symaware_cli.recording.digest import digest
+from symaware_cli.log.digest import digest
 
 
 @pytest.fixture
@@ -123,7 +124,7 @@ def test_control_from_outside_replaces_the_controller_until_it_is_given_back(sce
         simulation.step()
         assert simulation.control("robot.1").tolist() != [0.0, 2.0]
     log = sa.open_log("a.mcap")
-    requested, applied = log.series("robot.1", "control_requested"), log.series("robot.1", "control")
+    requested, applied = log.series("robot.1", "requested_control"), log.series("robot.1", "applied_control")
     assert [requested.values[np.searchsorted(requested.times, 50_000_000 * step)].tolist() for step in (1, 10)] == [
         [0.0, 2.0]
     ] * 2
@@ -143,8 +144,8 @@ def test_the_model_limits_control_from_outside(scenario: Scenario) -> None:
         simulation.set_control("robot.0", [99.0, 0.0])
         simulation.step()
     log = sa.open_log("a.mcap")
-    assert log.series("robot.0", "control_requested").values[0].tolist() == [99.0, 0.0]
-    assert log.series("robot.0", "control").values[-1].tolist() == [3.0, 0.0]
+    assert log.series("robot.0", "requested_control").values[0].tolist() == [99.0, 0.0]
+    assert log.series("robot.0", "applied_control").values[-1].tolist() == [3.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -193,7 +194,8 @@ def test_who_leaves_early_has_a_log_that_is_finished_and_ends_with_the_last_stat
     assert simulation.result.status == "interrupted"
     log = sa.open_log("a.mcap")
     assert log.verify() is None
-    assert log.outcome == {"status": "interrupted", "steps": 5, "time": 250_000_000}
+    outcome = {"status": "interrupted", "steps": 5, "time": 250_000_000, "specifications": []}
+    assert log.outcome == {**outcome, "evaluated": 200_000_000, "complete": False}
     assert (log.series("robot", "world").values[-1] == simulation.state("robot")).all()
     assert len(log.series("robot", "world").times) == 6
 
@@ -276,7 +278,7 @@ def test_what_is_shown_tells_where_it_stands(scenario: Scenario) -> None:
 
 
 def test_a_signal_of_a_component_is_read_like_a_part_of_awareness() -> None:
-    with sa.load(Path(__file__).parents[2] / "scenarios" / "market.yaml").start() as simulation:
+    with sa.load(CHECKOUT / "scenarios" / "market.yaml").start() as simulation:
         assert np.isnan(simulation.awareness("robot", "keep.barrier")).all()
         simulation.step(2)
         assert np.isfinite(simulation.awareness("robot", "keep.barrier")).all()

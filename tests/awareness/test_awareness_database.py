@@ -9,9 +9,9 @@ from simulating import Team, execute, simulation
 
 from symaware_cli import AwarenessVector, Component, PerceptionSystem, TimeSeries
 from symaware_cli.awareness.tracks import Tracks
-from symaware_cli.components.perception import OmniscientPerception, SelfPerception
-from symaware_cli.models.integrator import DoubleIntegrator
-from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.engine.components.perception import OmniscientPerception, SelfPerception
+from symaware_cli.engine.models.integrator import DoubleIntegrator
+from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.world.snapshot import StatesById
 
 

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from simulating import untyped
 
 from symaware_cli import TimeSeries
-from symaware_cli.awareness.column import Column, SeriesColumn, TableColumn
+from symaware_cli.awareness.column import Column, TableColumn
+from symaware_cli.awareness.series_column import SeriesColumn
+from symaware_cli.awareness.value_range import ValueRange
 from symaware_cli.world.arrays import is_finite
 
 operations = st.lists(
@@ -91,9 +93,31 @@ def test_a_vector_of_another_length_is_refused() -> None:
         column.values = np.zeros((3, 2))
 
 
-def test_rows_with_nan_or_infinity_are_found() -> None:
+def test_rows_with_nan_or_infinity_are_found_once() -> None:
     column = Column([[1.0, 2.0], [np.nan, 0.0], [0.0, -np.inf], [1e200, 1e200]])
-    assert column.rows_beyond(1e308) == [1, 2]
+    assert column.take_beyond() == [1, 2]
+    assert column.take_beyond() == []
+    column.set_row(2, [np.inf, 0.0])
+    assert column.take_beyond() == [2]
+
+
+@pytest.mark.parametrize(
+    ("bounds", "beyond"),
+    [
+        (ValueRange(), [1, 2]),
+        (ValueRange(nan=True), [2]),
+        (ValueRange(infinity=True), [1]),
+        (ValueRange(1e100), [1, 2, 3]),
+    ],
+)
+def test_bounds_tell_which_numbers_may_be_written(bounds: ValueRange, beyond: list[int]) -> None:
+    values = np.array([[1.0, 2.0], [np.nan, 0.0], [0.0, -np.inf], [1e200, 1e200]])
+    column = Column(np.zeros((4, 2)), bounds)
+    column.values = values
+    assert column.take_beyond() == beyond
+    column.values = values
+    column.restore([1], np.zeros((4, 2)))
+    assert column.take_beyond() == [row for row in beyond if row != 1]
 
 
 # Kernels of BLAS take up to 32 elements at once, so what they do with the rest shows in lengths beyond that.

@@ -17,7 +17,7 @@ from simulating import Team, present, simulate
 from talking import Setting
 
 from symaware_cli import Agent, AgentGroup, AwarenessVector, Component, KnowledgeDatabase, TimeSeries, open_log
-from symaware_cli.components.communication.equality import same
+from symaware_cli.engine.components.communication.equality import same
 
 CHANGES: dict[str, tuple[Any, Callable[[Any], object]]] = {
     "append to a list": ([1], lambda known: known.append(2)),

@@ -12,8 +12,8 @@ from symaware_cli import Signal
 from symaware_cli.awareness.awareness import SelfAwareness
 from symaware_cli.awareness.readonly import readonly
 from symaware_cli.core import PARTS, AwarenessDatabase, AwarenessVector, GroupAwareness, Part, Quantity, TimeSeries
-from symaware_cli.recording.fields import signal_metadata, signal_of, signal_topic
-from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.log.fields import signal_metadata, signal_of, signal_topic
+from symaware_cli.log.index import ChannelInfo
 
 PLACES = (Quantity("x", "m"), Quantity("y", "m"))
 POINTS = Signal("points", "table", PLACES, "points", "in the world")

@@ -34,8 +34,13 @@ def test_help_names_every_verb_and_exit_status(command: Command) -> None:
     assert {command("run", option).stdout for option in ("-h", "--help")} == {command("run", "-h").stdout}
 
 
-LIGHT = ["numpy", "scipy", "pydantic", "mcap", "yaml", "symaware_cli.scenario"]
-LOG = ["mcap", "zstandard", "google.protobuf", "symaware_cli.recording.writer", "symaware_cli.recording.reader"]
+LIGHT = ["numpy", "scipy", "pydantic", "mcap", "yaml", "symaware_cli.language"]
+LOG = ["mcap", "zstandard", "google.protobuf", "symaware_cli.log.writer", "symaware_cli.log.reader"]
+RUNNING = [
+    "symaware_cli.engine.runtime.run",
+    "symaware_cli.engine.runtime.workers",
+    "symaware_cli.engine.runtime.scheduler",
+]
 HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybullet", "networkx", "rich"]
 
 
@@ -44,15 +49,22 @@ HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybulle
     [
         (["--version"], [*LIGHT, "typer"]),
         (["--help"], LIGHT),
-        (["validate", "hello.yaml"], [*HEAVY, *LOG, "symaware_cli.runtime.run", "symaware_cli.runtime.workers"]),
-        (["run", "hello.yaml", "--output", "hello.mcap"], [*HEAVY, "symaware_cli.recording.reader"]),
+        (["validate", "hello.yaml"], [*HEAVY, *LOG, *RUNNING, "symaware_cli.engine.faults"]),
+        (
+            ["run", "hello.yaml", "--output", "hello.mcap"],
+            [*HEAVY, "symaware_cli.log.reader", "symaware_cli.engine.faults"],
+        ),
+        (
+            ["validate", "errands.yaml"],
+            [*LOG, *RUNNING, "symaware_cli.engine.faults.replace", "symaware_cli.engine.faults.blind"],
+        ),
     ],
-    ids=lambda value: value[0],
+    ids=lambda value: " ".join(value[:2]),
 )
 def test_a_verb_imports_nothing_heavy_that_it_does_not_need(
     line: list[str], unneeded: list[str], scenarios: Path, tmp_path: Path
 ) -> None:
-    line = [str(scenarios / word) if word == "hello.yaml" else word for word in line]
+    line = [str(scenarios / word) if word in ("hello.yaml", "errands.yaml") else word for word in line]
     code = (
         f"import sys; sys.argv = ['symaware', *{line!r}]\ntry:\n from symaware_cli.cli import main; main()\nfinally:\n"
     )
@@ -79,6 +91,8 @@ def test_a_verb_imports_nothing_heavy_that_it_does_not_need(
         ["show", "nonsense"],
         ["list", "nonsense"],
         ["inspect"],
+        ["log", "evnts", "x.mcap"],
+        ["rows"],
         ["new"],
         ["new", "a/b"],
         ["--nonsense"],

@@ -2,7 +2,6 @@
 
 import os
 import random
-import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,9 +16,9 @@ from fuzzing.anatomy import put_together, take_apart
 from fuzzing.log_verbs import DRAWING, QUICK, VERBS, called
 from fuzzing.oddities import BILLION_LAUGHS, NAMES, document
 from symaware_cli import open_log
-from symaware_cli.recording.writer import LogWriter
+from symaware_cli.log.writer import LogWriter
 
-SAVING = tuple(verb for verb in VERBS if not verb.startswith("inspect"))
+SAVING = tuple(verb for verb in VERBS if not verb.startswith(("inspect", "log")))
 """These write what was asked for."""
 
 verbs = pytest.mark.parametrize("verb", VERBS)
@@ -90,7 +89,7 @@ def test_a_sound_log_is_no_trouble(
     (tmp_path / "log.mcap").write_bytes(real)
     outcome = attempt(verb, tmp_path / "log.mcap")
     assert outcome.status == 0, outcome.trouble
-    assert bool(outcome.files) == (not verb.startswith("inspect"))
+    assert bool(outcome.files) == (not verb.startswith(("inspect", "log")))
 
 
 def cut(verb: str, attempt: Callable[[str, Path], Outcome], real: bytes, path: Path, count: int) -> None:
@@ -171,11 +170,11 @@ def not_a_log(folder: Path, kind: str) -> Path:
     ("kind", "sentence"),
     [
         ("missing", "there is no file"),
-        ("folder", "it is not a file"),
+        ("folder", "it is not a file|is a folder, not a log"),
         ("pipe", "it is not a file"),
         ("device", "it is not a file"),
         ("below a file", "part of its path is not a folder"),
-        ("loop", "symbolic links"),
+        ("loop", "its links lead in a circle"),
         ("long name", "too long"),
         ("empty", "is empty"),
         ("magic", "is not a log: it breaks off in its first record"),
@@ -190,7 +189,7 @@ def test_what_is_no_log_of_ours_is_wrong_input(
 ) -> None:
     outcome = attempt(verb, not_a_log(tmp_path, kind))
     assert outcome.status == 2
-    assert sentence in outcome.output + outcome.trouble
+    assert any(each in outcome.output + outcome.trouble for each in sentence.split("|"))
 
 
 NEEDING_A_MANIFEST = ("merge", "replay", "plot", "export csv", "export parquet", "export foxglove")
@@ -227,7 +226,7 @@ def test_attachments_that_nobody_should_read_harm_no_verb(
         assert outcome.status == (2 if "geometry.json" in outcome.trouble else 0), outcome.trouble
 
 
-@pytest.mark.parametrize("verb", [*QUICK, "inspect --digest", "export csv", "run"])
+@pytest.mark.parametrize("verb", [*QUICK, "log digest", "export csv", "run"])
 def test_attachments_may_be_called_anything(verb: str, real: bytes, tmp_path: Path) -> None:
     log, folder = tmp_path / "log.mcap", tmp_path / "written"
     hostile = take_apart(real)
@@ -243,20 +242,17 @@ def test_attachments_may_be_called_anything(verb: str, real: bytes, tmp_path: Pa
     assert sorted(os.listdir(tmp_path)) == ["log.mcap", "written"]
 
 
-@pytest.mark.parametrize("verb", ["inspect", "recover"])
+@pytest.mark.usefixtures("ordinary_rights")
+@verbs
 def test_a_log_that_one_may_not_read_is_wrong_input(verb: str, real: bytes, tmp_path: Path) -> None:
-    """Root may read anything, so it tries as nobody."""
     path = tmp_path / "log.mcap"
     path.write_bytes(real)
     path.chmod(0)
-    somebody: dict[str, Any] = {"user": 65534, "group": 65534, "extra_groups": []} if os.geteuid() == 0 else {}
-    line = [*COMMAND, *map(str, VERBS[verb](path, Path("/tmp")))]
-    try:
-        done = subprocess.run(line, cwd="/", capture_output=True, text=True, timeout=60, check=False, **somebody)
-    except PermissionError:
-        pytest.skip("nobody may run this Python")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == f"symaware: cannot read the log {path}: permission denied\n"
+    line = VERBS[verb](path, tmp_path)
+    status, output, trouble = called(line)
+    assert status == 2
+    assert f"cannot read the log {path}: permission denied" in output + trouble
+    assert os.listdir(tmp_path) == ["log.mcap"]
 
 
 FOREIGN: dict[str, dict[str, Any]] = {

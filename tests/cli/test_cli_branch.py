@@ -4,13 +4,14 @@ import csv
 import json
 from pathlib import Path
 
+from checkout import CHECKOUT
 from typer.testing import CliRunner
 
 from symaware_cli.cli.application import application
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
+SCENARIOS = CHECKOUT / "scenarios"
 SPEED = "agents.robot.components.steer.with.speed"
 
 

@@ -5,14 +5,15 @@ import shutil
 from pathlib import Path
 
 import pytest
+from checkout import CHECKOUT
 from mcap.opcode import Opcode
 from typer.testing import CliRunner
 
 from symaware_cli.cli.application import application
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
+SCENARIOS = CHECKOUT / "scenarios"
 
 
 def check(*arguments: object) -> tuple[int, str, str]:

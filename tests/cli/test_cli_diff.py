@@ -9,14 +9,15 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from checkout import CHECKOUT
 from typer.testing import CliRunner
 
 from symaware_cli import sweep
 from symaware_cli.cli.application import application
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
 
-HELLO = Path(__file__).parents[2] / "scenarios" / "hello.yaml"
+HELLO = CHECKOUT / "scenarios" / "hello.yaml"
 
 
 def diff(*arguments: object) -> tuple[int, str, str]:

@@ -17,9 +17,9 @@ from pyarrow import parquet
 from sample_log import write_sample
 from simulating import COMMAND, Command, present, untyped
 
-from symaware_cli.recording.writer import LogWriter
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.log.writer import LogWriter
 
 TARGETS = ["parquet", "csv", "foxglove"]
 
@@ -90,7 +90,7 @@ def test_foxglove_gets_one_file(log: Path, command: Command, tmp_path: Path) -> 
         (("--format", "csv", "--agents", "robt.1"), "did you mean `robot.1`?"),
         (("--format", "csv", "--from", "2", "--to", "1"), "--from 2 is later than --to 1"),
         (("--format", "csv", "--from", "nan"), "--from takes a time in seconds"),
-        (("--format", "foxglove", "--agents", "robot.1"), "--agents goes with tables only"),
+        (("--format", "foxglove", "--agents", "robot.1"), "--agents does not go with foxglove"),
         (("--format", "foxglove", "--output", "hello.mcap"), "it is an input file"),
         (("--format", "csv", "--output", "."), "it is not an empty folder"),
     ],

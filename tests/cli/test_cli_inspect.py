@@ -1,4 +1,4 @@
-"""`symaware inspect`."""
+"""`symaware inspect` and `symaware log`."""
 
 import json
 from collections.abc import Callable
@@ -12,10 +12,10 @@ from typer.testing import CliRunner, Result
 
 from symaware_cli import open_log
 from symaware_cli.cli.application import application
-from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.digest import digest
-from symaware_cli.recording.repair import recover
-from symaware_cli.recording.writer import LogWriter
+from symaware_cli.log import symaware_v1_pb2 as v1
+from symaware_cli.log.digest import digest
+from symaware_cli.log.repair import recover
+from symaware_cli.log.writer import LogWriter
 
 
 @pytest.fixture
@@ -61,24 +61,24 @@ def test_a_gap_is_where_agents_are_not_told_of_and_not_where_an_entity_rests(
 
 
 def test_events_are_listed_for_people_and_for_tools(log: Path, command: Command) -> None:
-    done = command("inspect", log, "--events")
+    done = command("log", "events", log)
     assert done.returncode == 0
     assert done.stdout.splitlines()[0].split()[:4] == ["0.0000", "s", "INFO", "started"]
-    events = json.loads(command("inspect", log, "--events", "--json").stdout)
+    events = json.loads(command("log", "events", log, "--json").stdout)
     assert [events[0]["name"], events[-1]["name"]] == ["started", "finished"]
 
 
 def test_digests_are_those_of_the_library(log: Path, command: Command) -> None:
     expected = digest(open_log(log))
-    lines = command("inspect", log, "--digest").stdout.splitlines()
+    lines = command("log", "digest", log).stdout.splitlines()
     assert lines[-1] == f"{expected.combined}  combined"
-    assert json.loads(command("inspect", log, "--digest", "--json").stdout)["channels"] == expected.channels
+    assert json.loads(command("log", "digest", log, "--json").stdout)["channels"] == expected.channels
 
 
 def test_a_log_that_was_cut_off_is_told_with_exit_status_3_whatever_is_asked(log: Path, command: Command) -> None:
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    for options in ([], ["--json"], ["--events"], ["--digest"]):
-        done = command("inspect", log, *options)
+    for words in (["inspect"], ["inspect", "--json"], ["log", "events"], ["log", "digest"]):
+        done = command(*words, log)
         assert done.returncode == 3
         assert "breaks off" in done.stdout + done.stderr
 
@@ -96,6 +96,9 @@ def test_scripts_are_told_of_what_is_no_log_as_well(command: Command) -> None:
     assert json.loads(command("inspect", "missing.mcap", "--json").stdout)["error"] == "there is no file missing.mcap"
 
 
+VIEWS = ("events", "messages", "contacts", "series", "digest")
+
+
 @pytest.fixture
 def sample(tmp_path: Path) -> Path:
     """A log of three robots and a car with entries of every kind."""
@@ -104,10 +107,11 @@ def sample(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def inspect() -> Callable[..., Result]:
-    """Run `symaware inspect ARGUMENTS` in this process."""
+    """Run `symaware inspect ARGUMENTS` in this process, or `symaware log VIEW` if the first argument is a view."""
 
     def run(*arguments: object, status: int = 0) -> Result:
-        done = CliRunner().invoke(application, ["inspect", *map(str, arguments)])
+        words = ["log"] if str(arguments[0]) in VIEWS else ["inspect"]
+        done = CliRunner().invoke(application, [*words, *map(str, arguments)])
         assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
         assert done.exit_code == status, done.output
         return done
@@ -119,7 +123,7 @@ def test_events_are_filtered_by_agent_name_source_level_time_and_number(
     log: Path, inspect: Callable[..., Result]
 ) -> None:
     def times(*filters: object) -> list[float]:
-        return [event["time"] / 1e9 for event in json.loads(inspect(log, "--events", "--json", *filters).stdout)]
+        return [event["time"] / 1e9 for event in json.loads(inspect("events", log, "--json", *filters).stdout)]
 
     everything = times()
     assert times("--name", "contact") == [time for time in everything if 0 < time < 1]
@@ -133,25 +137,25 @@ def test_events_are_filtered_by_agent_name_source_level_time_and_number(
 
 
 def test_messages_are_listed_with_their_latency(sample: Path, inspect: Callable[..., Result]) -> None:
-    lines = inspect(sample, "--messages").stdout.splitlines()
+    lines = inspect("messages", sample).stdout.splitlines()
     assert lines[0] == '    0.1500 s  SENT       robot.0 to car  hello  {"text": "hello"}'
     assert lines[1] == "    0.2000 s  DELIVERED  robot.0 to car  hello  after 0.05 s"
     assert len(lines) == 8
-    entries = json.loads(inspect(sample, "--messages", "--json", "--stage", "delivered", "--agents", "car").stdout)
+    entries = json.loads(inspect("messages", sample, "--json", "--stage", "delivered", "--agents", "car").stdout)
     assert [entry["latency"] for entry in entries] == [50_000_000] * 4
-    assert json.loads(inspect(sample, "--messages", "--json", "--agents", "robot.1,robot.2").stdout) == []
-    assert len(json.loads(inspect(sample, "--messages", "--json", "--kind", "h*", "--from", "1.65").stdout)) == 2
+    assert json.loads(inspect("messages", sample, "--json", "--agents", "robot.1,robot.2").stdout) == []
+    assert len(json.loads(inspect("messages", sample, "--json", "--kind", "h*", "--from", "1.65").stdout)) == 2
 
 
 def test_contacts_are_listed_with_place_and_depth(sample: Path, inspect: Callable[..., Result]) -> None:
-    lines = inspect(sample, "--contacts").stdout.splitlines()
+    lines = inspect("contacts", sample).stdout.splitlines()
     assert lines[0] == "    0.1500 s  BEGIN  car and wall  at (1, 2) m, 0.1 m deep"
-    entries = json.loads(inspect(sample, "--contacts", "--json", "--limit", 2).stdout)
+    entries = json.loads(inspect("contacts", sample, "--json", "--limit", 2).stdout)
     assert [(entry["a"], entry["b"], entry["point"]) for entry in entries] == [("car", "wall", [1.0, 2.0])] * 2
 
 
 def test_a_series_is_a_table_with_units_and_extremes(sample: Path, inspect: Callable[..., Result]) -> None:
-    lines = inspect(sample, "--series", "robot.1:world", "--every", "0.5").stdout.splitlines()
+    lines = inspect("series", sample, "robot.1:world", "--every", "0.5").stdout.splitlines()
     assert lines[0].split() == ["time", "[s]", "x", "[m]", "y", "[m]", "heading", "[rad]"]
     assert [line.split()[0] for line in lines[1:5]] == ["0", "0.5", "1", "1.5"]
     values = open_log(sample).series("robot.1", "world").values
@@ -165,7 +169,7 @@ def test_a_series_is_a_table_with_units_and_extremes(sample: Path, inspect: Call
 
 
 def test_a_series_for_scripts_has_times_values_and_extremes(sample: Path, inspect: Callable[..., Result]) -> None:
-    found = json.loads(inspect(sample, "--series", "robot:state:y", "--from", "0.1", "--to", 0.2, "--json").stdout)
+    found = json.loads(inspect("series", sample, "robot:state:y", "--from", "0.1", "--to", 0.2, "--json").stdout)
     assert found["columns"] == ["robot.0 y", "robot.1 y", "robot.2 y"]
     assert found["units"] == ["m"] * 3
     assert found["times"] == [100_000_000, 150_000_000, 200_000_000]
@@ -173,13 +177,13 @@ def test_a_series_for_scripts_has_times_values_and_extremes(sample: Path, inspec
     assert found["values"] == series.values[2:5, :, 1].tolist()
     assert found["maximum"] == series.values[2:5, :, 1].max(axis=0).tolist()
     assert (
-        json.loads(inspect(sample, "--series", "robot:state:1", "--json", "--limit", 1).stdout)["columns"]
+        json.loads(inspect("series", sample, "robot:state:1", "--json", "--limit", 1).stdout)["columns"]
         == (found["columns"])
     )
 
 
 def test_a_series_without_values_is_an_empty_table(sample: Path, inspect: Callable[..., Result]) -> None:
-    lines = inspect(sample, "--series", "car:state", "--from", 1000).stdout.splitlines()
+    lines = inspect("series", sample, "car:state", "--from", 1000).stdout.splitlines()
     assert lines[-1] == "of 0 instants"
     assert lines[2].split() == ["minimum", "-", "-", "-"]
 
@@ -187,52 +191,44 @@ def test_a_series_without_values_is_an_empty_table(sample: Path, inspect: Callab
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ("--events --digest", "choose one of --events and --digest"),
-        ("--series car:state --contacts", "choose one of --contacts and --series"),
-        ("--kind hello", "--kind goes with --messages"),
-        ("--events --kind hello", "--kind goes with --messages"),
-        ("--messages --level info", "--level goes with --events"),
-        ("--digest --from 1", "--from goes with --events or --messages or --contacts or --series"),
-        ("--events --every 1", "--every goes with --series"),
-        ("--events --stage sent", "--stage goes with --messages or --contacts"),
-        ("--messages --stage begin", "--stage begin does not go with --messages; there are sent, delivered, dropped"),
-        ("--events --from 2 --to 1", "--from 2 is later than --to 1"),
-        ("--events --from nan", "--from takes a time in seconds, not nan"),
-        ("--series car:state --every 0", "--every takes a time above 0, not 0"),
-        ("--events --agents robto", "has no agent, group or entity 'robto'; did you mean `robot`?"),
-        ("--messages --agents robot.0,robot.3", "has no agent, group or entity 'robot.3'"),
-        ("--series robot", "a series is NAME:FIELD or NAME:FIELD:COLUMN"),
-        ("--series robto:state", "did you mean `robot`?"),
-        ("--series robot:staet", "did you mean `state`?"),
-        ("--series robot:state:headign", "there are x, y, heading; did you mean `heading`?"),
-        ("--series robot:state:3", "has no column '3'"),
-        ("--series car:risk", "has no risk of 'car' (no channel /agents/car/risk); there is state"),
+        ("events --from 2 --to 1", "--from 2 is later than --to 1"),
+        ("events --from nan", "--from takes a time in seconds, not nan"),
+        ("series car:state --every 0", "--every takes a time above 0, not 0"),
+        ("events --agents robto", "has no agent, group or entity 'robto'; did you mean `robot`?"),
+        ("messages --agents robot.0,robot.3", "has no agent, group or entity 'robot.3'"),
+        ("series robot", "a series is NAME:FIELD or NAME:FIELD:COLUMN"),
+        ("series robto:state", "did you mean `robot`?"),
+        ("series robot:staet", "did you mean `state`?"),
+        ("series robot:state:headign", "there are x, y, heading; did you mean `heading`?"),
+        ("series robot:state:3", "has no column '3'"),
+        ("series car:risk", "has no risk of 'car' (no channel /agents/car/risk); there is state"),
     ],
 )
 def test_what_cannot_be_shown_is_told_in_a_sentence(
     sample: Path, inspect: Callable[..., Result], options: str, sentence: str
 ) -> None:
-    done = inspect(sample, *options.split(), status=2)
+    view, *words = options.split()
+    done = inspect(view, sample, *words, status=2)
     assert sentence in done.stderr
     assert done.stdout == ""
     assert len(done.stderr.splitlines()) == 1
-    assert sentence in json.loads(inspect(sample, *options.split(), "--json", status=2).stdout)["error"]
+    assert sentence in json.loads(inspect(view, sample, *words, "--json", status=2).stdout)["error"]
 
 
 def test_filters_that_nothing_meets_are_no_failure_and_told_on_the_side(
     sample: Path, inspect: Callable[..., Result]
 ) -> None:
     for options in (["--name", "computd"], ["--source", "nowhere"], ["--from", "100"], ["--name", "failed"]):
-        done = inspect(sample, "--events", *options)
+        done = inspect("events", sample, *options)
         assert done.stdout == ""
         assert done.stderr.startswith("symaware: none of the events matches; there are computed")
         assert ("did you mean `computed`?" in done.stderr) == (options[1] == "computd")
-        assert json.loads(inspect(sample, "--events", *options, "--json").stdout) == []
-    assert "there are hello" in inspect(sample, "--messages", "--kind", "bye").stderr
+        assert json.loads(inspect("events", sample, *options, "--json").stdout) == []
+    assert "there are hello" in inspect("messages", sample, "--kind", "bye").stderr
 
 
 def test_a_list_of_nothing_says_that_there_is_nothing(log: Path, inspect: Callable[..., Result]) -> None:
-    done = inspect(log, "--messages")
+    done = inspect("messages", log)
     assert (done.stdout, done.stderr) == ("", f"symaware: {log} has no messages\n")
 
 
@@ -244,7 +240,7 @@ def test_a_damaged_entry_ends_the_list_with_a_sentence_and_the_array_stays_whole
         writer.add(channel, 0, v1.Event(name="good").SerializeToString())
         writer.add(channel, 1, v1.Event(name="bad", data="{").SerializeToString())
         writer.finish({})
-    done = inspect(writer.path, "--events", "--json", status=2)
+    done = inspect("events", writer.path, "--json", status=2)
     assert [event["name"] for event in json.loads(done.stdout)] == ["good"]
     assert f"the messages on /events in {writer.path} do not fit together: at 1 ns" in done.stderr
 
@@ -276,7 +272,8 @@ def test_of_somebody_elses_log_the_channels_are_shown_and_nothing_else(
     shown = inspect(path).stdout
     assert "not written by SymAware; only its channels can be shown" in shown
     assert "/world/robot/state" in shown
-    for options in (["--events"], ["--messages"], ["--contacts"], ["--series", "robot:world"]):
-        assert len(inspect(path, *options, status=2).stderr.splitlines()) == 1
-    assert "it has no events" in inspect(path, "--events", status=2).stderr
-    assert inspect(path, "--digest").stdout.endswith("combined\n")
+    for view in ("events", "messages", "contacts"):
+        assert len(inspect(view, path, status=2).stderr.splitlines()) == 1
+    assert len(inspect("series", path, "robot:world", status=2).stderr.splitlines()) == 1
+    assert "it has no events" in inspect("events", path, status=2).stderr
+    assert inspect("digest", path).stdout.endswith("combined\n")

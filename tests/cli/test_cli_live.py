@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import CHECKOUT
 
-from symaware_cli.viewing.viewer import Viewer, require, viewer
+from symaware_cli.views.viewer import Viewer, require, viewer
 
-SCENARIO = Path(__file__).parents[2] / "scenarios" / "hello.yaml"
+SCENARIO = CHECKOUT / "scenarios" / "hello.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +51,7 @@ def test_a_run_appears_in_the_viewer_and_its_log_is_that_of_any_other_run(screen
     assert json.loads(run.stdout)["status"] == "finished"
     assert 12_000_000_000 in ends_in_viewer(screen)
     assert done("run", SCENARIO, "-o", plain).returncode == 0
-    digests = [done("inspect", log, "--digest").stdout for log in (live, plain)]
+    digests = [done("log", "digest", log).stdout for log in (live, plain)]
     assert digests[0] == digests[1] != ""
 
 

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from plot_logs import YARD, log_of
 from simulating import Command, untyped
 
-from symaware_cli.recording.writer import LogWriter
+from symaware_cli.log.writer import LogWriter
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
+from checkout import CHECKOUT
 from simulating import Command
 
 
@@ -63,7 +64,7 @@ def test_a_model_is_shown_with_its_state_and_control_input(command: Command) -> 
 
 
 def test_the_knowledge_models_of_a_scenario_are_drawn(command: Command, tmp_path: Path) -> None:
-    scenarios = Path(__file__).parents[2] / "scenarios"
+    scenarios = CHECKOUT / "scenarios"
     shown = json.loads(command("show", scenarios / "door.yaml", "--output", "floor.svg", "--json").stdout)
     assert shown["models"] == {"floor": {"cells": 31, "transitions": 123}}
     assert "<svg" in (tmp_path / "floor.svg").read_text()
@@ -83,7 +84,7 @@ def test_the_knowledge_models_of_a_scenario_are_drawn(command: Command, tmp_path
 def test_a_figure_of_knowledge_models_that_cannot_be_written_is_refused_in_a_sentence(
     file: str, status: int, said: str, command: Command, tmp_path: Path
 ) -> None:
-    refused = command("show", Path(__file__).parents[2] / "scenarios" / "door.yaml", "--output", file)
+    refused = command("show", CHECKOUT / "scenarios" / "door.yaml", "--output", file)
     assert refused.returncode == status
     assert said in refused.stderr
     assert "Traceback" not in refused.stderr

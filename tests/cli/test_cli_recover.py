@@ -121,9 +121,9 @@ def test_what_loses_nothing_is_mended_with_exit_status_0(recover: Callable[..., 
 
 def test_a_recovered_log_is_as_good_as_any_for_other_verbs(broken: Path, command: Command, tmp_path: Path) -> None:
     assert command("recover", broken, "-o", "new.mcap").returncode == 3
-    for arguments in (["inspect"], ["inspect", "--events"], ["inspect", "--digest"], ["recover"]):
+    for arguments in (["inspect"], ["log", "events"], ["log", "digest"], ["recover"]):
         assert command(*arguments, "new.mcap").returncode == 0
-    before, after = (command("inspect", "--digest", name).stdout for name in (broken, "new.mcap"))
+    before, after = (command("log", "digest", name).stdout for name in (broken, "new.mcap"))
     assert before == after
 
 

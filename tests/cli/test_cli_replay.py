@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Browser
+from checkout import CHECKOUT
 from numpy.typing import NDArray
 from rerun_files import CHROMIUM, STEP, Recording, Script, coloured, group, needs_browser, needs_graphics, pixels
 from sample_log import write_sample
@@ -20,11 +21,11 @@ from simulating import COMMAND, Command, present
 from small_disk import on_a_small_disk
 
 from symaware_cli import Log
-from symaware_cli.recording import wire
-from symaware_cli.scenario.execution import execute
-from symaware_cli.scenario.files import open_scenario
+from symaware_cli.language.execution import execute
+from symaware_cli.language.files import open_scenario
+from symaware_cli.log import wire
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
+SCENARIOS = CHECKOUT / "scenarios"
 SHOWN = "4 agents: bodies tinted by risk, trails of 3.6 s, intents and uncertainties of all; tabs for all agents"
 
 
@@ -325,7 +326,7 @@ from fuzzing.log_verbs import called
 assert called(["replay", {str(log)!r}, "--save", {str(folder / "made.rrd")!r}])[0] == 0
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 """
-    path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(CHECKOUT), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     return int(done.stdout)

@@ -1,6 +1,7 @@
 """`symaware run`."""
 
 import json
+import math
 import os
 import pty
 import select
@@ -13,7 +14,8 @@ import pytest
 from simulating import COMMAND, Command, present
 
 from symaware_cli import open_log
-from symaware_cli.recording.digest import digest
+from symaware_cli.cli import terminal
+from symaware_cli.log.digest import digest
 
 SCENARIO = """
 symaware: 1
@@ -211,13 +213,10 @@ def test_a_log_that_holds_no_scenario_is_wrong_input(command: Command, tmp_path:
     assert "junk.mcap is not a log" in done.stderr
 
 
-def test_numbers_that_json_does_not_have_are_put_into_words(command: Command, doubles: Path, tmp_path: Path) -> None:
-    (tmp_path / "risk.yaml").write_text(
-        SCENARIO.replace("steer: ", "fear: {use: doubles.risk, with: {value: inf}}, steer: ")
-    )
-    done = command("run", "risk.yaml", "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["highest_risk"]["value"] == "inf"
+def test_numbers_that_json_does_not_have_are_put_into_words(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal.print_json({"highest": math.inf, "others": [-math.inf, math.nan, 1.5]})
+    said = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert said == {"highest": "inf", "others": ["-inf", "nan", 1.5]}
 
 
 def on_a_terminal(arguments: Sequence[str], cwd: Path, *, until: float = 60.0) -> str:
@@ -257,3 +256,33 @@ def test_progress_is_shown_on_a_terminal_and_nowhere_else(command: Command, scen
     done = command("run", "swap.yaml", *short)
     assert "of 20 s" not in done.stdout + done.stderr
     assert "\x1b" not in done.stdout + done.stderr
+
+
+def test_a_run_prints_the_warnings_of_validate_once(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "open.yaml").write_text(
+        """symaware: 1
+name: open
+run: {duration: 1}
+environment: {use: kinematic, entities: {pillar: {shape: {circle: {radius: 0.3}}, position: [2, 0]}}}
+agents:
+  robot: {model: {use: unicycle}}
+specifications:
+  never: {each: robot, formula: "always next x > 2"}
+"""
+    )
+    validated = command("validate", "open.yaml")
+    warnings = json.loads(command("validate", "open.yaml", "--json").stdout)["warnings"]
+    assert {each["code"] for each in warnings} >= {"no-body", "unsatisfiable"}
+    loud = command("run", "open.yaml", "-o", "loud.mcap")
+    assert loud.stderr == validated.stderr
+    assert "warning" not in loud.stdout.partition("specifications")[0]
+    quiet = command("run", "open.yaml", "-o", "quiet.mcap", "--quiet")
+    assert (quiet.stdout, quiet.stderr) == ("", "")
+    as_json = command("run", "open.yaml", "-o", "json.mcap", "--json")
+    assert as_json.stderr == ""
+    assert json.loads(as_json.stdout)["scenario_warnings"] == warnings
+    assert loud.returncode == quiet.returncode == as_json.returncode
+    digests = [digest(open_log(tmp_path / f"{name}.mcap")) for name in ("loud", "quiet", "json")]
+    assert not any(digests[0].differences(each) for each in digests[1:])
+    repeated = command("run", "loud.mcap", "-o", "again.mcap")
+    assert repeated.stderr.count("has no body") == 1

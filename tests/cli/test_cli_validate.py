@@ -22,7 +22,7 @@ def test_a_sound_scenario_is_told_in_one_line(command: Command, scenarios: Path,
     short = json.loads(command("validate", scenarios / "hello.yaml", "--json", "--set", "run.duration=1").stdout)
     assert short["digest"] == hashlib.sha256(resolved).hexdigest() != as_json.pop("digest")
     (tmp_path / "hello.mcap").unlink()
-    assert as_json == {"valid": True, "problems": [], "name": "hello", "agents": 4, "steps": 240}
+    assert as_json == {"valid": True, "problems": [], "warnings": [], "name": "hello", "agents": 4, "steps": 240}
     assert os.listdir(tmp_path) == []
 
 
@@ -61,3 +61,22 @@ def test_a_hundred_thousand_agents_can_be_validated(command: Command, scenarios:
     done = command("validate", scenarios / "hello.yaml", "--set", "agents.robot.count=100000")
     assert done.returncode == 0, done.stderr
     assert "100000 agents" in done.stdout
+
+
+def test_a_warning_leaves_the_exit_status_alone(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "open.yaml").write_text(
+        """symaware: 1
+name: open
+run: {duration: 1}
+environment: {use: kinematic, entities: {pillar: {shape: {circle: {radius: 0.3}}, position: [2, 0]}}}
+agents:
+  robot: {model: {use: unicycle}}
+"""
+    )
+    done = command("validate", "open.yaml")
+    assert done.returncode == 0
+    assert done.stdout.startswith("open.yaml: sound; 1 agent in 1 group")
+    assert "open.yaml:6:3: `robot` has no body, so it passes through `pillar` without a contact" in done.stderr
+    assert "1 warning in open.yaml" in done.stderr
+    (warning,) = json.loads(command("validate", "open.yaml", "--json").stdout)["warnings"]
+    assert (warning["code"], warning["path"]) == ("no-body", "agents.robot")

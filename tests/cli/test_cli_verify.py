@@ -6,16 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from altered_logs import altered
+from checkout import CHECKOUT
 from mcap.opcode import Opcode
 from typer.testing import CliRunner
 
 from symaware_cli.cli.application import application
-from symaware_cli.recording import wire
-from symaware_cli.recording.log_message import LogMessage
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.log import wire
+from symaware_cli.log.log_message import LogMessage
 
-HELLO = Path(__file__).parents[2] / "scenarios" / "hello.yaml"
+HELLO = CHECKOUT / "scenarios" / "hello.yaml"
 
 
 def verify(*arguments: object) -> tuple[int, str, str]:

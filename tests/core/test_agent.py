@@ -7,7 +7,7 @@ import pytest
 from simulating import Team, simulation
 
 from symaware_cli import AgentGroup, Entity
-from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.engine.models.integrator import SingleIntegrator
 
 
 def group(count: int = 2, **options: Any) -> AgentGroup:

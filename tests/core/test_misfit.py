@@ -16,8 +16,8 @@ from symaware_cli import (
     TimeSeries,
     UncertaintyEstimator,
 )
-from symaware_cli.runtime.options import RunOptions
-from symaware_cli.runtime.timing import Duration, Timing
+from symaware_cli.engine.runtime.options import RunOptions
+from symaware_cli.engine.runtime.timing import Duration, Timing
 
 CONTROL = r"a controller returns its control input, 2 numbers \(velocity_x, velocity_y\), and its intent, a TimeSeries"
 GOOD = np.zeros(2)

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from symaware_cli.geometry.region import Region, relative
+from symaware_cli.geometry.region import Region
+from symaware_cli.geometry.vectors import relative
 
 COORDINATE = st.floats(-5, 5, allow_nan=False)
 POINTS = st.lists(st.tuples(COORDINATE, COORDINATE), min_size=1, max_size=5).map(np.array)

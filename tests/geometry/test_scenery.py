@@ -12,7 +12,7 @@ from outlines import distance, placed, random_shape
 from simulating import Team
 
 from symaware_cli import Box, Circle, Obstacle, Polygon, Scenery, ScriptedPath, Shape, Wall
-from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.engine.environments.kinematic import KinematicEnvironment
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -6,6 +6,7 @@ import random
 import numpy as np
 import pytest
 
+from symaware_cli.evidence.semantics import robustness_interval
 from symaware_cli.specification import formula as stl
 from symaware_cli.specification.automaton import Automaton, AutomatonError, AutomatonMonitor
 from symaware_cli.specification.formula import (
@@ -14,12 +15,14 @@ from symaware_cli.specification.formula import (
     Constant,
     Eventually,
     Formula,
+    Next,
     Not,
     Once,
     Or,
     Predicate,
     Until,
 )
+from symaware_cli.specification.monitor import Monitor
 
 A, B = Predicate(0), Predicate(1)
 
@@ -37,8 +40,8 @@ def holds(formula: Formula, run: list[int], at: int) -> bool:
             return all(holds(each, run, at) for each in operands)
         case Or(operands=operands):
             return any(holds(each, run, at) for each in operands)
-        case Eventually(first=1, last=1, operand=operand):
-            return at + 1 < len(run) and holds(operand, run, at + 1)
+        case Next(operand=operand, weak=weak):
+            return holds(operand, run, at + 1) if at + 1 < len(run) else weak
         case Always(operand=operand):
             return all(holds(operand, run, later) for later in range(at, len(run)))
         case Eventually(operand=operand):
@@ -62,7 +65,8 @@ def formula_of(chance: random.Random, depth: int) -> Formula:
         Or((inner, other)),
         Always(0, None, inner),
         Eventually(0, None, inner),
-        Eventually(1, 1, inner),
+        Next(inner),
+        Next(inner, weak=True),
         Until(0, None, inner, other),
     ]
     return chance.choice(made)
@@ -80,6 +84,22 @@ def test_a_state_accepts_if_the_formula_holds_of_the_run(seed: int) -> None:
             monitor.update([np.array([1.0 if letter >> index & 1 else -1.0]) for index in range(2)])
         assert bool(monitor.presumption[0] > 0) == holds(formula, run, 0)
         monitor.finish()
+        assert monitor.verdict[0] == (1 if holds(formula, run, 0) else -1)
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_both_logics_give_the_same_verdict_at_the_end_of_a_run(seed: int) -> None:
+    chance = random.Random(seed)
+    formula = formula_of(chance, 4)
+    for length in (1, 2, 5):
+        run = [chance.randrange(4) for _ in range(length)]
+        samples = [np.array([[1.0 if letter >> index & 1 else -1.0] for letter in run]) for index in range(2)]
+        monitor = Monitor(formula, 1)
+        for t in range(length):
+            monitor.update([each[t] for each in samples])
+        monitor.finish()
+        (low,), (high,) = robustness_interval(formula, samples, length, 1, ended=True, times=1)
+        assert (low[0] > 0.0, high[0] < 0.0) == (monitor.verdict[0] > 0, monitor.verdict[0] < 0)
         assert monitor.verdict[0] == (1 if holds(formula, run, 0) else -1)
 
 
@@ -138,6 +158,6 @@ def test_what_has_no_automaton_is_refused(formula: Formula, propositions: int, s
 def test_an_automaton_that_grows_too_large_is_refused() -> None:
     delayed: stl.Formula = A
     for _ in range(14):
-        delayed = Eventually(1, 1, delayed)
+        delayed = Next(delayed)
     with pytest.raises(AutomatonError, match="more than 2,000 states; split the formula"):
         Automaton(Eventually(0, None, And((B, delayed))), 2)

@@ -10,18 +10,16 @@ import yaml
 from symaware_cli import open_log
 from symaware_cli.geometry.proximity import ClosestPair, closest_pair, nearest_distances
 from symaware_cli.geometry.vectors import lengths
-from symaware_cli.scenario import specifications
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
-from symaware_cli.scenario.problem import ScenarioError
+from symaware_cli.language import specifications
+from symaware_cli.language.build import build
+from symaware_cli.language.execution import execute
+from symaware_cli.language.problem import ScenarioError
 from symaware_cli.specification.closest_pair import check_least
-from symaware_cli.specification.expression import FUNCTIONS
+from symaware_cli.specification.columns import ARGUMENTS
 from symaware_cli.specification.outcome import Outcome
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.scope import PAIR_UNITS
 from symaware_cli.specification.token import ExpressionError
-
-COUNTS = {name: count for name, (count, _) in FUNCTIONS.items()}
 
 
 def scattered(count: int, seed: int, dimensions: int = 2) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -161,7 +159,7 @@ def test_the_closest_of_all_agents_is_found_by_what_the_world_knows_of_their_pro
     ],
 )
 def test_a_formula_of_minima_over_what_grows_with_the_distance_is_accepted(formula: str) -> None:
-    check_least(parse(formula, PAIR_UNITS, COUNTS))
+    check_least(parse(formula, PAIR_UNITS, ARGUMENTS))
 
 
 @pytest.mark.parametrize(
@@ -181,7 +179,7 @@ def test_a_formula_of_minima_over_what_grows_with_the_distance_is_accepted(formu
 )
 def test_any_other_formula_is_refused_with_its_span(formula: str, wrong: str) -> None:
     with pytest.raises(ExpressionError) as caught:
-        check_least(parse(formula, PAIR_UNITS, COUNTS))
+        check_least(parse(formula, PAIR_UNITS, ARGUMENTS))
     assert formula[caught.value.start : caught.value.end].strip("()") == wrong
 
 

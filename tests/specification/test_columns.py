@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from symaware_cli.geometry.region import Region
-from symaware_cli.specification.columns import KindError, robustness, values
-from symaware_cli.specification.expression import FUNCTIONS, Expression
+from symaware_cli.specification.columns import ARGUMENTS, FUNCTIONS, KindError, robustness, values
+from symaware_cli.specification.expression import Expression
 from symaware_cli.specification.formula import ZERO, plain
 from symaware_cli.specification.node import Node
 from symaware_cli.specification.parser import parse
@@ -42,7 +42,7 @@ VALUES: Mapping[str, Any] = {
 
 
 def tree(text: str) -> Node:
-    return parse(text, VALUES, {name: count for name, (count, _) in FUNCTIONS.items()})
+    return parse(text, VALUES, ARGUMENTS)
 
 
 def margin(text: str) -> list[float]:
@@ -120,7 +120,7 @@ def test_functions_give_the_same_for_one_agent_and_for_many(text: str) -> None:
     ("text", "said"),
     [
         ("speed", "a number is not a condition; compare it"),
-        ("position > 1", r"this compares 2 values of each; say all\(...\) or any\(...\)"),
+        ("position > 1", r"there are 2 values of each; say all\(...\) or any\(...\)"),
         ("speed[0] > 1", "a number has no elements"),
         ("position[2] > 1", "there is no element 2 in a vector of 2"),
         ("name > 1", "a text is not a number"),

@@ -14,6 +14,7 @@ from symaware_cli.specification.formula import (
     Eventually,
     Formula,
     Historically,
+    Next,
     Not,
     Once,
     Or,
@@ -55,6 +56,8 @@ def recursion(formula: Formula, samples: list[list[float]]) -> list[float]:
                 return min((at(operand, u) for u in ago(t, first, last)), default=math.inf)
             case Once(first, last, operand):
                 return max((at(operand, u) for u in ago(t, first, last)), default=-math.inf)
+            case Next(operand, weak):
+                return at(operand, t + 1) if t + 1 < count else math.inf if weak else -math.inf
             case Until(first, last, left, right):
                 values = (min([at(right, u), *(at(left, v) for v in range(t, u))]) for u in ahead(t, first, last))
                 return max(values, default=-math.inf)

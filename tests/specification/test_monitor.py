@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from formulas import random_formula, random_samples
 
-from symaware_cli.runtime.state.counterparts import Counterparts
-from symaware_cli.runtime.state.deserialiser import Deserialiser
-from symaware_cli.runtime.state.serialiser import Serialiser
+from symaware_cli.engine.runtime.state.counterparts import Counterparts
+from symaware_cli.engine.runtime.state.deserialiser import Deserialiser
+from symaware_cli.engine.runtime.state.serialiser import Serialiser
+from symaware_cli.evidence.semantics import robustness_interval
 from symaware_cli.specification.formula import (
     Always,
     Array,
@@ -21,24 +22,32 @@ from symaware_cli.specification.formula import (
     operands,
 )
 from symaware_cli.specification.monitor import Monitor
-from symaware_cli.specification.semantics import robustness_interval
 
 
 def check_reasons(monitor: Monitor, formula: Formula, samples: Array) -> None:
-    for row, verdict in enumerate(monitor.verdict):
-        reason = monitor.reason(row)
-        if reason is None:
-            bound = {1: monitor.lower[row], -1: monitor.upper[row], 0: np.inf}[int(verdict)]
-            assert np.isinf(bound)
-            continue
-        assert reason.robustness == samples[reason.predicate, reason.instant, row]
-        found = formula
-        for position in reason.path:
-            found = operands(found)[position]
-        assert found == Predicate(reason.predicate)
-        assert len(reason.instants) == len(reason.path) + 1
-        if verdict == 0:
-            assert abs(reason.robustness) in (abs(monitor.lower[row]), abs(monitor.upper[row]))
+    """Each bound, re-read at the instant that its reason names, is the number that the reason states."""
+    every = np.arange(monitor.rows)
+    for side in (0, 1, None):
+        for row, reason in enumerate(monitor.reasons(every, side)):
+            bounds = monitor.lower[row], monitor.upper[row]
+            if reason is None:
+                assert np.isinf(bounds).any() if side is None else np.isinf(bounds[side])
+                continue
+            assert reason.value in (bounds if side is None else bounds[side : side + 1])
+            if side is None and monitor.verdict[row]:
+                assert reason.value == bounds[0 if monitor.verdict[row] > 0 else 1]
+            found, sign = formula, 1
+            for position in reason.path:
+                sign *= -1 if isinstance(found, Not) else 1
+                found = operands(found)[position]
+            assert len(reason.instants) == len(reason.path) + 1
+            if reason.predicate is None:
+                assert not isinstance(found, Predicate)
+                assert np.isinf(reason.value)
+                continue
+            assert found == Predicate(reason.predicate)
+            assert reason.robustness == samples[reason.predicate, reason.instant, row]
+            assert reason.value == sign * reason.robustness
 
 
 def check(formula: Formula, samples: Array, *, ends: bool) -> None:
@@ -60,8 +69,10 @@ def check(formula: Formula, samples: Array, *, ends: bool) -> None:
         verdict = np.where(low > 0, 1, np.where(high < 0, -1, 0))
         np.testing.assert_array_equal(monitor.verdict, verdict)
         np.testing.assert_array_equal(quick.verdict, verdict)
-        if known == instants:
-            check_reasons(monitor, formula, samples)
+        if known in (instants // 2, instants):
+            check_reasons(monitor, formula, samples[:, :known])
+            every = np.arange(rows)
+            assert [monitor.reasons(every, side) for side in (0, 1)] == [quick.reasons(every, side) for side in (0, 1)]
         first, values = monitor.exact()
         also_first, also_values = quick.exact()
         assert first == also_first == len(exact)
@@ -106,27 +117,21 @@ def test_thousands_of_monitors_agree_with_the_definitions_at_every_instant(seed:
     cases(seed, 200)
 
 
-def test_the_reason_of_a_violation_is_the_sample_that_decided_it() -> None:
+def test_the_reason_of_a_violation_is_the_sample_that_accounts_for_its_robustness() -> None:
     formula = Always(0, None, Or((Not(Predicate(0)), Eventually(0, 2, Predicate(1)))))
     monitor = Monitor(formula, 1)
-    for asked, answered in [
-        (-1.0, -5.0),
-        (2.0, -3.0),
-        (-1.0, -4.0),
-        (-1.0, -2.5),
-        (3.0, -9.0),
-        (3.0, -9.0),
-        (3.0, -9.0),
-    ]:
+    reasons = []
+    for asked, answered in [(-1.0, -5.0), (2.0, -3.0), (-1.0, -4.0), (-1.0, -2.5), *[(3.0, -9.0)] * 3]:
         monitor.update([np.array([asked]), np.array([answered])])
-        if monitor.instants < 4:
-            assert monitor.verdict[0] == 0
-    assert monitor.verdict[0] == -1
-    reason = monitor.reason(0)
-    assert reason is not None
-    # What was asked at 1 had not been answered at 3.
-    assert (reason.predicate, reason.instant, reason.robustness) == (0, 1, 2.0)
-    assert (reason.path, reason.instants) == ((0, 0, 0), (0, 1, 1, 1))
+        (reason,) = monitor.reasons(np.array([0]))
+        reasons.append((int(monitor.verdict[0]), monitor.upper[0], reason))
+    assert [verdict for verdict, _, _ in reasons] == [0, 0, 0, -1, -1, -1, -1]
+    # What was asked at 1 had not been answered at 3; what was asked at 4 was answered even less at 6.
+    for number, value, instant in ((3, -2.0, 1), (6, -3.0, 4)):
+        _, upper, reason = reasons[number]
+        assert reason is not None
+        assert (reason.value, reason.predicate, reason.instant, reason.robustness) == (upper, 0, instant, -value)
+        assert (reason.path, reason.instants) == ((0, 0, 0), (0, instant, instant, instant))
 
 
 def _same(one: Monitor, other: Monitor) -> None:
@@ -136,7 +141,7 @@ def _same(one: Monitor, other: Monitor) -> None:
     (first, values), (other_first, other_values) = one.exact(), other.exact()
     assert first == other_first
     np.testing.assert_array_equal(values, other_values)
-    assert [one.reason(row) for row in range(one.rows)] == [other.reason(row) for row in range(other.rows)]
+    assert one.reasons(np.arange(one.rows)) == other.reasons(np.arange(other.rows))
 
 
 @pytest.mark.parametrize("interval", [True, False])

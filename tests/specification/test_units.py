@@ -2,7 +2,7 @@
 
 import pytest
 
-from symaware_cli.specification.expression import FUNCTIONS
+from symaware_cli.specification.columns import ARGUMENTS
 from symaware_cli.specification.node import Node
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.token import ExpressionError
@@ -12,7 +12,7 @@ UNITS = {"speed": "m/s", "position": "m", "nearest": "m", "time": "s", "heading"
 
 
 def tree(text: str) -> Node:
-    return parse(text, UNITS, {name: count for name, (count, _) in FUNCTIONS.items()})
+    return parse(text, UNITS, ARGUMENTS)
 
 
 @pytest.mark.parametrize(

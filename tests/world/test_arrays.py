@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from simulating import Team
 
 from symaware_cli import Agent, AwarenessVector, TimeSeries
-from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.awareness.column import Column
+from symaware_cli.awareness.series_column import SeriesColumn
 from symaware_cli.world.arrays import real
 
 STRANGE = {

@@ -7,8 +7,8 @@ import yaml
 from pydantic import ValidationError
 
 from symaware_cli import Circle, Entity, Obstacle, ScriptedPath, Shape, Wall
-from symaware_cli.scenario.build import build
-from symaware_cli.scenario.problem import ScenarioError
+from symaware_cli.language.build import build
+from symaware_cli.language.problem import ScenarioError
 
 DISC = Shape(circle=Circle(radius=1.0))
 
@@ -52,7 +52,7 @@ agents: {robot: {model: {use: unicycle}, entity: {shape: {circle: {radius: 0.1}}
         ),
         ("{shape: {circle: {radius: 1}}}", "", "it needs a position"),
         ("{shape: {circle: {radius: 1}}, position: [0]}", "position", "2 or 3 coordinates are needed, not 1"),
-        ('{shape: {circle: {radius: 1}}, position: [0, "1"]}', "position.1", "is the text `1`"),
+        ('{shape: {circle: {radius: 1}}, position: [0, "1"]}', "position[1]", "is the text `1`"),
         ("{shape: {wall: {points: [[0, 0], [0, 0]]}}}", "shape.wall.points", "points 0 and 1 are the same"),
         (
             "{shape: {polygon: {vertices: [[0, 0], [2, 0], [0.1, 0.1], [0, 2]]}}, position: [0, 0]}",
@@ -61,7 +61,7 @@ agents: {robot: {model: {use: unicycle}, entity: {shape: {circle: {radius: 0.1}}
         ),
         (
             "{shape: {polygon: {vertices: [[0, 0], [2], [0, 2]]}}, position: [0, 0]}",
-            "shape.polygon.vertices.1",
+            "shape.polygon.vertices[1]",
             "2 coordinates are needed, not 1",
         ),
         (

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from simulating import untyped
 
 from symaware_cli import EnvironmentParameters
-from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.models.noise import NoisyModel
-from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.engine.models.integrator import SingleIntegrator
+from symaware_cli.engine.models.noise import NoisyModel
+from symaware_cli.engine.models.unicycle import Unicycle
 from symaware_cli.world.integration import euler, rk4
 
 MODELS = [

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from symaware_cli import Roster, Snapshot
-from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.engine.models.integrator import SingleIntegrator
+from symaware_cli.engine.models.unicycle import Unicycle
 
 MEMBERS = {"robot": ["robot.0", "robot.1"], "car": ["car"]}
 

@@ -19,13 +19,13 @@ def rows(command: Command, sweep: Path, folder: Path, *options: object) -> list[
     """Run a sweep, and return its table."""
     done = command("sweep", sweep, "-o", folder, "-q", "--jobs", 0, *options)
     assert done.returncode == 0, done.stderr
-    found: list[dict[str, Any]] = json.loads(command("inspect", folder, "--json").stdout)
+    found: list[dict[str, Any]] = json.loads(command("rows", folder, "--json").stdout)
     return found
 
 
 @pytest.mark.parametrize("sweep", sorted(SWEEPS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_sweep_is_sound(command: Command, sweep: Path) -> None:
-    assert json.loads(command("sweep", sweep, "--dry-run", "--json").stdout)["valid"]
+    assert json.loads(command("plan", sweep, "--json").stdout)["valid"]
 
 
 def test_a_row_is_the_run_of_its_seed_with_its_separation_and_its_fallbacks(

@@ -10,7 +10,12 @@ from drone_flights import command
 
 SOURCES = sorted((Path(__file__).parent.parent / "src").rglob("*.py"))
 NAMES = {"drones.barrier", "drones.leaders"}
-PUBLIC = {"symaware_cli", "symaware_cli.formulas", "symaware_cli.optimal_control", "symaware_cli.optimal_control.qp"}
+PUBLIC = {
+    "symaware_cli",
+    "symaware_cli.formulas",
+    "symaware_cli.planning.optimal_control",
+    "symaware_cli.planning.optimal_control.qp",
+}
 
 
 def test_only_the_public_api_is_used() -> None:

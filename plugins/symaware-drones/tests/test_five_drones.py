@@ -146,6 +146,56 @@ def test_without_a_link_the_common_task_fails_and_both_ends_say_since_when() -> 
         assert (event.data["since"], event.data["tasks"]) == (pytest.approx(3.99), ["slot-1-1"])
 
 
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        "five-drones.yaml",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("asynchronous.yaml", "late-messages.yaml")),
+        "lost-link.yaml",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("lost-drone.yaml", "quadrotors.yaml")),
+    ],
+)
+def test_drones_keep_apart(scenario: str) -> None:
+    log = fly(scenario, *([FIRST] if scenario in ("five-drones.yaml", "quadrotors.yaml") else []))
+    found = {each.name: (each.robustness, each.verdict) for each in log.outcomes}
+    for name in ("apart", "apart-from-hub"):
+        least, verdict = found[name]
+        assert least is not None
+        assert least > 0.01
+        assert verdict != "violated"
+    assert not list(log.contacts())
+
+
+def test_drones_overlap_with_the_published_parameters() -> None:
+    """They do not avoid each other there: the specifications would say so."""
+    log = fly("published.yaml", "run.duration=4")
+    assert not {"apart", "apart-from-hub"} & {each.name for each in log.outcomes}
+    assert [(each.a, each.b) for each in log.contacts() if each.stage == "BEGIN"] == [("drone.2", "drone.3")]
+
+
+def test_each_drone_knows_its_own_tasks_only() -> None:
+    log = fly("five-drones.yaml", FIRST)
+    known = {each.agent: each.values["tasks"] for each in log.knowledge() if "tasks" in each.values}
+    assert len(known["hub"]) == 15
+    assert {id: names for id, names in known.items() if id != "hub"} == {
+        f"drone.{j}": [f"slot-{j}-{phase}" for phase in (1, 2, 3)] for j in range(4)
+    }
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("agents.drone.knowledge.tasks={all: [slot-0-1]}", "drone.0 must know `slot-0-2`, a task of its own"),
+        ("agents.hub.knowledge.tasks=point-1", "hub must know its `tasks`, a list of names: point-1"),
+        ("agents.hub.knowledge=null", "tasks"),
+    ],
+)
+def test_a_drone_that_lacks_a_task_is_refused_before_the_run(override: str, said: str) -> None:
+    done = command("validate", SCENARIOS / "five-drones.yaml", "--set", override)
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
 @pytest.mark.slow
 def test_messages_that_are_two_samples_late_are_survived() -> None:
     log = fly("late-messages.yaml")
@@ -165,7 +215,19 @@ def test_a_drone_that_fails_takes_no_other_task_with_it() -> None:
 def test_all_tasks_hold(scenario: str) -> None:
     log = fly(scenario, "run.duration=28")
     found = robustness(log)
-    assert len(found) == 15
+    assert len(found) == 17
     assert min(found.values()) > 0.005
     assert check_agreement(log) > 3000
     assert greatest_speed(log) <= 3.0 + 1e-9
+
+
+@pytest.mark.slow
+def test_the_cameras_follow_the_two_points_of_interest() -> None:
+    log = fly("quadrotors.yaml", FIRST)
+    seen = set()
+    for group in ("hub", "drone"):
+        for message in log.messages([f"/agents/{group}/image/look"]):
+            target = tuple(round(each, 6) for each in message.decode().target[:2])
+            assert target == ((3.0, 3.0) if message.time < 6e9 else (0.0, 6.0))
+            seen.add(target)
+    assert len(seen) == 2

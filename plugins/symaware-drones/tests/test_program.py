@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from symaware_drones.program import Constraint, Inputs
 
@@ -47,3 +47,22 @@ def test_no_corner_and_no_mixture_is_better(
                 near = u + share * (one - u), v + share * (other - v)
                 if x * near[0] + y * near[1] >= bound and x2 * near[0] + y2 * near[1] >= bound2:
                     assert math.hypot(*near) >= math.hypot(u, v) - 1e-5
+
+
+@example([(2.0, 0.0)], [(0.25, 0.0, 1.0), (0.0, 1.192092896e-07, 0.0)], 1.0)
+@given(
+    st.lists(st.tuples(st.floats(-math.pi, math.pi), st.floats(-4, 0)), min_size=1, max_size=4),
+    st.lists(st.tuples(NUMBER, NUMBER, st.floats(-3, 9)), max_size=2),
+    st.floats(0.1, 1),
+)
+def test_what_keeps_drones_apart_holds_before_all_tasks(
+    apart: list[tuple[float, float]], tasks: list[tuple[float, float, float]], gamma: float
+) -> None:
+    walls = [Constraint(f"w{n}", math.cos(angle), math.sin(angle), bound) for n, (angle, bound) in enumerate(apart)]
+    wanted = [Constraint(f"t{n}", *each) for n, each in enumerate(tasks)]
+    (u, v), relaxed = INPUTS.smallest(gamma, wanted, walls)
+    by = dict(relaxed)
+    assert all(x * u + y * v >= bound - 1e-5 for _, x, y, bound in walls)
+    for name, x, y, bound in wanted:
+        if math.hypot(x, y) > 1e-9:
+            assert x * u + y * v >= bound - by.get(name, 0.0) - 1e-4

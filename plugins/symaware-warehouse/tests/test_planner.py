@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog, minimize
 from symaware_warehouse import Commitment, Planner, Progress, Tube
 
+from symaware_cli.engine.models.linear import Linear
 from symaware_cli.formulas import Region
-from symaware_cli.models.linear import Linear
-from symaware_cli.optimal_control import LinearDynamics, predicate_sets, state_names
-from symaware_cli.specification.formulation import formulate
-from symaware_cli.specification.parser import parse
+from symaware_cli.planning.optimal_control import LinearDynamics, predicate_sets, state_names
+from symaware_cli.specification import formulate, parse
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from symaware_warehouse.tube import Tube, TubeKind
 from warehouse_runs import SCENARIOS, command, run
 
 from symaware_cli import Log
@@ -52,8 +53,63 @@ def test_the_auction_of_the_published_case_gives_its_allocation_with_the_names_o
 @pytest.mark.slow
 def test_what_a_failed_robot_held_goes_to_another_and_nothing_that_was_accepted_is_violated() -> None:
     log = run("failing-robots.yaml")
-    assert holders(log)["fetch_4"] == ["robot.1", "robot.3"]
+    assert holders(log)["fetch_4"] == ["robot.1", "robot.0", "robot.3"]
     assert holders(log)["home_d"] == ["robot.3"]
     verdicts = {each.name: each.verdict for each in log.outcomes}
     assert {name for name, verdict in verdicts.items() if verdict == "rejected"} == {"home_a", "home_b"}
     assert set(verdicts.values()) == {"satisfied", "rejected"}
+
+
+def bids(log: Log, at: float) -> dict[str, dict[str, float]]:
+    """What each robot bid at an instant, by the robot and the specification."""
+    told = (each for each in log.events() if each.name == "bid" and each.source.endswith(".plan"))
+    told_then = (each for each in told if each.time == at * 1e9)
+    return {each.source.removeprefix("agents.").removesuffix(".plan"): each.data["costs"] for each in told_then}
+
+
+@pytest.mark.slow
+def test_the_more_a_robot_is_disturbed_the_higher_the_risk_that_it_bids_and_the_allocation_follows() -> None:
+    log = run("grades.yaml")
+    for at in (1.0, 15.0):
+        offered = bids(log, at)
+        for name in offered["robot.0"]:
+            first, second, third, fourth = (offered[f"robot.{row}"][name] for row in range(4))
+            assert max(first, fourth) < second < third
+    fetched = [set(holders(log)[f"fetch_{number}"]) for number in range(1, 6)]
+    assert set().union(*fetched[:3]) == {"robot.0", "robot.1", "robot.3"}
+    assert set().union(*fetched[3:]) == {"robot.0", "robot.3"}
+    assert {each.verdict for each in log.outcomes} == {"satisfied"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["grades.yaml", "_auctioned.yaml", "_weak-motors.yaml"])
+def test_specifications_arrive_at_the_published_steps_and_are_assigned_within_one(scenario: str) -> None:
+    log = run(scenario)
+    offered = {each.data["specification"]: each.time / 1e9 for each in log.events() if each.name == "offered"}
+    assert offered == {
+        **{f"fetch_{number}": 1.0 if number < 4 else 15.0 for number in range(1, 6)},
+        **{f"home_{letter}": 30.0 for letter in "abcd"},
+    }
+    for event in log.events():
+        if event.name == "accepted":
+            assert event.time / 1e9 - offered[event.data["specification"]] < 1.0
+
+
+@pytest.mark.parametrize("kind", ["chebyshev", "gaussian"])
+@pytest.mark.parametrize("widest", [0.8, 1.5])
+def test_with_the_same_greatest_radius_the_least_risk_grows_with_the_variance(kind: TubeKind, widest: float) -> None:
+    risks = [Tube.of(kind, variance, 1e-300, widest=widest).least_risk for variance in (0.005, 0.01, 0.02, 0.04, 0.08)]
+    assert risks == sorted(risks)
+    assert len(set(risks)) == len(risks)
+    assert Tube.of(kind, 0.01, 0.01, widest=1e9) == Tube.of(kind, 0.01, 0.01)
+    with pytest.raises(ValueError, match="wide"):
+        Tube.of(kind, 0.01, 0.01, widest=0.01)
+
+
+@pytest.mark.parametrize("variance", ["none", -1, 0])
+def test_a_variance_that_is_none_is_refused(variance: object) -> None:
+    done = command(
+        "validate", SCENARIOS / "grades.yaml", "--set", f"agents.robot.knowledge.variance={{all: {variance}}}"
+    )
+    assert done.returncode == 2
+    assert "the knowledge `variance` of robot.0 must be a number above 0" in done.stderr

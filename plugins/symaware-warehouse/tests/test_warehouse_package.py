@@ -10,7 +10,7 @@ from warehouse_runs import command
 
 SOURCES = sorted((Path(__file__).parent.parent / "src").rglob("*.py"))
 NAMES = {"warehouse.disturbance", "warehouse.plan"}
-PUBLIC = {"symaware_cli", "symaware_cli.formulas", "symaware_cli.optimal_control"}
+PUBLIC = {"symaware_cli", "symaware_cli.formulas", "symaware_cli.planning.optimal_control"}
 
 
 def test_only_the_public_api_is_used() -> None:

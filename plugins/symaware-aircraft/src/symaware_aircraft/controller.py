@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import casadi
@@ -11,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from symaware_aircraft.manoeuvres import manoeuvres, safest
 from symaware_aircraft.prediction import check_aircraft, check_poses, course, rollout
 from symaware_aircraft.tree import ScenarioTree, ThirdBranch
 from symaware_cli import (
@@ -26,7 +29,7 @@ from symaware_cli import (
     TimeSeries,
     seconds,
 )
-from symaware_cli.optimal_control import OptimalControlProblem, Plan, Solution, Solver
+from symaware_cli.planning.optimal_control import OptimalControlProblem, Plan, Solution, Solver
 
 Array = NDArray[np.float64]
 Weight = Annotated[float, Field(ge=0)]
@@ -47,6 +50,22 @@ class _Turn(NamedTuple):
     fan: Array
     risk: float
     nearest: float
+    clearance: float
+
+
+@dataclass
+class _Safe:
+    """The motion to follow if no plan is found, which is simulated only then."""
+
+    controller: ScenarioTreeMPC
+    state: Array
+    rest: Plan
+    fan: Array
+
+    @cached_property
+    def motion(self) -> tuple[Plan, float]:
+        """The motion, and the distance that it keeps from all scenarios [m]."""
+        return self.controller.safest(self.state, self.rest, self.fan)
 
 
 class ScenarioTreeMPC(Component):
@@ -60,14 +79,18 @@ class ScenarioTreeMPC(Component):
     slowing down, both together, and straight flight.
 
     It sets the control input, the plan as intent, all scenarios as uncertainty at the times of the plan, and as risk
-    the fraction of scenarios that come closer to the plan than the risk margin. If all attempts fail within the budgets
-    it follows the rest of the previous plan, and fires `fell-back`.
+    the fraction of scenarios that come closer to the plan than the risk margin.
+
+    If all these guesses fail within the budgets, a set of manoeuvres is simulated: turning away and flying on, or on a
+    parallel course, at several speeds. One that keeps the separation in every scenario is the last guess. If the solver
+    fails from that as well, the agent follows the rest of the previous plan if that keeps the separation, else the
+    manoeuvre, and fires `fell-back`; if nothing keeps the separation, it follows what keeps the greatest distance.
     """
 
     knowledge: ClassVar = {"target": "where to fly, as x [m], y [m] and heading [rad]"}
     events: ClassVar = {
-        "fell-back": "No solver found a plan within its budget; the shifted previous one is followed.",
-        "too-close": "Another aircraft is perceived nearer than the separation in this step.",
+        "fell-back": "No solver found a plan within its budget; the shifted previous one or a manoeuvre is followed.",
+        "too-close": "Another aircraft is perceived nearer than the separation in this step; the run exits with 3.",
     }
 
     class Parameters(Parameters):
@@ -120,7 +143,7 @@ class ScenarioTreeMPC(Component):
             "scaling and with the settings of the published runs.",
         )
         iterations: int = Field(
-            300, ge=1, le=100_000, description="The most iterations of a solver from one guess; there are up to eight."
+            300, ge=1, le=100_000, description="The most iterations of a solver from one guess; there are up to nine."
         )
 
     def check(self, group: AgentGroup) -> None:
@@ -163,6 +186,8 @@ class ScenarioTreeMPC(Component):
                 *((middle, -turn), (middle, turn), (fastest, 0.0)),
             )
         ]
+        #: The control inputs of the manoeuvres that are simulated if no guess leads to a plan.
+        self._simulated = manoeuvres(problem.input_bounds, self.parameters.horizon)
         #: The plan of the previous turn, and the last iterate of its solver.
         self._plan: Plan | None = None
         self._iterate: Plan | None = None
@@ -177,12 +202,17 @@ class ScenarioTreeMPC(Component):
             rest = guess = self._solver.rollout(state, self._straight)
         else:
             rest, guess = self._plan.shifted(), self._iterate.shifted()
+        safe = _Safe(self, state, rest, fan)
         solution = self._solver.solve(
-            state, values, previous_input=agent.control_input, guess=guess, alternatives=self._alternatives(state, rest)
+            state,
+            values,
+            previous_input=agent.control_input,
+            guess=guess,
+            alternatives=self._alternatives(state, rest, safe),
         )
-        plan = solution.plan if solution.solved else rest
+        plan, kept = (solution.plan, np.inf) if solution.solved else safe.motion
         nearest = np.nanmin(np.hypot(*(fan[:, 0] - state[:2]).T), initial=np.inf)
-        return _Turn(plan, solution, fan, self._risk(plan, fan), float(nearest))
+        return _Turn(plan, solution, fan, self._risk(plan, fan), float(nearest), kept)
 
     def _update(self, value: _Turn) -> None:
         self._plan = value.plan
@@ -197,10 +227,13 @@ class ScenarioTreeMPC(Component):
         awareness.uncertainty = TimeSeries.sampled(times, value.fan.swapaxes(0, 1).reshape(len(times), -1))
         awareness.risk = TimeSeries.sampled([self.computed_at], [value.risk])
         if not value.solution.solved:
+            separation = self.parameters.separation
+            lacking = "" if value.clearance >= separation else f"; at best {value.clearance:.4g} m can be kept"
             self.emit(
                 "fell-back",
-                f"{value.solution.solver} gave up: {value.solution.status}",
+                f"{value.solution.solver} gave up: {value.solution.status}{lacking}",
                 level=Level.WARNING,
+                clearance=value.clearance if np.isfinite(value.clearance) else None,
                 solver=value.solution.solver,
                 status=value.solution.status,
                 iterations=value.solution.iterations,
@@ -209,14 +242,27 @@ class ScenarioTreeMPC(Component):
 
         if self.parameters.avoid and value.nearest < self.parameters.separation * (1.0 - _TOLERANCE):
             text = f"{value.nearest:.4g} m from somebody, {self.parameters.separation:.4g} m are to be kept"
-            self.emit("too-close", text, level=Level.WARNING, distance=value.nearest)
+            self.emit("too-close", text, level=Level.ERROR, distance=value.nearest)
 
-    def _alternatives(self, state: Array, rest: Plan) -> Iterator[Plan]:
-        """Yield further guesses: the previous plan if the solver ended elsewhere, then manoeuvres."""
+    def _alternatives(self, state: Array, rest: Plan, safe: _Safe) -> Iterator[Plan]:
+        """Yield further guesses: the previous plan if the solver ended elsewhere, constant inputs, a safe manoeuvre."""
         if self._plan is not None and self._iterate is not self._plan:
             yield rest
         for held in self._manoeuvres:
             yield self._solver.rollout(state, held)
+        if self.parameters.avoid:
+            motion, kept = safe.motion
+            if kept >= self.parameters.separation:
+                yield motion
+
+    def safest(self, state: Array, rest: Plan, fan: Array) -> tuple[Plan, float]:
+        """Return the motion to follow if no plan is found, and the distance that it keeps from all scenarios [m]."""
+        parameters = self.parameters
+        if not parameters.avoid:
+            return rest, np.inf
+        before, at_end = (np.tile(each, parameters.others) for each in self._tree.counting)
+        target = np.asarray(self.agent.self_knowledge["target"], float)
+        return safest(state, self._simulated, rest, fan, (before, at_end), parameters.separation, target)
 
     def _fan(self) -> Array:
         """Return the nearest others' positions in each scenario, NaN for missing ones; shape (others * M, N + 1, 2)."""

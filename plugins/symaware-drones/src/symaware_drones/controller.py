@@ -16,10 +16,10 @@ from symaware_cli import (
     CommunicationReceiver,
     KnowledgeDatabase,
     Level,
-    Links,
     Message,
     Parameters,
     Quantity,
+    ScenarioView,
     Signal,
     nanoseconds,
 )
@@ -28,7 +28,7 @@ from symaware_drones.barrier import Barrier, BarrierSample
 from symaware_drones.program import Constraint, Inputs
 from symaware_drones.schedule import Activation, Beginning, Schedule
 from symaware_drones.task import Task
-from symaware_drones.team import checked_tasks, order_of, tasks_in, tasks_of_run
+from symaware_drones.team import check_known, checked_tasks, order_of, tasks_in, tasks_of_agent
 
 #: The kinds of messages: the fastest growth that a leader can bring about, and what a follower leaves to it.
 BEST, EPSILON = "best", "epsilon"
@@ -45,13 +45,21 @@ class _Round:
         number: Its number, the same for all drones.
         own: The barrier of its own tasks; None where none is in force.
         edges: The barrier towards each neighbour, with the gradient with respect to its own position.
+        apart: The constraints by which it keeps its distance from others.
         gamma: Which share of the inputs the neighbours that it follows leave to it; None before they were heard.
         wanted: The same before it is limited to [0, 1].
         is_done: Whether the control input is chosen.
     """
 
-    def __init__(self, number: int, own: BarrierSample | None, edges: Mapping[str, BarrierSample]) -> None:
+    def __init__(
+        self,
+        number: int,
+        own: BarrierSample | None,
+        edges: Mapping[str, BarrierSample],
+        apart: Sequence[Constraint],
+    ) -> None:
         self.number = number
+        self.apart = apart
         self.own = own
         self.edges = edges
         self.gamma: float | None = None
@@ -62,7 +70,8 @@ class _Round:
 class BarrierController(CommunicationReceiver):
     """Satisfies spatio-temporal tasks of drones and of pairs of drones by barrier functions, in a decentralised way.
 
-    The tasks are specifications of the scenario (`symaware_drones.tasks_of` says of which form). Each drone evaluates
+    The tasks are specifications of the scenario (`symaware_drones.tasks_of` says of which form). Each drone knows the
+    names of its own ones, by itself and with its neighbours, as the knowledge `tasks`, and of no others. It evaluates
     the barriers of its own tasks and of those with its neighbours in the task graph, which must be a forest; leaders
     are those that `drones.leaders` decided. Every sampling period is a round:
 
@@ -81,10 +90,16 @@ class BarrierController(CommunicationReceiver):
     of a round uses what it heard last, for at most `patience` rounds; then it neglects a leader that is silent
     (`unheard`), and stands still if the follower is silent (`unanswered`).
 
+    With a `separation` each drone also keeps its distance from all that it perceives, whatever its tasks are. For each
+    other at the distance d in the direction -n, its input satisfies n . u >= -lambda (d - separation) / 2; if both do
+    so, the distance never falls below the separation. As u = 0 satisfies all of this, tasks are relaxed where they
+    contradict it.
+
     nu covers that inputs are held: for single integrators nu = l1 V T, with l1 = eta V + lambda for own tasks and
     (2 eta V + lambda) 2 for tasks of pairs.
     """
 
+    knowledge: ClassVar[Mapping[str, str]] = {"tasks": "the names of the tasks of the agent, alone or with others"}
     specifications = "tasks"
     specifications_of_others = True
     events: ClassVar[Mapping[str, str]] = {
@@ -121,6 +136,12 @@ class BarrierController(CommunicationReceiver):
             0.0, ge=0, description="How far the faces of all polygons are moved inwards, for errors of tracking [m]."
         )
         patience: int = Field(5, ge=1, description="After how many rounds without a message a neighbour is silent.")
+        separation: float | None = Field(
+            None,
+            gt=0,
+            description="The least distance to keep from the centres of all drones that are perceived [m], before all "
+            "tasks: a barrier d - separation, of whose growth each of the two takes half. None is kept if null.",
+        )
         tracked: bool = Field(
             False,
             description="Whether velocities are not the control input but the knowledge `velocity`, which "
@@ -130,7 +151,9 @@ class BarrierController(CommunicationReceiver):
     def __init__(self, parameters: BaseModel | None = None) -> None:
         super().__init__(parameters)
         columns = [Quantity(name, "m") for name in self.parameters.tasks]
-        self.barriers = Signal("barrier", "vector", columns, description="of each task in force")
+        self.barriers = Signal(
+            "barrier", "vector", columns, description="of each task in force", nan="the task is not in force"
+        )
         self.signals = (self.barriers, ROUND)  # type: ignore[misc]
 
     @property
@@ -147,11 +170,11 @@ class BarrierController(CommunicationReceiver):
         """Check that a specification consists of tasks."""
         tasks_in(specification)
 
-    def check_specifications(
-        self, specifications: Mapping[str, Specification], groups: Sequence[AgentGroup], links: Links | None
-    ) -> None:
+    def check_scenario(self, view: ScenarioView) -> None:
         """Check that tasks can be met, alone and together, and that the task graph has links and no cycle."""
-        tasks = checked_tasks(specifications, order_of(groups), links)
+        groups = view.groups
+        tasks = checked_tasks(view.named_specifications, order_of(groups), view.links)
+        check_known(tasks, groups)
         positions = {
             id: (float(place[0]), float(place[1]))
             for group in groups
@@ -169,8 +192,7 @@ class BarrierController(CommunicationReceiver):
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         parameters = self.parameters
         order = order_of(self.environment.groups)
-        tasks = tasks_of_run(agent.group, parameters.tasks, order)
-        self._tasks = [task for task in tasks if agent.id in task.agents]
+        self._tasks = tasks_of_agent(agent, order)
         self._period = nanoseconds(parameters.sampling)
         self._inputs = Inputs(parameters.sides, parameters.speed)
         self._neighbours = [id for id in order if any({id, agent.id} == {*task.agents} for task in self._tasks)]
@@ -251,7 +273,7 @@ class BarrierController(CommunicationReceiver):
                 samples[other] = found._replace(x=sign * found.x, y=sign * found.y)
                 for name, each in self._values(barrier, found, *apart).items():
                     values[name] = min(each, values.get(name, math.inf))
-        self._round = _Round(number, own, samples)
+        self._round = _Round(number, own, samples, self._apart(x, y))
         self.record(self.barriers, np.array([values.get(name, math.nan) for name in self.parameters.tasks]))
         self._advance(self._round, is_over=False)
 
@@ -287,6 +309,24 @@ class BarrierController(CommunicationReceiver):
                 motion = database[id].state
                 if not math.isnan(motion[0]):
                     found[id] = float(motion[0]), float(motion[1])
+        return found
+
+    def _apart(self, x: float, y: float) -> list[Constraint]:
+        """Return the constraints that keep the distance from all others, at a position [m]."""
+        separation, database = self.parameters.separation, self.agent.awareness_database
+        if separation is None:
+            return []
+        gain, found = 0.5 * self.parameters.gain, []
+        for id in database:
+            if id == self.agent.id or id in self._neighbours:
+                continue
+            motion = database[id].state
+            ahead, aside = x - float(motion[0]), y - float(motion[1])
+            distance = math.hypot(ahead, aside)
+            # Others beyond this cannot come too near within a round: the input cannot violate the constraint.
+            if distance > 0.0 and gain * (distance - separation) < self.parameters.speed:
+                bound = -gain * (distance - separation)
+                found.append(Constraint(id, ahead / distance, aside / distance, min(bound, 0.0)))
         return found
 
     def _advance(self, current: _Round, *, is_over: bool) -> None:
@@ -347,7 +387,7 @@ class BarrierController(CommunicationReceiver):
             own = current.own
             constraints.append(Constraint("", own.x, own.y, -own.rate - self._alpha(own.value) + own_margin))
         gamma = current.gamma
-        chosen, relaxed = ((0.0, 0.0), []) if stands else self._inputs.smallest(gamma, constraints)
+        chosen, relaxed = ((0.0, 0.0), []) if stands else self._inputs.smallest(gamma, constraints, current.apart)
         names = {name for name, _ in relaxed}
         for name, missing in relaxed:
             if name not in self._relaxed:
@@ -421,4 +461,5 @@ ROUND = Signal(
         Quantity("late", "1"),
     ],
     description="of the last round",
+    nan="the drone follows nobody, or was not answered",
 )

@@ -15,16 +15,16 @@ from symaware_cli import (
     CommunicationReceiver,
     KnowledgeDatabase,
     Level,
-    Links,
     Message,
     Parameters,
     Quantity,
+    ScenarioView,
     Signal,
     nanoseconds,
 )
 from symaware_cli.formulas import Specification
 from symaware_drones.schedule import task_graph
-from symaware_drones.team import checked_tasks, order_of, tasks_in, tasks_of_run
+from symaware_drones.team import check_known, checked_tasks, order_of, tasks_in, tasks_of_agent
 
 #: The kind of the messages.
 LEADER = "leader"
@@ -44,6 +44,7 @@ class Leaders(CommunicationReceiver):
     It writes the knowledge `edges`: ``leader`` or ``follower`` by the id of the neighbour, once all are decided.
     """
 
+    knowledge: ClassVar[Mapping[str, str]] = {"tasks": "the names of the tasks of the agent, alone or with others"}
     specifications = "tasks"
     specifications_of_others = True
     signals = (LEADS,)
@@ -67,11 +68,10 @@ class Leaders(CommunicationReceiver):
         """Check that a specification is a task."""
         tasks_in(specification)
 
-    def check_specifications(
-        self, specifications: Mapping[str, Specification], groups: Sequence[AgentGroup], links: Links | None
-    ) -> None:
+    def check_scenario(self, view: ScenarioView) -> None:
         """Check that the task graph has no cycle, and that there is a link for each of its edges."""
-        checked_tasks(specifications, order_of(groups), links)
+        tasks = checked_tasks(view.named_specifications, order_of(view.groups), view.links)
+        check_known(tasks, view.groups)
 
     def initialise_component(
         self,
@@ -82,7 +82,7 @@ class Leaders(CommunicationReceiver):
         """Start with all edges undecided."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         order = order_of(self.environment.groups)
-        graph = task_graph(tasks_of_run(agent.group, self.parameters.tasks, order), order)
+        graph = task_graph(tasks_of_agent(agent, order), order)
         self._order = order
         self._roles: dict[str, str] = dict.fromkeys(graph.get(agent.id, ()), "")
         self._claim: str | None = None

@@ -7,9 +7,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from symaware_cli.optimal_control.qp import solve_qp
+from symaware_cli.planning.optimal_control.qp import solve_qp
 from symaware_drones.polygon import Corner, faces, regular, support
+
+Array = NDArray[np.float64]
 
 #: What a constraint may lack before it counts as relaxed [m/s].
 _TOLERANCE = 1e-6
@@ -17,6 +20,8 @@ _TOLERANCE = 1e-6
 _FLAT = 1e-9
 #: The price of relaxing a constraint, whose slack is as large as its multiplier over it.
 _PRICE = 1e6
+#: How much cheaper it is to relax a constraint that is less important.
+_RANK = 1e3
 
 
 class Constraint(NamedTuple):
@@ -52,19 +57,23 @@ class Inputs:
         """Return the greatest scalar product of a vector with an input."""
         return support(self.corners, x, y)
 
-    def smallest(self, share: float, constraints: Sequence[Constraint]) -> tuple[Corner, list[tuple[str, float]]]:
+    def smallest(
+        self, share: float, constraints: Sequence[Constraint], apart: Sequence[Constraint] = ()
+    ) -> tuple[Corner, list[tuple[str, float]]]:
         """Return the input with the least norm.
 
         Args:
             share: Which share of U may be used, gamma.
             constraints: What is to hold, the most important first; at most two.
+            apart: What is to hold before all of them; 0 satisfies it. What it does not is left out.
 
         Returns:
             The input; and the name of each constraint that had to be relaxed, with how much it fails by. The first is
-            relaxed only as far as it cannot hold by itself.
+            relaxed only as far as it cannot hold by itself, or besides `apart`.
         """
         relaxed: dict[str, float] = {}
         wanted = []
+        apart = [each for each in apart if each.bound <= 0.0]
         for each in constraints:
             best = share * self.most(each.x, each.y)
             if each.bound > best:
@@ -75,26 +84,64 @@ class Inputs:
                 wanted.append(each)
         if share <= 0.0 or all(each.bound <= 0.0 for each in wanted):
             return (0.0, 0.0), list(relaxed.items())
-        if len(wanted) == 1:
+        if len(wanted) == 1 and not apart:
             # The nearest point of the half-plane to 0, where no face of the inputs cuts it off.
             x, y, bound = wanted[0][1:]
             scale = bound / (x * x + y * y)
             if scale * math.hypot(x, y) <= share * self._apothem:
                 return (scale * x, scale * y), list(relaxed.items())
-        rows = np.concatenate([self._normals, [(each.x, each.y) for each in wanted]])
-        lower = np.concatenate([np.full(len(self._normals), -np.inf), [each.bound for each in wanted]])
-        upper = np.concatenate([share * self._offsets, np.full(len(wanted), np.inf)])
+        every = [*apart, *wanted]
+        rows = np.array([(each.x, each.y) for each in every])
+        bounds = np.array([each.bound for each in every])
+        lengths = np.hypot(rows[:, 0], rows[:, 1])
+        # The solver may take a row that is much smaller than the others for a contradiction: then all get the length 1.
+        for unit in (np.ones(len(every)), lengths):
+            try:
+                found = self._solve(share, rows / unit.reshape(-1, 1), bounds / unit, len(wanted), bool(apart))
+            except ValueError:  # for the solver the program is not convex, since the row is so small
+                continue
+            if found is not None:
+                point, slacks = found
+                for each, slack in zip(wanted, (slacks * unit[-len(wanted) :]).tolist(), strict=True):
+                    if slack > _TOLERANCE:
+                        relaxed[each.name] = relaxed.get(each.name, 0.0) + slack
+                return point, list(relaxed.items())
+        # Where the solver fails, 0 keeps drones apart, and all that is wanted yields.
+        for each in wanted:
+            if each.bound > _TOLERANCE:
+                relaxed[each.name] = relaxed.get(each.name, 0.0) + each.bound
+        return (0.0, 0.0), list(relaxed.items())
+
+    def _solve(
+        self, share: float, gradients: Array, bounds: Array, wanted: int, may_all_yield: bool
+    ) -> tuple[Corner, Array] | None:
+        """Return the smallest input, and by how much each of the last constraints fails; None if there is none.
+
+        Args:
+            share: Which share of U may be used.
+            gradients: The constraints; shape (n, 2).
+            bounds: Their bounds; shape (n,).
+            wanted: How many of them, the last ones, may yield.
+            may_all_yield: Whether all of these may, or only the last one.
+        """
+        rows = np.concatenate([self._normals, gradients])
+        lower = np.concatenate([np.full(len(self._normals), -np.inf), bounds])
+        upper = np.concatenate([share * self._offsets, np.full(len(bounds), np.inf)])
+        slacks = np.zeros(wanted)
         solution = solve_qp(_COST, _LINEAR, rows, lower, upper)
-        if not solution.solved:
-            # Each constraint can hold by itself, so the last one yields.
+        # Each constraint can hold by itself, so the last one yields; besides `apart`, all of them may have to.
+        for yielding in range(1, wanted + 1 if may_all_yield else 2):
+            if solution.solved:
+                break
             prices = np.full(len(rows), np.inf)
-            prices[-1] = _PRICE
+            prices[-yielding:] = _PRICE
+            prices[-1] = _PRICE / (1.0 if yielding == 1 else _RANK)
             solution = solve_qp(_COST, _LINEAR, rows, lower, upper, prices=prices)
-            last = wanted[-1].name
-            relaxed[last] = relaxed.get(last, 0.0) + float(abs(solution.slacks[-1]))
+            if solution.solved:
+                slacks[-yielding:] = np.abs(solution.slacks[-yielding:])
         if not solution.solved:
-            raise ArithmeticError(f"the program of {', '.join(each.name for each in constraints)} is {solution.status}")
-        return (float(solution.x[0]), float(solution.x[1])), list(relaxed.items())
+            return None
+        return (float(solution.x[0]), float(solution.x[1])), slacks
 
 
 _COST, _LINEAR = np.eye(2), np.zeros(2)

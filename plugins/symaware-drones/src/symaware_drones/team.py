@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from symaware_cli import AgentGroup, EntityGroup, Links
+from symaware_cli import Agent, AgentGroup, EntityGroup, Links
 from symaware_cli.formulas import Specification
 from symaware_drones.schedule import check_links, task_graph
 from symaware_drones.task import Task, tasks_of
@@ -44,9 +44,39 @@ def checked_tasks(
     return tasks
 
 
-def tasks_of_run(group: AgentGroup, names: Sequence[str], order: Mapping[str, int]) -> list[Task]:
-    """Return the tasks that the specifications of a run consist of."""
-    return [task for name in names for task in tasks_in(group.specifications[name].specification, order)]
+def check_known(tasks: Sequence[Task], groups: Sequence[AgentGroup]) -> None:
+    """Check that each agent knows the names of its tasks, and of no others.
+
+    Raises:
+        ValueError: An agent lacks the name of a task of its own, or knows one that is not; the message names both.
+    """
+    known = {
+        id: knowledge["tasks"]
+        for group in groups
+        for id, knowledge in zip(group.ids, group.knowledge, strict=True)
+        if "tasks" in knowledge
+    }
+    own: dict[str, list[str]] = {id: [] for id in known}
+    for task in tasks:
+        for id in task.agents:
+            own.setdefault(id, []).append(task.name)
+    for id, names in own.items():
+        if not isinstance(known.get(id), Sequence) or isinstance(known[id], str):
+            raise ValueError(f"{id} must know its `tasks`, a list of names: {', '.join(names)}")
+        for name in dict.fromkeys([*names, *known[id]]):
+            if name not in known[id]:
+                raise ValueError(f"{id} must know `{name}`, a task of its own, in its knowledge `tasks`")
+            if name not in names:
+                raise ValueError(f"{id} knows `{name}` in its `tasks`, which is no task of its own")
+
+
+def tasks_of_agent(agent: Agent, order: Mapping[str, int]) -> list[Task]:
+    """Return the tasks of which an agent knows."""
+    specifications = agent.group.specifications
+    tasks = [
+        task for name in agent.self_knowledge["tasks"] for task in tasks_in(specifications[name].specification, order)
+    ]
+    return [task for task in tasks if agent.id in task.agents]
 
 
 def _reached_by(ids: Sequence[str], links: Links | None) -> Mapping[str, Sequence[str]]:

@@ -125,7 +125,9 @@ class TubeControl(Component):
         epsilon = None if specification.offer is None else specification.offer.epsilon
         every = self.parameters.every(specification.formulation.time_step)
         commitment = Commitment.of(specification, group.model, group.regions, 0, epsilon, every)
-        planner = self.parameters.planner(group, 0, self._plan_step(group), 0)
+        step = self._plan_step(group)
+        planners = [self.parameters.planner(group, row, step, 0) for row in range(len(group))]
+        planner = min(planners, key=lambda each: each.tube.least_risk)
         if epsilon is not None and not commitment.is_possible(planner.steps, planner.tube):
             count = len(commitment.steps(planner.steps))
             raise ValueError(

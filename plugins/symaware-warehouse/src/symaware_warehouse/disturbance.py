@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -24,7 +25,12 @@ class RecordedDisturbance(Component):
 
         seed: int = Field(3, ge=0, lt=2**32, description="The seed of NumPy's legacy generator.")
         steps: int = Field(40, ge=1, le=100_000, description="For how many steps each robot is disturbed.")
-        deviation: float = Field(0.1, ge=0, description="Standard deviation of the disturbance along each axis [m].")
+        deviation: float = Field(
+            0.1,
+            ge=0,
+            description="Standard deviation of the disturbance along each axis [m]; robots that know a `variance` have "
+            "the root of that one.",
+        )
 
     def check(self, group: AgentGroup) -> None:
         """Check that the control input has two elements."""
@@ -41,7 +47,9 @@ class RecordedDisturbance(Component):
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         steps = self.parameters.steps
         drawn = np.random.RandomState(self.parameters.seed).standard_normal((len(agent.group), steps, 2))
-        self._disturbances = self.parameters.deviation * drawn[agent.row]
+        variance = agent.self_knowledge.get("variance")
+        deviation = self.parameters.deviation if variance is None else math.sqrt(variance)
+        self._disturbances = deviation * drawn[agent.row]
 
     def _compute(self) -> NDArray[np.float64]:
         step = self.now // self.environment.time_step

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli import AgentGroup, Parameters, nanoseconds, seconds
-from symaware_cli.optimal_control import LinearDynamics
+from symaware_cli.planning.optimal_control import LinearDynamics
 from symaware_warehouse.planner import Planner
 from symaware_warehouse.tube import Tube, TubeKind
 
@@ -24,12 +24,21 @@ class PlanParameters(Parameters):
         "chebyshev", description="The bound of the risk of a radius: `chebyshev` for any error, or `gaussian`."
     )
     least_risk: float = Field(0.01, gt=0, lt=0.6, description="beta: the risk that each step has at least.")
+    greatest_radius: float | None = Field(
+        None,
+        gt=0,
+        description="The greatest radius of a tube [m], whatever its risk: then robots with more noise have a higher "
+        "risk. If null, the radius of `least_risk`, which is wider for robots with more noise.",
+    )
     chords: int = Field(1, ge=1, le=20, description="How many chords approximate the bound of the risk from above.")
     feedback: float = Field(
         0.6180339887498949, gt=0, lt=2, description="K: the error e of a plan becomes (1 - K) e + w in a step."
     )
     variance: float | None = Field(
-        None, gt=0, description="Variance of w along each axis [m^2]; that of the model's noise if null."
+        None,
+        gt=0,
+        description="Variance of w along each axis [m^2]; that of the model's noise if null. Robots that know a "
+        "`variance` have that one.",
     )
     max_input: float | None = Field(
         None,
@@ -101,13 +110,16 @@ class PlanParameters(Parameters):
             dynamics = replace(dynamics, least=least, greatest=greatest)
         if not np.isfinite([*dynamics.least, *dynamics.greatest]).all():
             raise ValueError("a plan needs a limit of u: `max_input`, or that of the model")
-        variance = self.variance
+        variance = group.knowledge[row].get("variance", self.variance)
+        if variance is not None and (not isinstance(variance, int | float) or not variance > 0):
+            raise ValueError(f"the knowledge `variance` of {group.ids[row]} must be a number above 0")
         if variance is None:
             noise = None if self.step is not None else model.noise_covariance(step)
             if noise is None or not noise.any():
                 raise ValueError("a tube needs noise: its `variance`, or that of the model")
             variance = float(np.linalg.eigvalsh(noise).max())
-        tube = Tube.of(self.tube, variance / (1.0 - (1.0 - self.feedback) ** 2), self.least_risk, self.chords)
+        alpha = variance / (1.0 - (1.0 - self.feedback) ** 2)
+        tube = Tube.of(self.tube, alpha, self.least_risk, self.chords, self.greatest_radius)
         last = round(nanoseconds(self.horizon) / nanoseconds(step)) - origin
         return Planner(
             dynamics,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symaware_cli import Model
 from symaware_cli.formulas import Region, Specification
-from symaware_cli.optimal_control import (
+from symaware_cli.planning.optimal_control import (
     Affine,
     LinearDynamics,
     SpecificationPlan,
@@ -332,7 +332,7 @@ class _TubeProgram:
             sets,
             first=first,
             past=past,
-            reduction=lambda normal, _: planner.margin * math.sqrt(float(normal @ normal)),
+            reduction=lambda half_space, _: planner.margin * math.hypot(*half_space.normal),
         )
         if commitment.epsilon is not None:
             risks = [int(self._risks[step - present - 1]) for step in commitment.steps(planner.steps) if step > present]

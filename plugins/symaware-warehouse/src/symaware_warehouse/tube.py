@@ -36,14 +36,20 @@ class Tube:
     chords: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, kind: TubeKind, variance: float, least_risk: float, chords: int = 1) -> Tube:
-        """Return the tube whose widest radius has a given risk.
+    def of(
+        cls, kind: TubeKind, variance: float, least_risk: float, chords: int = 1, widest: float | None = None
+    ) -> Tube:
+        """Return the tube whose widest radius has a given risk, or a given radius if that is less.
 
         Args:
             kind: ``chebyshev`` or ``gaussian``.
             variance: alpha, the variance of the error in each direction [m^2].
             least_risk: The risk of the greatest radius, between 0 and 0.6.
             chords: The number of chords.
+            widest: The greatest radius allowed [m].
+
+        Raises:
+            ValueError: The greatest radius allowed is not above the least one.
         """
         bound = _bound(kind, variance)
         if kind == "chebyshev":
@@ -51,6 +57,9 @@ class Tube:
         else:
             # Below this radius the bound is not convex.
             least, greatest = math.sqrt(variance), math.sqrt(-2.0 * variance * math.log(least_risk))
+        greatest = greatest if widest is None else min(greatest, widest)
+        if greatest <= least:
+            raise ValueError(f"the tube is at least {least:.3g} m wide, and at most {greatest:.3g} m are allowed")
         ratio = greatest / least
         ends = [least * ratio ** (place / chords) for place in range(chords)] + [greatest]
         pairs = []

@@ -1,0 +1,29 @@
+# What other rooms use of this one.
+
+from .awareness import AwarenessVector as AwarenessVector
+from .awareness import GroupAwareness as GroupAwareness
+from .awareness import Observation as Observation
+from .awareness import SelfAwareness as SelfAwareness
+from .column import Array as Array
+from .column import Column as Column
+from .column import TableColumn as TableColumn
+from .database import AwarenessDatabase as AwarenessDatabase
+from .knowledge import Changes as Changes
+from .knowledge import KnowledgeDatabase as KnowledgeDatabase
+from .knowledge import KnownColumn as KnownColumn
+from .part import PARTS as PARTS
+from .part import STATE as STATE
+from .part import Part as Part
+from .readonly import KnownVector as KnownVector
+from .series_column import SeriesColumn as SeriesColumn
+from .signal import BOX_COLUMNS as BOX_COLUMNS
+from .signal import MEASUREMENT as MEASUREMENT
+from .signal import Drawn as Drawn
+from .signal import Kind as Kind
+from .signal import Signal as Signal
+from .signal import SignalColumn as SignalColumn
+from .time_series import TimeSeries as TimeSeries
+from .tracks import Tracks as Tracks
+from .tracks import joined_covariances as joined_covariances
+from .value_range import NotFiniteError as NotFiniteError
+from .value_range import ValueRange as ValueRange

@@ -1,0 +1,115 @@
+"""The group of all verbs, and what all of them refuse."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from itertools import groupby
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from symaware_cli.cli.terminal import WRONG_INPUT, fail, fail_for, trouble_shown
+from symaware_cli.cli.verbs import Verbs
+
+
+class VerbGroup(TyperGroup):
+    """The group of all verbs.
+
+    It finds the verbs among the entry points, and reports paths that cannot be used, whichever verb uses them first
+    and for what.
+    """
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self._verbs = Verbs()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of all verbs."""
+        return self._verbs.names
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Import a verb; None if there is none with this name."""
+        if cmd_name not in self.commands:
+            command = self._verbs.command(cmd_name)
+            if command is None:
+                return None
+            self.commands[cmd_name] = command
+        return self.commands[cmd_name]
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the verb of a command line; suggest others if there is none."""
+        name = args[0]
+        if not name.startswith("-") and not ctx.resilient_parsing and self.get_command(ctx, name) is None:
+            if "run" not in self._verbs.names:
+                fail("this installation is incomplete: install symaware-cli again with pip", WRONG_INPUT)
+            near = difflib.get_close_matches(name, self._verbs.names)
+            hint = f" Did you mean {', '.join(map(repr, near))}?" if near else ""
+            ctx.fail(f"No such command {name!r}.{hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help, with the verbs in their groups."""
+        if self.rich_markup_mode is None:
+            super().format_help(ctx, formatter)
+        else:
+            self._listing().format_help(ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the verbs in their groups."""
+        summaries = self._verbs.summaries()
+        width = max(len(each.name) for each in summaries)
+        for title, group in groupby(summaries, lambda each: each.title):
+            lines = [(f"{each.name:<{width}}", each.text.partition("\n\n")[0]) for each in group]
+            with formatter.section(title):
+                formatter.write_dl(lines)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse text that is not UTF-8: logs, tables and figures could not contain it."""
+        for text in args:
+            if not _is_utf_8(text):
+                shown = text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+                fail(f"`{shown}` is not UTF-8: rename it, or give a link to it", WRONG_INPUT, "--json" in args)
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a verb; errors of the operating system about a path, of scenarios and of logs are reported."""
+        as_json = "--json" in ctx.args
+        try:
+            return super().invoke(ctx)
+        except OSError as error:
+            if error.filename is None:
+                raise
+            fail_for(error, as_json)
+        except (typer.Exit, typer.Abort):
+            raise
+        except Exception:
+            # An error of a scenario or a log has been raised by what defines it.
+            if not {"symaware_cli.log.error", "symaware_cli.language.problem"} & sys.modules.keys():
+                raise
+            with trouble_shown(as_json):
+                raise
+
+    def _listing(self) -> TyperGroup:
+        """A group with a line of help for each verb, which is cheaper than all of their options."""
+        commands: dict[str, Any] = {}
+        for each in self._verbs.summaries():
+            key = each.name if each.name not in commands else f"{each.name} {len(commands)}"
+            commands[key] = TyperCommand(each.name, help=each.text, rich_help_panel=each.title)
+        return TyperGroup(
+            name=self.name,
+            commands=commands,
+            params=self.params,
+            help=self.help,
+            epilog=self.epilog,
+            rich_markup_mode=self.rich_markup_mode,
+        )
+
+
+def _is_utf_8(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -1,0 +1,157 @@
+"""The verbs of the command: those of this package, and those that plugins add.
+
+Reasons: docs/decisions/0055-doors-for-verbs.md
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from functools import cached_property
+from importlib import metadata
+from typing import Any, NamedTuple
+
+import typer
+from typer.core import TyperCommand
+from typer.main import get_command
+
+from symaware_cli import entry_points
+from symaware_cli.cli.terminal import WRONG_INPUT, fail, is_plain
+from symaware_cli.entry_points import Listing, Listings, PluginError
+from symaware_cli.help_place import HelpPlace, place_of
+
+#: The entry-point group of the verbs.
+GROUP = "symaware.commands"
+
+_KIND = "command"
+
+#: The title in the help of verbs that cannot be used.
+_UNUSABLE = "Cannot be used"
+
+
+class Summary(NamedTuple):
+    """A verb in the help of the command.
+
+    Attributes:
+        name: Its name.
+        text: What it does, or why it cannot be used.
+        place: Where it is listed; None if it cannot be used.
+    """
+
+    name: str
+    text: str
+    place: HelpPlace | None
+
+    @property
+    def title(self) -> str:
+        """The title of the group in which it is listed."""
+        return _UNUSABLE if self.place is None else self.place.title
+
+
+class Verbs:
+    """The verbs. A verb is imported when it is used; other packages are searched only for what is not built in."""
+
+    @cached_property
+    def _built_in(self) -> Listings:
+        if "_installed" not in vars(self):
+            return entry_points.built_in(_KIND, GROUP)
+        own = {name: [each for each in same if each.built_in] for name, same in self._installed.items()}
+        return {name: same for name, same in own.items() if same}
+
+    @cached_property
+    def _installed(self) -> Listings:
+        return entry_points.listings_of(_KIND, metadata.entry_points(group=GROUP))
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all verbs."""
+        return list(self._installed)
+
+    def command(self, name: str) -> Any:
+        """The command of a verb; None if there is no such verb, and one that tells why if it cannot be used."""
+        try:
+            listing = self._find(name)
+            return None if listing is None else _command(name, listing)
+        except PluginError as error:
+            return UnusableVerb(name, error)
+
+    def summaries(self) -> list[Summary]:
+        """All verbs for the help, in its order; each is imported, and those that cannot be used are the last."""
+        return sorted(
+            self._summaries(),
+            key=lambda each: (each.place is None, (each.place or HelpPlace()).rank, each.name),
+        )
+
+    def _summaries(self) -> Iterator[Summary]:
+        for name in self.names:
+            try:
+                listing = self._find(name)
+                if listing is None:
+                    continue
+                if not listing.built_in:
+                    # To find faults of its signature, too.
+                    _command(name, listing)
+                loaded = listing.load()
+            except PluginError as error:
+                yield Summary(name, _message(error), None)
+                continue
+            described = loaded.info.help if isinstance(loaded, typer.Typer) else inspect.getdoc(loaded)
+            yield Summary(name, str(described or ""), place_of(loaded))
+        for name, same in self._installed.items():
+            if name in self._built_in:
+                for listing in same:
+                    if not listing.built_in:
+                        yield Summary(name, f"{listing.origin} is ignored: `symaware {name}` is built in", None)
+
+    def _find(self, name: str) -> Listing | None:
+        """The registration of a verb: that of this package if there is one.
+
+        Raises:
+            PluginError: Several packages register it.
+        """
+        same = self._built_in.get(name) or self._installed.get(name)
+        return entry_points.chosen(same) if same else None
+
+
+class UnusableVerb(TyperCommand):
+    """A verb that cannot be used: it says why, whatever its arguments are."""
+
+    def __init__(self, name: str, error: PluginError) -> None:
+        super().__init__(name, help=_message(error), add_help_option=False, hidden=True)
+        self._error = error
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Exit with the reason."""
+        if not ctx.resilient_parsing:
+            fail(_message(self._error), WRONG_INPUT, "--json" in args)
+        return []
+
+
+def _message(error: PluginError) -> str:
+    return f"{error}; expected {error.expected}" if error.expected else str(error)
+
+
+def _command(name: str, listing: Listing) -> Any:
+    """Import a verb, and make a command of its function or its group of functions.
+
+    Raises:
+        PluginError: It cannot be imported, or is not a function whose annotations Typer knows.
+    """
+    loaded = listing.load()
+    group = typer.Typer(add_completion=False, rich_markup_mode=None if is_plain() else "rich")
+    # With a callback, it is a group of one command, even if that is a group, too.
+    group.callback()(lambda: None)
+    if isinstance(loaded, typer.Typer):
+        group.add_typer(loaded, name=name)
+    elif inspect.isroutine(loaded):
+        package = None if listing.built_in else f"Of {listing.package} {listing.version}."
+        group.command(name, epilog=package)(loaded)
+    else:
+        raise PluginError("broken-plugin", f"{listing.origin} is not a function or a Typer application")
+    try:
+        commands: Any = get_command(group)
+        return commands.commands[name]
+    except Exception as error:
+        from symaware_cli.engine import describe
+
+        raise PluginError("broken-plugin", f"{listing.origin} has a faulty signature: {describe(error)}") from error

@@ -1,0 +1,1 @@
+"""The kinematic world, and what all worlds share."""

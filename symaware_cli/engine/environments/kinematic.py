@@ -1,0 +1,112 @@
+"""The kinematic world: integrates each model as it is, without forces or friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydantic import Field
+
+from symaware_cli.core import (
+    Contact,
+    Drive,
+    EntityGroup,
+    EnvironmentParameters,
+    ErrorCollector,
+    Obstacle,
+    WorldError,
+)
+from symaware_cli.engine.environments.actuator import check_time_step
+from symaware_cli.engine.environments.column_environment import ColumnEnvironment
+from symaware_cli.engine.environments.contact_detector import ContactDetector
+from symaware_cli.engine.environments.process_noise import process_noise
+from symaware_cli.geometry import Array, Indices
+from symaware_cli.world import Integrator, integrate
+
+
+class KinematicEnvironment(ColumnEnvironment):
+    """Moves every group by its own model; bodies pass through each other, and their contacts are reported.
+
+    Requested control inputs are saturated to what the model allows and held over the step. The model's process noise is
+    added after it.
+    """
+
+    batchable = True
+
+    class Parameters(EnvironmentParameters):
+        """Parameters of the kinematic world."""
+
+        integrator: Integrator = Field(
+            "exact",
+            description="How the dynamics are integrated: in closed form where the model has one, else as by rk4; "
+            "by Runge-Kutta of order 4; by the explicit Euler method. Models in discrete time are not integrated.",
+        )
+        substeps: int = Field(
+            1, ge=1, le=1000, description="Into how many parts a time step is divided where rk4 or euler integrate it."
+        )
+
+    def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+        """Set all groups to their initial states.
+
+        Raises:
+            WorldError: An entity is to move by forces, which this world does not have, or a model in discrete time has
+                another time step than the environment.
+        """
+        super().initialise(groups, obstacles, seed)
+        errors = ErrorCollector()
+        for name, obstacle in self.obstacles.items():
+            with errors.catch():
+                if obstacle.velocity or obstacle.turn_rate:
+                    raise WorldError(
+                        "only physics worlds, `pymunk` and `pybullet`, move an entity by its `velocity` and "
+                        "`turn_rate`; here, give it a path",
+                        *("environment", "entities", name),
+                    )
+        for group in self.groups:
+            with errors.catch():
+                check_time_step(group, self.time_step)
+        errors.raise_first()
+        self._noises = [process_noise(group, self.parameters.time_step, seed) for group in self.groups]
+        self._detector = ContactDetector(self.groups, self.scenery, self.proximity, self.time_step, self.debounce)
+
+    def step(self) -> None:
+        """Advance every group by its model under its saturated control input."""
+        self._apply_inputs()
+        step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
+        for number, (model, noise) in enumerate(zip(self._models, self._noises, strict=True)):
+            state = integrate(model, self._states[number], self._applied[number], step, integrator, parts)
+            if noise:
+                state = state + noise.draw(self._time)
+            present = self.groups[number].present
+            if present is not None:
+                state = np.where(present[:, None], state, self._states[number])
+            state.flags.writeable = False
+            self._states[number] = state
+        self._time += self.time_step
+        self._snapshot = self._contacts = None
+
+    def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
+        """Add to the true states of some agents instantaneously."""
+        number = self._number[group.name]
+        state = self._states[number].copy()
+        state[list(rows)] += change
+        state.flags.writeable = False
+        self._states[number] = state
+        self._snapshot = None
+
+    def drive(self, group: EntityGroup) -> Drive:
+        """Return that bodies have their velocities at once, and for the whole time step."""
+        return Drive(self.parameters.time_step)
+
+    def contacts(self) -> Sequence[Contact]:
+        """The contacts that began or ended with the last step; none in a batch, see `contacts_begun`."""
+        if self.roster.runs is not None:
+            return ()
+        if self._contacts is None:
+            # Not within the step: the caller has by now made sure that all states are finite.
+            self._contacts = self._detector.update(self.snapshot(), self.scenery)
+        return self._contacts
+
+    def contacts_begun(self) -> Indices:
+        """An agent, by index, of each contact that began since the last call; in a batch, instead of `contacts`."""
+        return self._detector.begun(self.snapshot(), self.scenery)

@@ -1,0 +1,104 @@
+"""Steps the environment of a run, checks the resulting states and announces contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from symaware_cli.awareness import Array
+from symaware_cli.core import AgentGroup, Contact, Event, Level
+from symaware_cli.engine.runtime.contact_episodes import ContactEpisodes
+from symaware_cli.engine.runtime.failure import RunError
+from symaware_cli.engine.runtime.interruption import Interrupted, Interruption
+from symaware_cli.engine.runtime.simulation import Simulation
+from symaware_cli.world import FARTHEST, is_within, said_of
+
+
+class EnvironmentStepper:
+    """Steps the environment and checks the result; its exceptions become failures of the run."""
+
+    def __init__(self, simulation: Simulation, interruption: Interruption) -> None:
+        self._simulation = simulation
+        self._environment = simulation.environment
+        self._interruption = interruption
+        self._episodes = ContactEpisodes(simulation.environment.debounce)
+
+    def step(self) -> None:
+        """Make one step of the environment, during which signals are delivered.
+
+        Raises:
+            RunError: The environment raised an exception.
+        """
+        interruption = self._interruption
+        interruption.unshield()
+        try:
+            self._environment.step()
+        except Interrupted:
+            raise
+        except BaseException as error:
+            raise self._simulation.environment_failure(error) from error
+        finally:
+            interruption.shield()
+
+    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+        """Change the true states of those of the agents that are present.
+
+        Raises:
+            RunError: The environment raised an exception.
+        """
+        if group.present is not None:
+            rows = [row for row in rows if group.present[row]]
+        try:
+            self._environment.push(group, rows, change)
+        except BaseException as error:
+            raise self._simulation.environment_failure(error) from error
+
+    def check(self) -> None:
+        """Check that true states are finite and bounded, and that `applied_input` has the right shape.
+
+        Raises:
+            RunError: A check failed, or the environment raised an exception.
+        """
+        simulation = self._simulation
+        for group in simulation.groups:
+            try:
+                truth, applied = self._environment.state(group), self._environment.applied_input(group)
+                if np.shape(applied) != group.control_input.shape:
+                    shapes = f"{np.shape(applied)} instead of {group.control_input.shape}"
+                    raise ValueError(f"`applied_input` of {group.name} has the shape {shapes}")
+            except BaseException as error:
+                raise self._simulation.environment_failure(error) from error
+            if not is_within(truth, FARTHEST):
+                row = next(row for row, state in enumerate(truth) if not is_within(state, FARTHEST))
+                problem = f"the state of {group.ids[row]} {said_of(truth[row])}"
+                raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
+
+    def announce_contacts(self) -> None:
+        """Fire `contact` for each contact that began or ended, and `touching` for each time that bodies met or parted.
+
+        Raises:
+            RunError: The environment raised an exception.
+        """
+        now = self._simulation.clock.now
+        try:
+            contacts = self._environment.contacts()
+        except BaseException as error:
+            raise self._simulation.environment_failure(error) from error
+        events = self._simulation.events
+        for contact in self._episodes.ended(now):
+            self._announce(contact, now)
+        for each in contacts:
+            contact, is_announced = self._episodes.follow(each, now)
+            if is_announced:
+                self._announce(contact, now)
+            if "touching" in events.wanted:
+                events.fire(Event("touching", "environment", now, subject=contact, value=contact))
+
+    def _announce(self, contact: Contact, now: int) -> None:
+        verb = "touch" if contact.begins else "part"
+        text = f"{contact.first} and {contact.second} {verb}"
+        data = {"first": contact.first, "second": contact.second, "begins": contact.begins}
+        self._simulation.events.fire(
+            Event("contact", "environment", now, Level.WARNING, text, data, contact, value=contact)
+        )

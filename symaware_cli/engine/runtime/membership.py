@@ -1,0 +1,262 @@
+"""Membership: which agents take part in a run, as they enter, leave, fail, stop and restart."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from symaware_cli.awareness import Array, Column, SeriesColumn, TableColumn
+from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
+from symaware_cli.engine.runtime.event_router import EventRouter
+from symaware_cli.engine.runtime.failure import RunError
+from symaware_cli.engine.runtime.run_summary import Observer
+from symaware_cli.engine.runtime.scope import ConditionScope, WorldScope
+from symaware_cli.engine.runtime.simulation import Simulation
+from symaware_cli.engine.runtime.timing import Coast, Moment, PresenceInterval, Trigger, concerned
+from symaware_cli.specification.expression import EvaluationError, Expression, Lookup
+from symaware_cli.world import is_finite
+
+if TYPE_CHECKING:
+    from symaware_cli.engine.runtime.scheduler import TurnScheduler
+
+
+class Membership:
+    """Retires and revives agents, and lets them enter and leave the world.
+
+    A retired agent (failed or stopped) stays in the world as a body that coasts. An absent agent takes no part and has
+    no position.
+
+    Attributes:
+        is_open: Whether the scenario lets agents enter or leave.
+        waiting: The agents that have not entered yet, by group and row.
+        leaving: The agents in the world that may leave.
+    """
+
+    #: The intervals are part of the scenario.
+    uncaptured: ClassVar[Collection[str]] = ("_intervals",)
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        schedulers: Sequence[TurnScheduler],
+        presence: Mapping[str, Sequence[PresenceInterval]],
+        observer: Observer,
+        router: EventRouter,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            simulation: The simulation.
+            schedulers: The turn scheduler of each entry.
+            presence: The presence of the agents of some groups, by row; agents of other groups are always present.
+            observer: Supplies contacts, goals and risks to conditions on which agents enter.
+            router: Connects agents with the events on which they enter or leave.
+        """
+        self._simulation = simulation
+        self._schedulers = schedulers
+        self._groups = {group.name: group for group in simulation.groups}
+        self._look_up = WorldScope(simulation, observer).look_up
+        self._scopes = {name: ConditionScope(self._groups[name]) for name in presence}
+        #: The number of reasons for which each agent takes no part: absence, faults, and failures, which are permanent.
+        self._reasons: Counter[tuple[str, int]] = Counter()
+        #: The agents whose event to enter or leave has fired since the last step.
+        self._triggered: set[tuple[str, int]] = set()
+        self.is_open = bool(presence)
+        self._intervals = {
+            (name, row): interval for name in sorted(presence) for row, interval in enumerate(presence[name])
+        }
+        self.waiting = {agent for agent, interval in self._intervals.items() if interval.is_late}
+        self.leaving = self._intervals.keys() - self.waiting
+        for name in sorted(presence):
+            self._listen(self._groups[name], presence[name], router)
+
+    def _listen(self, group: AgentGroup, intervals: Sequence[PresenceInterval], router: EventRouter) -> None:
+        """Subscribe to the events on which agents of a group enter or leave."""
+        rows = {id: row for row, id in enumerate(group.ids)}
+        for way, moments in (("begin", [each.begin for each in intervals]), ("end", [each.end for each in intervals])):
+            for trigger in dict.fromkeys(each for each in moments if isinstance(each, Trigger)):
+                whose = frozenset(row for row, each in enumerate(moments) if each == trigger)
+                call = partial(self._on_event, trigger, group.name, rows, way, whose)
+                router.connect(trigger.event, trigger.source, call)
+
+    def _on_event(
+        self, trigger: Trigger, group: str, rows: Mapping[str, int], way: str, whose: Collection[int], event: Event
+    ) -> None:
+        concerns = self.waiting if way == "begin" else self.leaving
+        for row in concerned(event, trigger, group, rows):
+            if row in whose and (group, row) in concerns:
+                self._triggered.add((group, row))
+
+    def begin(self) -> None:
+        """Suspend the agents that have not entered yet."""
+        for name, row in sorted(self.waiting):
+            self._hold(self._groups[name], row)
+
+    def update(self, now: int) -> None:
+        """Let agents leave and enter at a step of the world.
+
+        Raises:
+            RunError: A condition has no value, or the environment raised an exception.
+        """
+        intervals = self._intervals
+        gone = [
+            each
+            for each in sorted(self.leaving)
+            if self._is_time(each, intervals[each].end, "until", partial(self._scopes[each[0]].look_up, each[1]), now)
+        ]
+        come = [
+            each
+            for each in sorted(self.waiting)
+            if self._is_time(each, intervals[each].begin, "from", self._look_up, now)
+        ]
+        self._triggered.clear()
+        for name, group in self._groups.items():
+            leaving, entering = ([row for own, row in each if own == name] for each in (gone, come))
+            if leaving:
+                self._leave(group, leaving)
+            if entering:
+                self._enter(group, entering)
+
+    def _is_time(self, agent: tuple[str, int], moment: Moment | None, key: str, look_up: Lookup, now: int) -> bool:
+        """Whether the time, event or condition at which an agent enters or leaves has come."""
+        if moment is None:
+            return False
+        if isinstance(moment, Trigger):
+            return agent in self._triggered
+        if not isinstance(moment, Expression):
+            return now >= moment
+        try:
+            return moment.holds(look_up)
+        except EvaluationError as error:
+            id = self._groups[agent[0]].ids[agent[1]]
+            raise RunError(f"agents.{id}.present.{key}", "symaware", now, str(error), error) from error
+
+    def _enter(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents into the world."""
+        for row in rows:
+            self._simulation.announce("adding", f"agents.{group.ids[row]}")
+            self.waiting.remove((group.name, row))
+            self.leaving.add((group.name, row))
+        self._set_present(group, rows, present=True)
+        # Their awareness, control inputs and knowledge are recorded as new.
+        for column in (*group.awareness.columns.values(), group.control_column):
+            if isinstance(column, Column):
+                column.mark(rows)
+        group.knowledge_changes.rows.update(rows)
+        for row in rows:
+            if self._release(group, row):
+                self._simulation.exchange.inboxes.reopen(group.ids[row])
+                for scheduler in self._schedulers_of(group):
+                    scheduler.release(row)
+                    scheduler.enter(row)
+        for row in rows:
+            overlapped = self._simulation.environment.overlaps(group.ids[row])
+            said = f"; its body overlaps {', '.join(overlapped)}" if overlapped else ""
+            level = Level.WARNING if overlapped else Level.INFO
+            self._simulation.announce("added", f"agents.{group.ids[row]}", f"enters{said}", level=level)
+
+    def _leave(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents leave the world permanently."""
+        for row in rows:
+            self._simulation.announce("removing", f"agents.{group.ids[row]}")
+            self.leaving.remove((group.name, row))
+            self._hold(group, row)
+            for column in group.awareness.columns.values():
+                if isinstance(column, SeriesColumn):
+                    column.set_row(row, TimeSeries())
+                elif isinstance(column, TableColumn):
+                    column.set_row(row, ())
+        self._set_present(group, rows, present=False)
+        for row in rows:
+            self._simulation.announce("removed", f"agents.{group.ids[row]}", "leaves")
+
+    def _set_present(self, group: AgentGroup, rows: Sequence[int], *, present: bool) -> None:
+        """Update the presence of agents in the group, the environment and the exchange."""
+        simulation, environment = self._simulation, self._simulation.environment
+        flags = np.ones(len(group), bool) if group.present is None else group.present.copy()
+        flags[list(rows)] = present
+        flags.flags.writeable = False
+        group.present = flags
+        try:
+            (environment.admit if present else environment.dismiss)(group, rows)
+        except BaseException as error:
+            raise self._simulation.environment_failure(error) from error
+        simulation.exchange.present = environment.present
+
+    def _schedulers_of(self, group: AgentGroup) -> list[TurnScheduler]:
+        return [scheduler for scheduler in self._schedulers if scheduler.entry.group is group]
+
+    def _hold(self, group: AgentGroup, row: int) -> bool:
+        """Add a reason for which an agent takes no part; return whether it is the first.
+
+        Its components take no further turns. Unread messages to it are discarded, and so are those that still arrive.
+        """
+        self._reasons[group.name, row] += 1
+        if self._reasons[group.name, row] > 1:
+            return False
+        for scheduler in self._schedulers_of(group):
+            scheduler.hold(row)
+        self._simulation.exchange.inboxes.close(group.ids[row])
+        return True
+
+    def retire(self, group: AgentGroup, rows: Iterable[int], coast: Coast, reason: str) -> None:
+        """Take agents out of the run: their components take no further turns, and the world still moves their bodies.
+
+        Unread messages to them are discarded, and so are those that still arrive. They take part again when `revive`
+        was called as often as this method.
+
+        Args:
+            group: The agents' group.
+            rows: The agents' rows.
+            coast: Their control input from now on: the last one, or one that stops them as far as the model can.
+            reason: Why, in one sentence.
+        """
+        for row in rows:
+            if coast == "safe" and not self._reasons[group.name, row]:
+                one = slice(row, row + 1)
+                safe = safe_input(group.model, group.control_input[one], group.awareness.state[one])
+                group.control_column.set_row(row, safe)
+            if self._hold(group, row):
+                self._simulation.announce("terminated", f"agents.{group.ids[row]}", reason, level=Level.WARNING)
+
+    def revive(self, group: AgentGroup, rows: Iterable[int]) -> None:
+        """Remove a reason for which agents take no part; agents without reasons restart, with their components."""
+        rows = [row for row in rows if self._release(group, row)]
+        for row in rows:
+            self._simulation.exchange.inboxes.reopen(group.ids[row])
+        for scheduler in self._schedulers_of(group):
+            for row in rows:
+                scheduler.release(row)
+            scheduler.restart_agents(rows)
+
+    def takes_part(self, group: AgentGroup, row: int) -> bool:
+        """Whether an agent takes part: it is in the world, and has neither failed nor stopped."""
+        return not self._reasons[group.name, row]
+
+    def _release(self, group: AgentGroup, row: int) -> bool:
+        """Remove a reason for which an agent takes no part; return whether it was the last."""
+        self._reasons[group.name, row] -= 1
+        return not self._reasons[group.name, row]
+
+
+def safe_input(model: Model, before: Array, state: Array) -> Array:
+    """Compute the control input that stops an agent, as far as its model can.
+
+    Args:
+        model: The agent's dynamics.
+        before: Its present control input; shape (1, nu).
+        state: Its state; shape (1, nx).
+
+    Returns:
+        Shape (nu,).
+    """
+    try:
+        chosen = model.limit(model.slowed(state, before, np.zeros(1)))
+    except NotImplementedError:
+        chosen = model.limit(np.zeros_like(before))
+    safe: Array = chosen[0] if is_finite(chosen) else before[0]
+    return safe

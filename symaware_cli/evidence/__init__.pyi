@@ -1,0 +1,35 @@
+# What other rooms use of this one.
+
+from .branch_changes import BranchError as BranchError
+from .branching import BranchResult as BranchResult
+from .branching import Cell as Cell
+from .branching import branch as branch
+from .branching import branch_lines as branch_lines
+from .branching import branch_rows as branch_rows
+from .branching import branches as branches
+from .branching import write_branch_table as write_branch_table
+from .certification import Certificate as Certificate
+from .certification import CertificateVerification as CertificateVerification
+from .certification import certify as certify
+from .certification import verify_certificate as verify_certificate
+from .checking import CheckResult as CheckResult
+from .checking import check_log as check_log
+from .comparison import ComparisonResult as ComparisonResult
+from .comparison import compare as compare
+from .falsifying import Falsification as Falsification
+from .falsifying import falsify as falsify
+from .finding import Finding as Finding
+from .rare_event import EVENT_KINDS as EVENT_KINDS
+from .rare_events import RareEventEstimate as RareEventEstimate
+from .rare_events import estimate as estimate
+from .report.html_report import write_report as write_report
+from .report.report_section import ReportSection as ReportSection
+from .report.report_section import ReportSubject as ReportSubject
+from .sweep_comparison import SweepComparison as SweepComparison
+from .sweep_comparison import compare_sweeps as compare_sweeps
+from .sweep_verification import LEVELS as LEVELS
+from .sweep_verification import Level as Level
+from .sweep_verification import SweepVerification as SweepVerification
+from .sweep_verification import verify_folder as verify_folder
+from .verification import VerificationResult as VerificationResult
+from .verification import verify_log as verify_log

@@ -1,0 +1,110 @@
+"""Changes of a run at an instant: each becomes a fault of the branch's scenario, which begins then."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.language import Override, dotted, extracted, mapping, texts
+from symaware_cli.language.compose import compose
+from symaware_cli.log import LogError
+
+_CAN_CHANGE = (
+    "a component (agents.GROUP.components.NAME.use, and what the new one has under with), parameters of one "
+    "(agents.GROUP.components.NAME.with.PARAMETER), knowledge (agents.GROUP.knowledge.NAME), a state "
+    "(agents.GROUP.state), each also of one agent (agents.GROUP[2].state), faults (faults.NAME), and run"
+)
+
+
+class BranchError(LogError):
+    """A branch cannot be made: there is no such instant, or the change is none that can begin at one."""
+
+
+def overrides_of(log: Path, instant: float, changes: Sequence[str]) -> Sequence[str]:
+    """Translate changes of a scenario to changes of its faults, which begin at the instant.
+
+    Args:
+        log: The log.
+        instant: The instant [s].
+        changes: The changes, in the form of ``--set``.
+
+    Raises:
+        BranchError: A change is none that can begin at an instant.
+        ScenarioError: A change names what the scenario does not have.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file, _ = extracted(log, Path(folder))
+        own = [_unindexed(change) for change in changes]
+        data = compose(file, own, name=str(log)).data
+    direct: dict[str, Any] = {}
+    faults: dict[tuple[str, str], dict[str, Any]] = {}
+    for change in changes:
+        keys = list(Override.parse(change).path)
+        match keys:
+            case ["run", *_]:
+                direct[dotted(keys)] = _value(data, keys)
+            case ["faults", name, *_]:
+                content = _value(data, ["faults", name])
+                if isinstance(content, Mapping) and "at" not in content and "on" not in content:
+                    content = {"at": instant, **content}
+                direct[f"faults.{name}"] = content
+            case ["agents", group, *rest]:
+                is_one = bool(rest) and isinstance(rest[0], int)
+                of, rest = (f"{group}.{rest[0]}", rest[1:]) if is_one else (str(group), rest)
+                _add(faults, of, _value(data, ["agents", group]), rest, change)
+            case _:
+                raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
+    taken = data.get("faults") or {}
+    numbers = (number for number in range(1, len(taken) + len(faults) + 2) if f"branch-{number}" not in taken)
+    for (kind, of), content in _without_replaced(faults).items():
+        direct[f"faults.branch-{next(numbers)}"] = {"at": instant, kind: {"of": of, **content}}
+    return texts(direct)
+
+
+def _add(
+    faults: dict[tuple[str, str], dict[str, Any]],
+    of: str,
+    group: Mapping[str, Any],
+    rest: Sequence[str | int],
+    change: str,
+) -> None:
+    """Add the change of a part of a group, or of one of its agents."""
+    match rest:
+        case ["components", name] if {"use"} <= {*mapping(_value(group, rest))} <= {"use", "with"}:
+            faults["replace", f"{of}.{name}"] = {**_value(group, rest)}
+        case ["components", name, "use"]:
+            faults.setdefault(("replace", f"{of}.{name}"), {})["use"] = _value(group, rest)
+        case ["components", name, "with", parameter, *_]:
+            value = _value(group, rest[:4])
+            faults.setdefault(("reconfigure", f"{of}.{name}"), {"with": {}})["with"][parameter] = value
+        case ["knowledge", name, *_]:
+            faults.setdefault(("inform", of), {"knowledge": {}})["knowledge"][name] = group["knowledge"].get(name)
+        case ["state"]:
+            faults["place", of] = {"state": group["state"]}
+        case _:
+            raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
+
+
+def _without_replaced(faults: dict[tuple[str, str], dict[str, Any]]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Let parameters of a component that is replaced be those of the new one, which has none of the old one's."""
+    kept = dict(faults)
+    for kind, of in faults:
+        if kind == "replace" and (changed := kept.pop(("reconfigure", of), None)) is not None:
+            kept[kind, of] = {**kept[kind, of], **changed}
+    return kept
+
+
+def _unindexed(change: str) -> str:
+    """A change of one agent as one of its group, to read its value."""
+    return re.sub(r"^(\s*agents\.[^.=\[]+)\[\s*\d+\s*\](?=\.)", r"\1", change)
+
+
+def _value(data: Mapping[str, Any], keys: Sequence[str | int]) -> Any:
+    found: Any = data
+    for key in keys:
+        is_item = isinstance(found, list) and isinstance(key, int) and key < len(found)
+        found = found[key] if is_item else found.get(key) if isinstance(found, Mapping) else None
+    return found

@@ -1,0 +1,322 @@
+"""Branches: the run of a log up to an instant, and from there on with something changed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from symaware_cli.core import Event, nanoseconds
+from symaware_cli.core.stateful import StateError
+from symaware_cli.engine import RunSummary
+from symaware_cli.evidence.branch_changes import BranchError, overrides_of
+from symaware_cli.evidence.message_comparison import MessageComparison
+from symaware_cli.evidence.shared_beginning import STEPS, SharedBeginning
+from symaware_cli.language import Changes, FilePath, check_output, open_scenario, prepared, texts
+from symaware_cli.language.build import Built
+from symaware_cli.log import Log, OutputError, open_log, reason
+from symaware_cli.log.logged_events import LoggedEvent
+
+_EVENT = re.compile(r"\s*(?P<name>[\w-]+)\((?P<of>[^()]*)\)\s*(?P<shift>[+-]\s*[\d.]+)?\s*")
+
+Way = Literal["capture", "repetition"]
+"""How a branch comes to its instant: from a state captured there, or by repeating the run from its beginning."""
+
+Instant: TypeAlias = float | str | Event | LoggedEvent
+"""When a branch begins."""
+
+Progress = Callable[[int, int], object]
+"""Called with the number of steps that were made, and that of all."""
+
+
+@dataclass(frozen=True, slots=True)
+class BranchResult:
+    """A branch of a run.
+
+    Attributes:
+        log: The log that it was made from.
+        at: The instant from which on it may differ [s].
+        equal: How many messages before it are equal to those of the log: all.
+        changes: What was changed, in the form of ``--set``.
+        summary: The figures of the branch, with the path of its own log.
+        way: How it came to the instant.
+        reason: Why by repetition, if a state was wanted.
+    """
+
+    log: Path
+    at: float
+    equal: int
+    changes: Sequence[str]
+    summary: RunSummary
+    way: Way = "repetition"
+    reason: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result as plain data."""
+        return {
+            "log": str(self.log),
+            "at": self.at,
+            "equal": self.equal,
+            "changes": list(self.changes),
+            "way": self.way,
+            "reason": self.reason,
+            "run": self.summary.to_json(),
+        }
+
+
+def branch(
+    log: FilePath,
+    at: Instant,
+    changes: Changes | None = None,
+    output: FilePath | None = None,
+    on_progress: Progress | None = None,
+) -> BranchResult:
+    """Repeat the run of a log up to an instant, and let it continue with something changed.
+
+    What is changed becomes a fault of the branch's scenario (docs/time.md, "Faults") that begins at the instant, so the
+    branch is a run like any other: its log can be verified, compared and branched again. Without a change it is the
+    same run.
+
+    Args:
+        log: The log.
+        at: The instant [s]; or an event: one of ``log.events()``, or of the run, or its description with a shift, such
+            as ``violated(safe) - 2.0``.
+        changes: What changes then, by the paths of the scenario: components, their parameters, knowledge, a state;
+            faults, which begin then unless they say when; values under ``run``.
+        output: The log of the branch; None for none.
+        on_progress: Called from time to time.
+
+    Raises:
+        LogError: The log cannot be read or written.
+        BranchError: There is no such instant, it cannot be changed then, or the change affects what was before.
+        ScenarioError: The scenario with the change has problems.
+        KeyboardInterrupt: A signal ended the run.
+    """
+    log = Path(log)
+    original = _opened(log)
+    made = _Branch(log, original, _instant(original, log, at), texts(changes), None if output is None else Path(output))
+    return made.result(None, on_progress)
+
+
+def branches(
+    log: FilePath,
+    at: Instant,
+    changes: Iterable[Changes],
+    folder: FilePath | None = None,
+    way: Way | None = None,
+    on_progress: Progress | None = None,
+) -> list[BranchResult]:
+    """Make several branches of a log at an instant; see `branch`.
+
+    What they have in common is made once: the run is repeated to the instant, where its state is captured, and each
+    branch continues from it. Its log is the same as by repetition. A branch for which that is impossible is made by
+    repetition, and says why.
+
+    Args:
+        log: The log.
+        at: The instant, as for `branch`.
+        changes: The changes of each branch.
+        folder: The folder of the logs, ``0.mcap`` and so on, which is created; None for no logs.
+        way: How all branches come to the instant; None for the state where that is possible and shared.
+        on_progress: Called from time to time.
+
+    Raises:
+        StateError: ``way`` is "capture", and one of the branches cannot be made in this way.
+        LogError: As for `branch`, with all other exceptions.
+    """
+    log = Path(log)
+    original = _opened(log)
+    instant = _instant(original, log, at)
+    if folder is not None:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    # All are built before the first runs, so that a mistake is reported at once.
+    made = [
+        _Branch(log, original, instant, texts(each), None if folder is None else Path(folder, f"{number}.mcap"))
+        for number, each in enumerate(changes)
+    ]
+    beginning = None
+    if way == "capture" or (way is None and len(made) > 1):
+        beginning = SharedBeginning(log, original, instant, on_progress)
+    results = []
+    for each in made:
+        result = each.result(beginning, on_progress)
+        if way == "capture" and result.way != way:
+            raise StateError(f"the branch cannot be made from a captured state: {result.reason}")
+        results.append(result)
+    return results
+
+
+class _Branch:
+    """One branch to be made."""
+
+    def __init__(self, log: Path, original: Log, instant: float, changes: Sequence[str], output: Path | None) -> None:
+        self._log = log
+        self._original = original
+        self._instant = instant
+        self._output = output
+        self._overrides = overrides_of(log, instant, changes)
+        self._built: Built | None = self._build()
+        if output is not None:
+            check_output(self._built, output, log)
+
+    def _build(self) -> Built:
+        return open_scenario(self._log, self._overrides)
+
+    def result(self, beginning: SharedBeginning | None, on_progress: Progress | None) -> BranchResult:
+        """Make the branch: from the state of a beginning if there is one and that is possible, else by repetition."""
+        built, self._built = self._built or self._build(), None
+        reason = ""
+        if beginning is not None:
+            reason = beginning.obstacle_of(built, self._overrides) or ""
+            if not reason:
+                try:
+                    return self._made(built, beginning, "", on_progress)
+                except StateError as error:
+                    built, reason = self._build(), str(error)
+        return self._made(built, None, reason, on_progress)
+
+    def _made(
+        self, built: Built, beginning: SharedBeginning | None, reason: str, on_progress: Progress | None
+    ) -> BranchResult:
+        log, overrides = self._log, self._overrides
+        comparison = MessageComparison(self._original, nanoseconds(self._instant) if overrides else None)
+        with closing(comparison), tempfile.TemporaryDirectory() as folder:
+            written = self._output or Path(folder, "branch.mcap")
+            with prepared(built, written, may_exit=False, on_message=comparison.compare) as run:
+                if beginning is not None:
+                    beginning.continue_in(run)
+                while run.status is None and not comparison.differs:
+                    run.advance(STEPS)
+                    if on_progress is not None:
+                        on_progress(run.kernel.done, built.steps)
+                if comparison.differs:
+                    run.leave("the branch differs before its instant")
+            if run.signal is not None:
+                raise KeyboardInterrupt
+            if comparison.differs or comparison.is_left:
+                written.unlink(missing_ok=True)
+                where = f"it differs from {log} after {comparison.now / 1e9:g} s already"
+                cause = "what is changed affects the run before the instant" if overrides else "the run does not repeat"
+                raise BranchError(f"there is no such branch: {where}; {cause}. See `symaware verify {log}`")
+        way: Way = "repetition" if beginning is None else "capture"
+        return BranchResult(log, self._instant, comparison.count, overrides, run.summary, way, reason)
+
+
+def _opened(log: Path) -> Log:
+    original = open_log(log)
+    if "part" in original.manifest:
+        raise BranchError(f"{log} is a part of a run in several processes: branch the log that `symaware merge` makes")
+    return original
+
+
+def _instant(original: Log, log: Path, at: Instant) -> float:
+    """The instant of a branch [s], within the run."""
+    end = (original.end_time or 0) / 1e9
+    if isinstance(at, Event | LoggedEvent):
+        at = at.seconds
+    instant = at if isinstance(at, int | float) else _described(original, log, at)
+    if not 0.0 <= instant <= end:
+        raise BranchError(f"{instant:g} s is not within the run of {log}, which goes from 0 to {end:g} s")
+    return instant
+
+
+def _described(original: Log, log: Path, at: str) -> float:
+    try:
+        return float(at)
+    except ValueError:
+        found = _EVENT.fullmatch(at)
+    if found is None:
+        raise BranchError(f"`{at}` is no instant: write a time [s], or an event as in `violated(safe) - 2.0`")
+    name, of = found["name"], found["of"].strip()
+    events = [event for event in original.events() if event.name == name]
+    for event in events:
+        if of in ("", event.source, event.source.removeprefix("specifications.")):
+            return event.time / 1e9 + float((found["shift"] or "0").replace(" ", ""))
+    sources = sorted({event.source.removeprefix("specifications.") for event in events})
+    there = f"{name} was fired only by {', '.join(sources)}" if sources else f"no event is called {name}"
+    raise BranchError(f"there is no event {name}({of}) in {log}; {there}")
+
+
+#: The file in the folder of the branches.
+TABLE = "branches.csv"
+
+Cell = str | int | float | None
+
+
+def branch_rows(results: Sequence[BranchResult], changes: Sequence[Sequence[str]]) -> list[dict[str, Cell]]:
+    """Return a row for each branch, whose keys are the same in all rows.
+
+    Args:
+        results: The branches of one run at one instant.
+        changes: What differs between them: the changes of each, in the form of ``--set``.
+    """
+    paths = list(dict.fromkeys(each.partition("=")[0] for some in changes for each in some))
+    names = list(dict.fromkeys(each.name for result in results for each in result.summary.specifications))
+    rows = []
+    for number, (result, some) in enumerate(zip(results, changes, strict=True)):
+        values = {path: _unquoted(value) for path, _, value in (each.partition("=") for each in some)}
+        summary = result.summary
+        outcomes = {each.name: each for each in summary.specifications}
+        closest, risk = summary.minimum_separation, summary.highest_risk
+        row: dict[str, Cell] = {"branch": number, **{path: values.get(path) for path in paths}}
+        row["status"] = summary.status
+        for name in names:
+            outcome = outcomes.get(name)
+            row[name] = outcome.verdict if outcome else None
+            row[f"{name} robustness"] = outcome.robustness if outcome else None
+        row |= {
+            "contacts": summary.contacts,
+            "closest": closest.value if closest else None,
+            "highest risk": risk.value if risk else None,
+            "goals reached": len(summary.goals_reached),
+            "time": summary.simulated_time,
+            "way": result.way,
+            "log": summary.log and Path(summary.log).name,
+        }
+        rows.append(row)
+    return rows
+
+
+def write_branch_table(rows: Sequence[dict[str, Cell]], folder: Path) -> Path:
+    """Write the rows as CSV to the folder of the branches, and return the path; numbers with all their digits.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    path = folder / TABLE
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {reason(error)}") from error
+    return path
+
+
+def branch_lines(rows: Sequence[dict[str, Cell]]) -> list[str]:
+    """Format the rows for people: columns in which all cells are empty are left out, and so are the logs' names."""
+    shown = [key for key in rows[0] if key != "log" and any(row[key] is not None for row in rows)]
+    cells = [[_short(key) for key in shown], *([_text(row[key]) for key in shown] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return ["  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True)) for line in cells]
+
+
+def _unquoted(value: str) -> str:
+    """A text without its quotes, anything else as it is written."""
+    return str(json.loads(value)) if value.startswith('"') else value
+
+
+def _short(key: str) -> str:
+    """The last part of a path, which is enough to tell columns apart."""
+    return key.rpartition(".")[2]
+
+
+def _text(cell: Cell) -> str:
+    return "-" if cell is None else f"{cell:.4g}" if isinstance(cell, float) else str(cell)

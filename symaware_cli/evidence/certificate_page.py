@@ -1,0 +1,90 @@
+"""A certificate as a page to print, and as a part of other pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from symaware_cli.evidence.certificate import POST_HOC
+from symaware_cli.evidence.signed_statement import fingerprint
+from symaware_cli.views import rendered
+
+#: The most combinations that are listed.
+_MOST = 200
+
+
+def page(statement: Mapping[str, Any], public_key: str | None) -> str:
+    """Return the page: one file of HTML.
+
+    The same statement gives the same bytes, by which `symaware verify` recognises the page.
+
+    Args:
+        statement: The statement.
+        public_key: What it is signed with, raw, in hexadecimal; None if it is not.
+    """
+    page = str(rendered("certificate.html", content=content(statement, public_key)))
+    # As pages of earlier versions have them; nothing but a quotation mark of the content is written like this.
+    return page.replace("&#39;", "&#x27;").replace("&#34;", "&quot;")
+
+
+def content(statement: Mapping[str, Any], public_key: str | None) -> dict[str, Any]:
+    """Return what the template shows.
+
+    Raises:
+        LookupError: The statement lacks something; likewise TypeError, ValueError, AttributeError.
+    """
+    said = statement["predicate"]
+    claim = said["claim"]
+    is_post_hoc = claim["stated"] == POST_HOC
+    formula = said["formula"]
+    computed = ("symaware-cli", "Python", "numpy", "scipy")
+    more = len(said["combinations"]) - _MOST
+    return {
+        "title": f"{'Post hoc' if is_post_hoc else 'Certificate'}: {claim['text']}",
+        "heading": "Post hoc: not a certificate" if is_post_hoc else "Certificate",
+        "is_post_hoc": is_post_hoc,
+        "claim": claim["text"],
+        "established": bool(said["established"]),
+        "outcome": "established" if said["established"] else "not established for all combinations",
+        "facts": {
+            "stated": claim["stated"],
+            "specification": _formula_text(claim["specification"], formula["specification"]),
+            "semantics": f"version {formula['semantics']}, SymAware {formula['symaware']}",
+            "the probability is over": said["probability_over"],
+            "decided by": said["method"],
+            "error probability": f"at most {said['alpha']:g} in all, "
+            f"{said['alpha_of_each_combination']:.3g} for each combination",
+            "counted against it": "runs that violate the specification, leave it undecided, failed or were lost",
+            "scenario": f"{said['sweep']['scenario']}; seed of the sweep {said['sweep']['seed']}",
+            "rows": f"{said['rows']['count']:,}; root {said['rows']['root']}",
+            "signature": f"Ed25519, key {public_key}, SHA-256 of it {fingerprint(public_key)}"
+            if public_key
+            else "none",
+        },
+        "header": ("combination", "runs", "against", "evidence", "needed", "established"),
+        "rows": [_cells(each) for each in said["combinations"][:_MOST]],
+        "more": f"{more:,}" if more > 0 else "",
+        "versions": ", ".join(f"{name} {said['versions'][name]}" for name in computed if name in said["versions"]),
+    }
+
+
+def _cells(combination: Mapping[str, Any]) -> list[str]:
+    names = [
+        *([combination["variant"]] if combination["variant"] else []),
+        *(f"{path} = {value}" for path, value in combination["parameters"].items()),
+    ]
+    return [
+        ", ".join(names) or "as it is",
+        f"{combination['runs']:,}",
+        ", ".join(f"{count:,} {name}" for name, count in combination["against"].items() if count) or "0",
+        f"{combination['evidence']:.4g}",
+        f"{combination['needed']:.4g}",
+        "yes" if combination["established"] else "no",
+    ]
+
+
+def _formula_text(name: str, specification: Any) -> str:
+    if not isinstance(specification, Mapping):
+        return f"{name}: {specification}"
+    rest = ", ".join(f"{key} {value}" for key, value in specification.items() if key != "formula")
+    return f"{name}: {specification.get('formula')}" + (f" ({rest})" if rest else "")

@@ -1,0 +1,182 @@
+"""Certificates of sweeps: made from the folder of one, and verified against it."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.evidence.certificate import POST_HOC, leaves, statement
+from symaware_cli.evidence.certificate_check import CERTIFICATE, certificate_findings, opened
+from symaware_cli.evidence.certificate_page import page
+from symaware_cli.evidence.finding import Finding
+from symaware_cli.evidence.signed_statement import public_key_of, written
+from symaware_cli.evidence.sweep_verification import Level, SweepVerification, verify_folder
+from symaware_cli.language import FilePath
+from symaware_cli.log import OutputError, whole_file
+from symaware_cli.studies import Claim, SweepError, SweepFolder, is_sweep, listed, require_pyarrow
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What the runs of a sweep say about a claim.
+
+    Attributes:
+        statement: The statement, of in-toto.
+        path: The certificate; None if none was written.
+        page: The page to print; None likewise.
+        public_key: What it is signed with, raw, in hexadecimal; None if it is not.
+    """
+
+    statement: Mapping[str, Any]
+    path: Path | None = None
+    page: Path | None = None
+    public_key: str | None = None
+
+    @property
+    def is_established(self) -> bool:
+        """Whether the claim is established, for all combinations."""
+        return bool(self.statement["predicate"]["established"])
+
+    @property
+    def is_post_hoc(self) -> bool:
+        """Whether the claim was not in the plan of the sweep."""
+        return bool(self.statement["predicate"]["claim"]["stated"] == POST_HOC)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "established": self.is_established,
+            "post_hoc": self.is_post_hoc,
+            "certificate": None if self.path is None else str(self.path),
+            "page": None if self.page is None else str(self.page),
+            "public_key": self.public_key,
+            "statement": self.statement,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateVerification:
+    """What was found in a certificate.
+
+    Attributes:
+        path: The certificate.
+        public_key: The key of its signature, raw, in hexadecimal; None if it has none.
+        is_known_signer: Whether it is the key that was asked for, and the signature is valid.
+        findings: What in the certificate is not as the folder says.
+        sweep: What was found in the folder.
+    """
+
+    path: Path
+    public_key: str | None
+    is_known_signer: bool
+    findings: Sequence[Finding]
+    sweep: SweepVerification
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether all is as it has to be."""
+        return not self.findings and self.sweep.is_sound
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result as plain data."""
+        return {
+            "sound": self.is_sound,
+            "certificate": str(self.path),
+            "public_key": self.public_key,
+            "known_signer": self.is_known_signer,
+            "findings": [asdict(each) for each in self.findings],
+            "sweep": self.sweep.to_json(),
+        }
+
+
+def certify(
+    folder: FilePath, *, claim: str | None = None, key: FilePath | None = None, output: FilePath | None = None
+) -> Certificate:
+    """Decide the claim of a sweep, and write a certificate if it is established for any combination.
+
+    Beside the certificate are a page to print (``.html``) and the hashes of the rows (``.leaves``).
+
+    Args:
+        folder: The folder of a finished sweep.
+        claim: A claim that is not in its plan: looked at post hoc, and neither signed nor written but to an `output`.
+        key: A file with an unencrypted private key of Ed25519 in PEM, to sign with.
+        output: Where the certificate is to be; by default ``certificate.json`` in the folder.
+
+    Raises:
+        SweepError: There is no sweep, no claim, or no end yet; or its table contradicts its plan.
+        LogError: The key is none, or a package is missing.
+        OutputError: The certificate cannot be written.
+        ValueError: The claim is not valid.
+    """
+    require_pyarrow()
+    sweep = SweepFolder.opened(folder)
+    post_hoc = None if claim is None else Claim.parse(claim)
+    if post_hoc is not None and key is not None:
+        raise SweepError("a claim that was stated afterwards is not signed: leave --key out")
+    content = statement(sweep, post_hoc)
+    found = verify_folder(sweep, "arithmetic", with_certificates=False)
+    if not found.is_sound:
+        lines = [f"{f'run {each.index}, ' if each.index is not None else ''}{each.column}" for each in found.findings]
+        raise SweepError(listed(f"{sweep.path} contradicts itself, so nothing is certified", lines))
+    public_key = None if key is None else public_key_of(Path(key))
+    made = Certificate(content, public_key=public_key)
+    if not any(each["established"] for each in content["predicate"]["combinations"]):
+        return made
+    if post_hoc is not None and output is None:
+        return made
+    path = sweep.path / CERTIFICATE if output is None else Path(output)
+    texts = {
+        path: written(content, None if key is None else Path(key)),
+        path.with_suffix(".html"): page(content, public_key).encode(),
+        path.with_suffix(".leaves"): "".join(f"{index} {hashed}\n" for index, hashed in leaves(sweep)).encode(),
+    }
+    if len(texts) < 3:
+        raise OutputError(f"cannot write {path}: choose a name that ends with .json")
+    for each, text in texts.items():
+        with whole_file(each) as partial:
+            partial.write_bytes(text)
+    return Certificate(content, path, path.with_suffix(".html"), public_key)
+
+
+def verify_certificate(
+    path: FilePath,
+    level: Level = "sample",
+    *,
+    key: FilePath | None = None,
+    folder: FilePath | None = None,
+    rows: int = 20,
+    seed: int | None = None,
+    on_progress: Callable[[int, int], object] | None = None,
+) -> CertificateVerification:
+    """Verify a certificate: its signature, its statement against the folder of its sweep, and that folder.
+
+    Args:
+        path: The certificate.
+        level: How much of the folder is verified, see `verify_sweep`.
+        key: A file with the key that it has to be signed with, in PEM.
+        folder: The folder of the sweep; by default that of the certificate.
+        rows: See `verify_sweep`, as for the next two.
+        seed: See there.
+        on_progress: See there.
+
+    Raises:
+        SweepError: There is no sweep.
+        LogError: The certificate cannot be read.
+    """
+    path = Path(path)
+    place = path.parent if folder is None else Path(folder)
+    read = opened(path)
+    if not is_sweep(place):
+        raise SweepError(
+            f"{place} is not the folder of the sweep that {path} is about: a certificate is verified there"
+        )
+    wanted = None if key is None else public_key_of(Path(key))
+    sweep = SweepFolder.opened(place)
+    findings = list(certificate_findings(sweep, path, read, wanted))
+    chosen = secrets.randbits(32) if seed is None else seed
+    result = verify_folder(sweep, level, rows, chosen, on_progress, with_certificates=False)
+    is_known = wanted is not None and read.public_key == wanted and read.is_signed_by(wanted)
+    return CertificateVerification(path, read.public_key, is_known, findings, result)

@@ -1,0 +1,150 @@
+"""Compares two logs or two scenarios: what differs, and from when on the runs do, in whom and by how much."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.evidence.verification import VersionDifference, logged_versions, version_differences
+from symaware_cli.language import RESOLVED, extracted
+from symaware_cli.language.compose import Composition, compose
+from symaware_cli.log import (
+    ChannelDifference,
+    Log,
+    LogDifference,
+    LogError,
+    attachment_differences,
+    channel_differences,
+    first_difference,
+    open_log,
+)
+from symaware_cli.views import plot_logs
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioChange:
+    """A value in which two scenarios differ.
+
+    Attributes:
+        path: The path of the value.
+        values: The value in each, as plain data; None where it has none.
+        places: Where each has it, as ``file:line``; "" where it has none.
+    """
+
+    path: str
+    values: tuple[Any, Any]
+    places: tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonResult:
+    """How two logs, or two scenarios, differ.
+
+    Attributes:
+        paths: Both.
+        scenario: The values of the scenario that differ, in the order of the first.
+        first: The first message that differs; None for scenarios, and if none does.
+        channels: How each channel differs, the earliest first.
+        attachments: How attachments, the outcome and what channels say of their columns differ.
+        events: How often each event occurred in each log, where that differs.
+        versions: What differs in versions and machine.
+    """
+
+    paths: tuple[Path, Path]
+    scenario: Sequence[ScenarioChange]
+    first: LogDifference | None = None
+    channels: Sequence[ChannelDifference] = ()
+    attachments: Sequence[LogDifference] = ()
+    events: Mapping[str, tuple[int, int]] | None = None
+    versions: Sequence[VersionDifference] = ()
+
+    @property
+    def is_equal(self) -> bool:
+        """Whether they are equal, whatever the versions."""
+        return not (self.scenario or self.first or self.attachments)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result as plain data."""
+        return {"equal": self.is_equal, **asdict(self), "paths": [str(path) for path in self.paths]}
+
+
+def compare(
+    one: str | os.PathLike[str], other: str | os.PathLike[str], plot: str | os.PathLike[str] | None = None
+) -> ComparisonResult:
+    """Compare two logs, or two scenarios; of a log and a scenario, the scenarios.
+
+    Args:
+        one: A log or a scenario.
+        other: Another one.
+        plot: Of two logs, a file for a figure of both; None for none.
+
+    Raises:
+        LogError: A log cannot be read or plotted, or a figure is asked for of what are not two logs.
+        OutputError: The figure cannot be written.
+        ScenarioError: A scenario cannot be read.
+    """
+    one, other = Path(one), Path(other)
+    with tempfile.TemporaryDirectory() as folder:
+        composed = [_composed(path, Path(folder, str(number))) for number, path in enumerate((one, other))]
+    changes = list(_changes(*composed))
+    if not (one.suffix == other.suffix == ".mcap"):
+        if plot is not None:
+            raise LogError("a figure of a difference is one of two logs")
+        return ComparisonResult((one, other), changes)
+    logs = open_log(one), open_log(other)
+    first = first_difference(*logs)
+    if plot is not None:
+        plot_logs(*logs, plot, None if first is None else first.time)
+    return ComparisonResult(
+        (one, other),
+        changes,
+        first,
+        channel_differences(*logs),
+        attachment_differences(*logs),
+        _events(*logs),
+        version_differences(*map(logged_versions, logs)),
+    )
+
+
+def _composed(path: Path, folder: Path) -> Composition:
+    if path.suffix != ".mcap":
+        return compose(path)
+    folder.mkdir()
+    file, _ = extracted(path, folder)
+    return compose(file, name=f"{path}:{RESOLVED}")
+
+
+def _changes(one: Composition, other: Composition) -> Iterator[ScenarioChange]:
+    for path, values in differing_values(one.data, other.data, ()):
+        places = tuple(_place(each, path, value) for each, value in zip((one, other), values, strict=True))
+        yield ScenarioChange(".".join(map(str, path)), values, (places[0], places[1]))
+
+
+def differing_values(
+    one: Any, other: Any, path: tuple[str | int, ...]
+) -> Iterator[tuple[tuple[str | int, ...], tuple[Any, Any]]]:
+    """Yield the deepest values in which plain data differ, with their paths."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for key in dict.fromkeys([*one, *other]):
+            yield from differing_values(one.get(key), other.get(key), (*path, key))
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for place, values in enumerate(zip(one, other, strict=True)):
+            yield from differing_values(*values, (*path, place))
+    elif one != other:
+        yield path, (one, other)
+
+
+def _place(composition: Composition, path: tuple[str | int, ...], value: Any) -> str:
+    span = None if value is None else composition.span(path)
+    return "" if span is None else f"{span.file}:{span.line}"
+
+
+def _events(one: Log, other: Log) -> Mapping[str, tuple[int, int]]:
+    counts = [Counter(event.name for event in log.events()) for log in (one, other)]
+    names = sorted({*counts[0], *counts[1]})
+    return {name: (counts[0][name], counts[1][name]) for name in names if counts[0][name] != counts[1][name]}

@@ -1,0 +1,159 @@
+"""Searches for a violation of a specification, and writes it as a scenario with its log."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.evidence.falsification import SearchResult, search
+from symaware_cli.evidence.search_method import method_named
+from symaware_cli.evidence.search_space import SearchSpace
+from symaware_cli.language import Changes, FilePath, open_scenario, texts, write_log
+from symaware_cli.log import require_writable_folder, whole_folder
+from symaware_cli.specification import Outcome
+from symaware_cli.studies import SweepRequest, read_sweep, varied
+
+#: What the files in the folder of a violation are called.
+COUNTEREXAMPLE, LOG, RESULT = "counterexample.yaml", "counterexample.mcap", "falsification.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Falsification:
+    """What a search for a violation came to.
+
+    Attributes:
+        scenario: The scenario.
+        specification: The name of the specification.
+        method: How it was searched for.
+        seed: What the search drew from.
+        over: What varied, by its path, as it was said.
+        result: What was found.
+        folder: The folder with the counterexample and its log; None if there is none.
+    """
+
+    scenario: Path
+    specification: str
+    method: str
+    seed: int
+    over: Sequence[str]
+    result: SearchResult
+    folder: Path | None = None
+
+    @property
+    def is_found(self) -> bool:
+        """Whether a violation was found."""
+        return self.result.found is not None
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """What became of the specification in the violation, or in the least robust run."""
+        return self.result.outcome
+
+    @property
+    def bound(self) -> float | None:
+        """How probable a violation is at most, with confidence 0.95, where independent draws found none; else None.
+
+        It is about the distributions that were drawn from: the upper end of Clopper and Pearson's interval without
+        successes.
+        """
+        runs = self.result.runs - self.result.failed
+        if self.is_found or not runs or not method_named(self.method).is_independent:
+            return None
+        return -math.expm1(math.log(0.05) / runs)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        result = self.result
+        return {
+            "found": self.is_found,
+            "scenario": str(self.scenario),
+            "specification": self.specification,
+            "method": self.method,
+            "seed": self.seed,
+            "over": list(self.over),
+            "runs": result.runs,
+            "failed": result.failed,
+            "failure": result.failure,
+            "runs_to_shrink": result.shrinking,
+            "one_by_one": result.one_by_one,
+            "values": dict(result.values),
+            "values_found": None if result.found is None else dict(result.found),
+            "outcome": None if result.outcome is None else asdict(result.outcome),
+            "probability_at_most": self.bound,
+            "folder": None if self.folder is None else str(self.folder),
+        }
+
+
+def falsify(
+    scenario: FilePath,
+    specification: str,
+    output: FilePath | None = None,
+    *,
+    over: Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | Sequence[str] = (),
+    seeds: int = 0,
+    changes: Changes | None = None,
+    method: str = "differential-evolution",
+    runs: int = 200,
+    seed: int = 0,
+    jobs: int = 0,
+    batch: int | None = None,
+    on_progress: Callable[[int, int], object] | None = None,
+) -> Falsification:
+    """Search for values with which a scenario violates a specification, and make what is found simple.
+
+    Args:
+        scenario: A scenario, or a log of one.
+        specification: The name of the specification.
+        output: A new or empty folder for the counterexample, its log and what was found; nothing is written if nothing
+            is found. By default nothing is kept.
+        over: What varies, as for `sweep`.
+        seeds: How many seeds of the scenario are tried as well; 0 for its own alone.
+        changes: Values of the scenario that all runs share.
+        method: ``random``, ``differential-evolution``, ``tpe``, ``cma-es``, or that of a plugin.
+        runs: How many runs at most, besides those that make the violation simple.
+        seed: What the search draws from.
+        jobs: How many worker processes make the runs; 0 to make them in this process. The result is the same.
+        batch: How many runs are made together at most, where that is possible; 1 for none. The result is the same.
+        on_progress: Called after each run with how many were made, and how many at most.
+
+    Raises:
+        ScenarioError: The scenario, or what varies, has problems.
+        SweepError: Nothing varies, there is no such specification or method, or the method needs a module that is not
+            installed, or a worker process died.
+        OutputError: The folder cannot be written.
+        KeyboardInterrupt: A signal ended a run.
+    """
+    path = Path(scenario)
+    said = [t for name, each in over.items() for t in varied(name, each)] if isinstance(over, Mapping) else list(over)
+    source = read_sweep(path, SweepRequest(over=said, set=texts(changes)))
+    if output is not None:
+        require_writable_folder(output)
+    space = SearchSpace(source, specification, seeds)
+    result = search(space, method, runs, seed, jobs, batch, on_progress)
+    found = Falsification(path, specification, method, seed, said, result)
+    if not found.is_found or output is None:
+        return found
+    folder = Path(output)
+    found = Falsification(path, specification, method, seed, said, result, folder)
+    built = space.built(result.values)
+    with whole_folder(folder) as partial:
+        for name, content in built.files.items():
+            partial.joinpath(name).parent.mkdir(parents=True, exist_ok=True)
+            partial.joinpath(name).write_bytes(content)
+        (partial / COUNTEREXAMPLE).write_bytes(_commented(found) + built.resolved)
+        write_log(open_scenario(partial / COUNTEREXAMPLE), partial / LOG)
+        (partial / RESULT).write_text(json.dumps(found.to_json(), indent=1) + "\n")
+    return found
+
+
+def _commented(found: Falsification) -> bytes:
+    """What stands above the counterexample."""
+    lines = [f"{found.scenario.name} with these values violates `{found.specification}`:"]
+    lines += [f"  {path}={json.dumps(value)}" for path, value in found.result.values.items()] or ["  (as it is)"]
+    if found.outcome is not None:
+        lines.append(str(found.outcome))
+    return "".join(f"# {' '.join(line.splitlines())}\n" for line in lines).encode()

@@ -1,0 +1,244 @@
+"""A rare event of a scenario: a verdict of a specification, which runs approach by levels of its robustness."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Final, Literal, get_args
+
+from symaware_cli.core.stateful import StateError
+from symaware_cli.engine import Run, SimulationState, capture, restore
+from symaware_cli.language import prepared
+from symaware_cli.language.build import Built
+from symaware_cli.studies import SweepError, unknown_specification
+from symaware_cli.version import __version__
+
+#: What becomes of a specification: ``violated`` or ``satisfied``.
+EventKind = Literal["violated", "satisfied"]
+EVENT_KINDS: tuple[EventKind, ...] = get_args(EventKind)
+
+
+class _Happened(Enum):
+    HAPPENED = "happened"
+
+
+#: Where the event has happened, whatever follows.
+HAPPENED: Final = _Happened.HAPPENED
+
+#: Where a stage ends: a state to continue from, or the event itself.
+SplitState = SimulationState | Literal[_Happened.HAPPENED]
+
+
+@dataclass(frozen=True, slots=True)
+class RareEvent:
+    """An event at the end of stages.
+
+    Attributes:
+        specification: The name of the specification.
+        kind: The verdict on it, of all agents or pairs that it is about.
+        levels: The robustness at which each stage but the last one ends, in the unit of the formula: less and less if
+            the specification is to be violated, more and more if it is to be satisfied. The last stage ends with the
+            verdict.
+    """
+
+    specification: str
+    kind: EventKind
+    levels: tuple[float, ...] = ()
+
+    @property
+    def stages(self) -> int:
+        """The number of stages."""
+        return len(self.levels) + 1
+
+    @property
+    def sign(self) -> int:
+        """1 if the robustness rises towards the event, -1 if it falls."""
+        return 1 if self.kind == "satisfied" else -1
+
+    def check(self, built: Built) -> None:
+        """Check that a scenario has such an event.
+
+        Raises:
+            SweepError: It has not; the message gives the reason.
+        """
+        known = {each.name: each for each in built.options.specifications}
+        found = known.get(self.specification)
+        if found is None:
+            raise unknown_specification(self.specification, known)
+        if found.offer is not None:
+            raise SweepError(f"`{self.specification}` is offered to agents: only what always counts can be estimated")
+        if not self.levels:
+            return
+        if found.automaton is not None:
+            raise SweepError(
+                f"`{self.specification}` is a formula of linear temporal logic, which has no robustness: no levels "
+                "lead to it"
+            )
+        towards = [self.sign * level for level in self.levels]
+        if not all(map(math.isfinite, towards)) or sorted(set(towards)) != towards or towards[-1] >= 0.0:
+            order = "ascending and below 0" if self.sign > 0 else "descending and above 0"
+            raise SweepError(
+                f"levels towards `{self.specification}` being {self.kind} are {order}, not "
+                f"{', '.join(f'{level:g}' for level in self.levels)}"
+            )
+
+
+class SplitRun:
+    """A run that is put back into earlier states, and continued from there with other draws; see `splitting.Process`.
+
+    Attributes:
+        event: The event; another one with other levels may take its place between trials.
+        steps: How many steps were made in all.
+        failed: How many trials ended because a component failed; they do not reach the end of their stage.
+    """
+
+    def __init__(self, run: Run, event: RareEvent, scenario: str) -> None:
+        """Take a run that has not begun.
+
+        Args:
+            run: The run, without a log.
+            event: The event.
+            scenario: The digest of its scenario.
+
+        Raises:
+            SweepError: A component failed at the beginning.
+            KeyboardInterrupt: A signal ended the run.
+        """
+        self.steps = 0
+        self.failed = 0
+        self._run = run
+        self.event = event
+        self._scenario = scenario
+        self._monitor = next(
+            each for each in run.specification_monitors if each.specification.name == event.specification
+        )
+        run.advance(0)
+        if run.signal is not None:
+            raise KeyboardInterrupt
+        if run.failure is not None:
+            raise SweepError(f"the run failed at the beginning: {run.failure.problem}")
+
+    @property
+    def has_robustness(self) -> bool:
+        """Whether the specification has one: formulas of linear temporal logic have not."""
+        return self._monitor.specification.automaton is None
+
+    def begin(self) -> SplitState:
+        """Return the state before the first step.
+
+        Raises:
+            SweepError: It cannot be captured; the message names what cannot.
+        """
+        return self._captured()
+
+    def reach(self, state: SplitState, stage: int, seed: int) -> SplitState | None:
+        """Continue from a state until the end of a stage, or that of the run; see `splitting.Process`.
+
+        Raises:
+            SweepError: The state there cannot be captured.
+            KeyboardInterrupt: A signal ended the run.
+        """
+        if state is HAPPENED:
+            return state
+        if not self._continue(state, seed, lambda: self._is_over(stage)):
+            return None
+        if self._has_happened():
+            return HAPPENED
+        # From the end of a run, nothing leads any further.
+        return self._captured() if self._run.status is None and self._is_at_level(stage) else None
+
+    def closest(self, state: SplitState, seed: int) -> float:
+        """Continue from a state until the event, or the end of the run, and return how close it came.
+
+        Returns:
+            The robustness that came closest to the event, with the sign by which it rises towards it; infinite if the
+            event happened, and minus infinity if a component failed.
+
+        Raises:
+            KeyboardInterrupt: A signal ended the run.
+        """
+        if state is HAPPENED:
+            return math.inf
+        found = -math.inf
+
+        def is_over() -> bool:
+            nonlocal found
+            found = max(found, self._closeness())
+            return self._is_over(len(self.event.levels))
+
+        if not self._continue(state, seed, is_over):
+            return -math.inf
+        return math.inf if self._has_happened() else found
+
+    def _continue(self, state: SimulationState, seed: int, is_over: Callable[[], bool]) -> bool:
+        """Continue from a state until the end of a trial; False if a component failed."""
+        run = self._run
+        restore(run, state, self._scenario, __version__, seed)
+        before = run.done
+        if not is_over():
+            run.advance(until=is_over)
+        self.steps += run.done - before
+        if run.signal is not None:
+            raise KeyboardInterrupt
+        self.failed += run.failure is not None
+        return run.failure is None
+
+    def _is_over(self, stage: int) -> bool:
+        """Whether a stage has ended, or the event cannot happen any more."""
+        return self._has_happened() or self._is_at_level(stage) or (self.event.sign > 0 and self._monitor.verdict < 0)
+
+    def _has_happened(self) -> bool:
+        if self._monitor.verdict != self.event.sign:
+            return False
+        # Further agents or instances of a specification may begin, and are to be satisfied as well.
+        return self.event.sign < 0 or self._run.status is not None or self._is_final()
+
+    def _is_at_level(self, stage: int) -> bool:
+        levels = self.event.levels
+        return stage < len(levels) and self._closeness() >= self.event.sign * levels[stage]
+
+    def _closeness(self) -> float:
+        """The robustness now, with the sign by which it rises towards the event."""
+        monitor = self._monitor
+        begun = monitor.begun
+        if not begun.any():
+            return -math.inf
+        if self.event.sign > 0:
+            return float(monitor.lower[begun].min())
+        return -float(monitor.upper[begun].min())
+
+    def _is_final(self) -> bool:
+        return self._monitor.begins and bool(self._monitor.begun.all())
+
+    def _captured(self) -> SplitState:
+        try:
+            return capture(self._run, self._scenario, __version__)
+        except StateError as error:
+            raise SweepError(f"the run cannot be split: {error}") from error
+
+
+@contextmanager
+def split_run(built: Built, event: RareEvent) -> Iterator[SplitRun]:
+    """Begin a run that can be split.
+
+    Raises:
+        SweepError: It cannot; the message gives the reason.
+        KeyboardInterrupt: A signal ended the run.
+    """
+    event.check(built)
+    remote = [entry.path for entry in built.simulation.entries if entry.timing.in_process]
+    if remote:
+        raise SweepError(f"the run cannot be split: {remote[0]} computes in another process (`run_in: process`)")
+    # The stages need its bounds, whatever the scenario says.
+    specifications = [
+        replace(each, interval=each.automaton is None) if each.name == event.specification else each
+        for each in built.options.specifications
+    ]
+    options = replace(built.options, pace=None, specifications=specifications)
+    digest = hashlib.sha256(built.resolved).hexdigest()
+    with prepared(replace(built, options=options), None, may_exit=False) as run:
+        yield SplitRun(run, event, digest)

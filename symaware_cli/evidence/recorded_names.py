@@ -1,0 +1,191 @@
+"""Values of the names in specifications, for one row, computed from the recorded states of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Environment, seconds
+from symaware_cli.engine import Simulation
+from symaware_cli.evidence.row_evaluator import RegionHere, norm, row_robustness
+from symaware_cli.specification import (
+    AbsentError,
+    AgentScope,
+    BeliefScope,
+    ClosestPairScope,
+    PairScope,
+    Scope,
+    Specification,
+    SpecificationError,
+)
+
+Array = NDArray[np.float64]
+
+
+class RecordedNames:
+    """Derives values from the states, control inputs and knowledge that were recorded for the present instant."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._world: Environment = simulation.environment
+        self._clock = simulation.clock
+        self._groups = simulation.groups
+        self._places = {id: (group, row) for group in self._groups for row, id in enumerate(group.ids)}
+        regions = self._groups[0].regions if self._groups else {}
+        self._regions = {name: RegionHere(name, regions, self._pose) for name in regions}
+        self._index = {id: index for index, id in enumerate(self._places)}
+        #: The positions of all agents at the instant, NaN for who is absent; shape (agents, d).
+        self._positions = np.empty((0, 0))
+
+    def robustness(self, specification: Specification) -> list[Array]:
+        """Return the robustness of each predicate of a specification; each of shape (rows,), NaN for who is absent.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
+        scope = specification.scope
+        self._positions = np.array([self._positioned(*place) for place in self._places.values()])
+        present = np.ones(scope.rows, bool) if scope.present is None else scope.present
+        found = [np.full(scope.rows, np.nan) for _ in specification.formulation.atoms]
+        shared: dict[str, Any] = {}
+        for row in np.flatnonzero(present).tolist():
+            look_up = partial(self._value, scope, row, {}, shared)
+            for column, atom in zip(found, specification.formulation.atoms, strict=True):
+                try:
+                    column[row] = row_robustness(atom.node, look_up)
+                except AbsentError:
+                    column[row] = -np.inf
+                except (ValueError, TypeError, LookupError, ArithmeticError) as error:
+                    raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
+                if np.isnan(column[row]):
+                    who = " and ".join(scope.agents(row))
+                    raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
+        return found
+
+    def _value(self, scope: Scope, row: int, known: dict[str, Any], shared: dict[str, Any], name: str) -> Any:
+        """The value of a name for a row; `known` are those of the row so far, `shared` those of all rows."""
+        if name not in known:
+            known[name] = self._derived(scope, row, name, shared)
+        return known[name]
+
+    def _derived(self, scope: Scope, row: int, name: str, shared: dict[str, Any]) -> Any:
+        if name == "time":
+            return seconds(self._clock.now)
+        if name in self._regions:
+            return self._regions[name]
+        match scope:
+            case BeliefScope():
+                return self._believed(scope, row, name, shared)
+            case AgentScope():
+                state = self._world.state(scope.group)[row]
+                return self._of_agent(scope.group, row, state, self._world.applied_input(scope.group)[row], name)
+            case PairScope():
+                first, second = scope.agents(row)
+                return self._of_pair(first, second, name)
+            case ClosestPairScope():
+                return min(self._least_distance(one, second) for first, second in scope.pairs for one in first)
+        return self._of_world(scope, name)
+
+    def _of_agent(self, group: AgentGroup, row: int, state: Array, control_input: Array, name: str) -> Any:
+        model = group.model
+        places = {quantity.name: place for place, quantity in enumerate(model.state)}
+        match name:
+            case "control_input":
+                return control_input
+            case "knowledge":
+                return group.knowledge[row]
+            case "nearest":
+                return self._least_distance(group.ids[row], [*self._places])
+            case "position":
+                return state[list(model.position)]
+            case "speed" if name not in places:
+                return norm(model.velocity(state[None], control_input[None])[0])
+            case "state":
+                return state
+            case "velocity":
+                return model.velocity(state[None], control_input[None])[0]
+        return float(state[places[name]]) if name in places else group.knowledge[row][name]
+
+    def _believed(self, scope: BeliefScope, row: int, name: str, shared: dict[str, Any]) -> Any:
+        """A belief: of the own state as it was recorded, of all else as the run takes it from awareness."""
+        group = scope.group
+        if name == "nearest" or name in group.awareness.columns.keys() - {"state"} or name == "has_intent":
+            if name not in shared:
+                shared[name] = scope.look_up(name)
+            return shared[name][row]
+        return self._of_agent(group, row, group.awareness.state[row], group.control_input[row], name)
+
+    def _of_pair(self, first: str, second: str, name: str) -> Any:
+        if name in ("distance", "closing_speed"):
+            apart = self._position(second) - self._position(first)
+            distance = norm(apart)
+            if name == "distance":
+                return distance
+            rate = 0.0
+            for along, velocity in zip(apart, self._velocity(second) - self._velocity(first), strict=True):
+                rate += along * velocity
+            return -rate / distance if distance > 0.0 else 0.0
+        of = {
+            "position": self._position,
+            "speed": lambda id: norm(self._velocity(id)),
+            "velocity": self._velocity,
+        }[name]
+        return {"first": of(first), "second": of(second)}
+
+    def _of_world(self, scope: Scope, name: str) -> Any:
+        """What is said of the world, as the run tells it."""
+        return _of_one(scope.look_up(name))
+
+    def _least_distance(self, id: str, others: Sequence[str]) -> float:
+        """The distance of an agent to the nearest of some others; infinite if it or all of them are absent."""
+        rows = [self._index[each] for each in others if each != id]
+        apart = self._positions[rows] - self._position(id)
+        squared = np.zeros(len(apart))
+        for axis in range(apart.shape[1]):
+            squared = squared + apart[:, axis] * apart[:, axis]
+        return float(np.sqrt(squared[~np.isnan(squared)]).min(initial=np.inf))
+
+    def _position(self, id: str) -> Array:
+        return np.asarray(self._positions[self._index[id]])
+
+    def _positioned(self, group: AgentGroup, row: int) -> Array:
+        if group.present is not None and not group.present[row]:
+            return np.full(self._world.roster.dimensions, np.nan)
+        return self._padded(self._world.state(group)[row][list(group.model.position)])
+
+    def _velocity(self, id: str) -> Array:
+        group, row = self._places[id]
+        state, applied = self._world.state(group)[row], self._world.applied_input(group)[row]
+        return self._padded(group.model.velocity(state[None], applied[None])[0])
+
+    def _padded(self, vector: Array) -> Array:
+        """A vector with as many coordinates as the world has; those that a model does not have are 0."""
+        return np.concatenate([vector, np.zeros(self._world.roster.dimensions - len(vector))])
+
+    def _pose(self, id: str) -> tuple[Array, float | None]:
+        group, row = self._places[id]
+        state, heading = self._world.state(group)[row], group.model.heading
+        position = state[list(group.model.position)]
+        if group.present is not None and not group.present[row]:
+            position = np.full_like(position, np.nan)
+        return position, None if heading is None else float(state[heading])
+
+
+def _of_one(value: Any) -> Any:
+    """A value of the one row of the world."""
+    if isinstance(value, np.ndarray):
+        return value[0]
+    return value if np.isscalar(value) else _OfOne(value)
+
+
+class _OfOne:
+    """What is so of each agent or group by its name, for the one row of the world."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self._values = values
+
+    def __getitem__(self, name: str) -> Any:
+        return _of_one(self._values[name])

@@ -1,0 +1,112 @@
+"""A run or a sweep as one page of HTML, with all that a reader needs to judge and to repeat it, and no network."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from symaware_cli.entry_points import Listing
+from symaware_cli.evidence.report.report_section import SECTION, ReportSection, ReportSubject
+from symaware_cli.language import FilePath
+from symaware_cli.log import open_log, whole_file
+from symaware_cli.studies import JOURNAL, Row, SweepFolder, SweepJournal
+from symaware_cli.views import print_page, rendered, require_printing
+from symaware_cli.world import InstalledPlugins, code_position, describe
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+
+def write_report(path: FilePath, output: FilePath, viewer: bool = False, pdf: FilePath | None = None) -> Path:
+    """Write the report of a log or of the folder of a sweep.
+
+    That of a sweep shows the run with the least robustness, which is made again for it. It has the sections that are
+    installed (``symaware.reports``); one of another package that fails is left out, with a `PluginWarning`.
+
+    Args:
+        path: The log or the folder.
+        output: The page; one that is there is replaced.
+        viewer: Whether the page has the Rerun viewer with a replay of the run in it, which takes about 19 MB.
+        pdf: A file for the page as a browser prints it; None for none.
+
+    Returns:
+        The page.
+
+    Raises:
+        LogError: There is no log and no sweep, a package is missing, or there is no browser for a PDF.
+        OutputError: The page cannot be written.
+    """
+    path, output = Path(path), Path(output)
+    if pdf is not None:
+        require_printing(Path(pdf))
+    with _subject(path, viewer=viewer) as subject:
+        page = rendered("report.html", title=_title(subject), has_viewer=viewer, sections=list(_sections(subject)))
+    with whole_file(output, *([] if path.is_dir() else [path])) as partial:
+        partial.write_text(page, encoding="utf-8", errors="replace")
+    if pdf is not None:
+        print_page(output, Path(pdf))
+    return output
+
+
+@contextmanager
+def _subject(path: Path, *, viewer: bool) -> Iterator[ReportSubject]:
+    if not path.is_dir():
+        log = open_log(path)
+        yield ReportSubject(path, log=log, run=None if log.foreign else log, has_viewer=viewer)
+        return
+    folder = SweepFolder.opened(path)
+    with SweepJournal(folder.path / JOURNAL) as journal:
+        row = _least_robust(journal)
+    with tempfile.TemporaryDirectory() as temporary:
+        run = None
+        if row is not None:
+            folder.make_again(row.index, Path(temporary, "run.mcap"))
+            run = open_log(Path(temporary, "run.mcap"))
+        yield ReportSubject(path, folder=folder, run=run, row=row, has_viewer=viewer)
+
+
+def _title(subject: ReportSubject) -> str:
+    found = subject.overview
+    if found is None:
+        return f"Sweep {subject.path.resolve().name}"
+    return subject.path.name if found.foreign else f"{found.name or subject.path.name}: {found.status}"
+
+
+def _least_robust(journal: SweepJournal) -> Row | None:
+    """Return the run with the least robustness; the first that is done where none has any."""
+    done = list(journal.rows("done"))
+    return min(done, key=lambda row: (min(_known(row), default=float("inf")), row.index), default=None)
+
+
+def _known(row: Row) -> list[float]:
+    return [value for value in row.robustness.values() if value is not None]
+
+
+def _sections(subject: ReportSubject) -> Iterator[Markup]:
+    """Yield each section with content, in order."""
+    found = InstalledPlugins([SECTION]).usable(SECTION.name)
+    for listing, kind in sorted(found, key=lambda each: (each[1].order, each[0].name)):
+        section = _section(kind, listing, subject)
+        if section is not None:
+            yield section
+
+
+def _section(kind: type[ReportSection], listing: Listing, subject: ReportSubject) -> Markup | None:
+    """Return a section as HTML; None if it does not apply, has no content, or is of another package and fails."""
+    try:
+        section = kind()
+        blocks = list(section.content(subject)) if section.applies(subject) else []
+        if not blocks:
+            return None
+        heading = section.heading(subject)
+        return rendered("section.html", heading=heading, blocks=blocks, on_paper=section.on_paper)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        if listing.built_in:
+            raise
+        listing.warn(f"fails: {describe(error)}{code_position(error, beyond=__file__)}")
+        return None

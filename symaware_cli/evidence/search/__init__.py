@@ -1,0 +1,1 @@
+"""Methods that search for a violation; each is a plugin."""

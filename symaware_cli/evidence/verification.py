@@ -1,0 +1,206 @@
+"""Repeats the run of a log and compares: equal to the bit, or where the first difference is and who wrote it."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.awareness import Column, SeriesColumn
+from symaware_cli.core import AgentGroup, Event, seconds
+from symaware_cli.engine import Simulation
+from symaware_cli.evidence.message_comparison import MessageComparison
+from symaware_cli.language import open_scenario, prepared
+from symaware_cli.language.versions import versions
+from symaware_cli.log import OUTCOME, Log, LogDifference, LogError, attachment_differences, first_difference, open_log
+from symaware_cli.studies import counting
+
+#: How many steps are made between two looks at whether the run still equals the log.
+_STEPS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class VersionDifference:
+    """Something that is installed in another version, or computes otherwise, than when the log was written.
+
+    Attributes:
+        name: What it is.
+        then: The version in the log, or in the first of two; None if it was not installed.
+        now: The version here, or in the second log; None if it is not installed.
+    """
+
+    name: str
+    then: str | None
+    now: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class VerificationResult:
+    """Whether the run of a log, repeated, gives the same log.
+
+    Attributes:
+        log: The log.
+        scenario: The name of its scenario.
+        seed: The seed of the run.
+        messages: How many messages are equal, from the first one on.
+        until: The simulated time until which both were compared [s].
+        is_whole: Whether the log reaches the end of its run; otherwise it was compared as far as it goes.
+        difference: The first difference; None if all messages are equal.
+        writer: The path of the component that wrote what differs, or ``environment``; "" if it is not known.
+        attachments: How attachments, the outcome and what channels say of their columns differ.
+        versions: What differs in versions and machine.
+        damage: What of the log could not be read; None if nothing.
+    """
+
+    log: Path
+    scenario: str
+    seed: int
+    messages: int
+    until: float
+    is_whole: bool
+    difference: LogDifference | None
+    writer: str
+    attachments: Sequence[LogDifference]
+    versions: Sequence[VersionDifference]
+    damage: str | None = None
+
+    @property
+    def is_equal(self) -> bool:
+        """Whether the logs are equal."""
+        return self.difference is None and not self.attachments
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result as plain data."""
+        return {"equal": self.is_equal, **asdict(self), "log": str(self.log)}
+
+
+def verify_log(
+    path: str | os.PathLike[str], on_progress: Callable[[int, int], object] | None = None
+) -> VerificationResult:
+    """Repeat the run of a log from the scenario that it contains, and compare while it runs.
+
+    Args:
+        path: The log.
+        on_progress: Called from time to time with the number of steps that were made, and that of all.
+
+    Raises:
+        LogError: The log cannot be read, or has no scenario or only a part of a run.
+        ScenarioError: Its scenario has problems here, such as a plugin that is not installed.
+        KeyboardInterrupt: A signal ended the run.
+    """
+    path = Path(path)
+    log = open_log(path)
+    if "part" in log.manifest:
+        raise LogError(f"{path} is a part of a run in several processes: verify the log that `symaware merge` makes")
+    built = open_scenario(path)
+    comparison = MessageComparison(log)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder, "repeated.mcap")
+        with prepared(built, copy, may_exit=False, on_message=comparison.compare) as run:
+            while run.status is None and not comparison.is_over:
+                run.advance(_STEPS)
+                if on_progress is not None:
+                    on_progress(run.kernel.done, built.steps)
+        if run.signal is not None:
+            raise KeyboardInterrupt
+        repeated = open_log(copy)
+        difference, writer = None, ""
+        if comparison.differs or (comparison.is_whole and comparison.is_left):
+            difference = first_difference(log, repeated)
+        if difference is not None:
+            writer = _writer(path, difference)
+        ended = run.status is not None and comparison.is_whole
+        attachments = [each for each in attachment_differences(log, repeated) if ended or each.topic != OUTCOME]
+    return VerificationResult(
+        path,
+        built.document.name,
+        built.document.seed,
+        comparison.count,
+        seconds(comparison.now),
+        comparison.is_whole,
+        difference,
+        writer,
+        attachments,
+        version_differences(logged_versions(log), counting(versions())),
+        str(log.damage) if log.damage and log.damage.lost else None,
+    )
+
+
+def logged_versions(log: Log) -> dict[str, str]:
+    """Return the versions that count of when a log was written."""
+    return counting(json.loads(log.attachments.get("versions.json", b"{}")))
+
+
+def version_differences(then: Mapping[str, str], now: Mapping[str, str]) -> Sequence[VersionDifference]:
+    """Return what differs between two sets of versions."""
+    return [
+        VersionDifference(name, then.get(name), now.get(name))
+        for name in sorted({*then, *now})
+        if then.get(name) != now.get(name)
+    ]
+
+
+def _writer(path: Path, difference: LogDifference) -> str:
+    """Return who wrote what differs: found by another run until then, in which every update is watched."""
+    parts = difference.topic.split("/")
+    if parts[1:2] == ["world"] or difference.topic == "/contacts":
+        return "environment"
+    if parts[1:2] != ["agents"] or difference.time is None:
+        return ""
+    if len(parts) == 5:
+        return f"agents.{parts[2]}.{parts[4]}"
+    built = open_scenario(path)
+    simulation = built.simulation
+    group = next((each for each in simulation.groups if each.name == parts[2]), None)
+    if group is None:
+        return ""
+    watch = _Watch(simulation, group, parts[3], difference.time)
+    with prepared(built, None, may_exit=False) as run:
+        while run.status is None and simulation.clock.now <= difference.time:
+            run.advance(1)
+    return watch.writer
+
+
+class _Watch:
+    """Watches which component changes a part of the awareness of a group.
+
+    Attributes:
+        writer: The path of the last one that did, until a given time; "" if none did.
+    """
+
+    def __init__(self, simulation: Simulation, group: AgentGroup, part: str, until: int) -> None:
+        self.writer = ""
+        self._group = group
+        self._part = part
+        self._until = until
+        self._before = self._present()
+        simulation.events.subscribe("updated", self._on_update)
+
+    def _on_update(self, event: Event) -> None:
+        if event.time > self._until or not event.source.startswith(f"agents.{self._group.name}."):
+            return
+        present = self._present()
+        if present != self._before:
+            self._before, self.writer = present, event.source
+
+    def _present(self) -> object:
+        group, part = self._group, self._part
+        if part == "control":
+            return group.control_input.tobytes()
+        if part == "knowledge":
+            return repr([dict(each) for each in group.knowledge])
+        if part == "awareness":
+            seen = group.awareness.seen
+            return None if seen is None else (seen.time, seen.positions.tobytes(), seen.velocities.tobytes())
+        column = group.awareness.columns.get(part)
+        match column:
+            case Column():
+                return column.values.tobytes()
+            case SeriesColumn():
+                rows = [column.row(row) for row in range(len(group))]
+                return [(each.times.tobytes(), each.values.tobytes()) for each in rows]
+        return None

@@ -1,0 +1,1 @@
+"""Components that follow strategies over knowledge models."""

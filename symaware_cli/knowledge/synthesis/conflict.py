@@ -1,0 +1,84 @@
+"""Explains why a game cannot be won: guarantees that contradict each other or what the environment may do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from symaware_cli.knowledge.synthesis.game import Game, Statement
+from symaware_cli.knowledge.synthesis.strategy import is_realisable
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Statements that leave no strategy, none of which can be left out.
+
+    The guarantees cannot be met together under the assumptions, but each smaller set of them can. Under all but any one
+    of these assumptions that would not be so: they are `helpful` or `opposing`.
+
+    Attributes:
+        guarantees: The guarantees. Empty if no beginning meets the assumptions, or if the game is lost without any
+            guarantee.
+        helpful: Assumptions without any one of which a smaller set of the guarantees could not be met either.
+        opposing: Assumptions without any one of which the guarantees could be met. Seldom any: what is assumed makes a
+            game easier, unless it is about the agent, which must not make it impossible to keep.
+    """
+
+    guarantees: tuple[Statement, ...]
+    helpful: tuple[Statement, ...]
+    opposing: tuple[Statement, ...]
+
+    def __str__(self) -> str:
+        """Return the conflict in words."""
+        words = f"{_quoted(self.guarantees)} cannot be met"
+        if len(self.guarantees) > 1:
+            words += " together, though each part of them can"
+        if self.helpful:
+            words += f" given {_quoted(self.helpful)}, without which a part would be in conflict already"
+        if self.opposing:
+            begun = "; the agent" if self.helpful else ": the agent"
+            words += f"{begun} must not make it impossible to keep {_quoted(self.opposing)}"
+        return words
+
+
+def conflict(game: Game, cells: Sequence[int]) -> Conflict:
+    """Return an irreducible conflict, by deletion.
+
+    Each guarantee is left out in turn, under all assumptions, and stays out if the others still cannot be met. One pass
+    suffices, since fewer guarantees are never harder to meet. Then each assumption is left out in turn, and stays out
+    if without it the guarantees still cannot be met, and all but any one of them still can; again and again until all
+    that are left are needed, since without one assumption another may be needed no longer.
+
+    Args:
+        game: A game that is not realisable.
+        cells: The cells in which the agent may begin.
+    """
+
+    def is_met(assumptions: Sequence[Statement], guarantees: Sequence[Statement]) -> bool:
+        return is_realisable(Game(game.vocabulary, assumptions, guarantees), cells)
+
+    guarantees, assumptions = list(game.guarantees), list(game.assumptions)
+    for each in game.guarantees:
+        rest = _without(guarantees, each)
+        if not is_met(assumptions, rest):
+            guarantees = rest
+    count = len(assumptions) + 1
+    while len(assumptions) < count:
+        count = len(assumptions)
+        opposing = []
+        for each in tuple(assumptions):
+            rest = _without(assumptions, each)
+            if is_met(rest, guarantees):
+                opposing.append(each)
+            elif all(is_met(rest, _without(guarantees, one)) for one in guarantees):
+                assumptions = rest
+    helpful = [each for each in assumptions if not any(each is one for one in opposing)]
+    return Conflict(tuple(guarantees), tuple(helpful), tuple(opposing))
+
+
+def _without(statements: Sequence[Statement], left_out: Statement) -> list[Statement]:
+    return [each for each in statements if each is not left_out]
+
+
+def _quoted(statements: Sequence[Statement]) -> str:
+    return " and ".join(f"`{each.text}`" for each in statements)

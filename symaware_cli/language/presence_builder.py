@@ -1,0 +1,120 @@
+"""Builds the presence of agents from a scenario: when each enters and leaves, with checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core import AgentGroup, Environment, nanoseconds
+from symaware_cli.engine import ComponentEntry, ConditionScope, Moment, PresenceInterval
+from symaware_cli.language.document import GroupSection, Presence
+from symaware_cli.language.problem import quoted
+from symaware_cli.language.section import TriggerSection
+from symaware_cli.language.source import Path
+from symaware_cli.language.timing_check import TimingCheck, trigger_of
+from symaware_cli.specification import Names
+from symaware_cli.specification.expression import EvaluationError, Expression
+
+
+class PresenceBuilder:
+    """Builds the presence intervals of agents, and reports problems with them."""
+
+    def __init__(
+        self, check: TimingCheck, environment: Environment, use: str, entries: Sequence[ComponentEntry]
+    ) -> None:
+        """Prepare.
+
+        Args:
+            check: Parses conditions and checks events, and takes problems.
+            environment: The environment.
+            use: Its entry-point name.
+            entries: All component entries.
+        """
+        self._report = check.diagnosis.report
+        self._check = check
+        self._environment = environment
+        self._use = use
+        self._entries = entries
+        self._world: Names = {}
+
+    def build(
+        self, groups: Sequence[AgentGroup], agents: Mapping[str, GroupSection]
+    ) -> Mapping[str, Sequence[PresenceInterval]]:
+        """Build the intervals of the agents of all groups that are not always present.
+
+        Agents that are absent at the beginning are marked in their groups.
+        """
+        self._world = self._check.world_names(groups)
+        intervals = {}
+        for group in groups:
+            given = agents[group.name].present
+            if given is not None:
+                intervals[group.name] = own = self._intervals(group, given)
+                here = np.array([not each.is_late for each in own], bool)
+                here.flags.writeable = False
+                group.present = here
+        return intervals
+
+    def _intervals(self, group: AgentGroup, given: Presence | list[Presence]) -> Sequence[PresenceInterval]:
+        path: Path = ("agents", group.name, "present")
+        if not self._environment.is_open:
+            message = f"the world {quoted(self._use)} does not support agents that enter or leave"
+            self._report("unsuitable", message, path, key=True)
+        if isinstance(given, Presence):
+            return [self._interval(group, range(len(group)), given, path)] * len(group)
+        if len(given) != len(group):
+            values = "1 value" if len(given) == 1 else f"{len(given)} values"
+            agents = "1 agent" if len(group) == 1 else f"{len(group)} agents"
+            expected = f"one mapping for all, or a list of {len(group)}"
+            self._report(
+                "wrong-count", f"`{'.'.join(map(str, path))}` gives {values} for {agents}", path, expected=expected
+            )
+            return [PresenceInterval()] * len(group)
+        return [self._interval(group, [row], each, (*path, row)) for row, each in enumerate(given)]
+
+    def _interval(self, group: AgentGroup, rows: Sequence[int], given: Presence, path: Path) -> PresenceInterval:
+        scope = ConditionScope(group)
+        begin = self._moment(given.from_, group, self._world, (*path, "from"))
+        end = self._moment(given.until, group, scope.names(self._check.specifications), (*path, "until"))
+        if isinstance(end, int) and end <= (begin if isinstance(begin, int) else 0):
+            self._report(
+                "invalid-value",
+                f"an agent that leaves at {given.until:g} s has not entered by then",
+                (*path, "until"),
+                expected="a time after `from` [s]",
+            )
+        if isinstance(end, Expression):
+            self._check_condition(end, scope, rows[0], (*path, "until"))
+        return PresenceInterval(begin, end)
+
+    def _moment(
+        self, given: float | str | TriggerSection | None, group: AgentGroup, names: Names, path: Path
+    ) -> Moment | None:
+        """Convert a time, a condition or an event; None if nothing is given, or after a problem."""
+        if isinstance(given, str):
+            return self._check.expression(given, path, names)
+        if not isinstance(given, TriggerSection):
+            return None if given is None else nanoseconds(given)
+        trigger = trigger_of(given.event, given.of)
+        if path[-1] == "from" and trigger.source is None:
+            whose = quoted(given.of) if given.of else "its own components"
+            message = f"an agent that has not entered cannot wait for an event of {whose}"
+            expected = "`of`: `environment`, or the path of a component such as `agents.leader.steer`"
+            self._report("unknown-source", message, (*path, "of") if given.of else path, expected=expected)
+            return None
+        self._check.source(trigger, group.name, self._entries, path)
+        return trigger
+
+    def _check_condition(self, condition: Expression, scope: ConditionScope, row: int, path: Path) -> None:
+        """Check that a condition can be evaluated at the beginning, unless the reason is temporary."""
+
+        def look_up(name: str) -> Any:
+            return 0.0 if name == "time" else scope.look_up(row, name)
+
+        try:
+            condition.holds(look_up)
+        except EvaluationError as error:
+            if isinstance(error.__cause__, IndexError | KeyError | TypeError):
+                self._report("bad-expression", str(error), path, expected="a comparison such as `position[0] > 10`")

@@ -1,0 +1,485 @@
+"""Samples initial states and knowledge for the agents of a group: one for all, one for each, or from a distribution.
+
+Draws are keyed by the seed of the run and the agent's path, so adding agents does not change the values of others.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import Model
+from symaware_cli.geometry import LARGEST
+from symaware_cli.language.compose import Composition
+from symaware_cli.language.diagnosis import leaves_of
+from symaware_cli.language.placement import PLACEMENTS
+from symaware_cli.language.problem import Problem, dotted, nearest, quoted
+from symaware_cli.language.source import Path
+from symaware_cli.language.validation import a_number, said_of, validate
+from symaware_cli.world import FARTHEST, GroupChance, Seed, agent_numbers, is_within
+
+Array = NDArray[np.float64]
+
+
+#: Distributions that differ from run to run, and all that differ from agent to agent.
+RANDOM = ("uniform", "normal")
+DISTRIBUTIONS = (*RANDOM, *PLACEMENTS)
+FORMS = (*DISTRIBUTIONS, "each", "all")
+
+
+class Sampler:
+    """Determines the initial states and knowledge of the agents of one group.
+
+    Attributes:
+        problems: The problems found so far.
+    """
+
+    def __init__(
+        self, composition: Composition, seed: Seed, ids: Sequence[str], indexed: bool, model: Model | type[Model] | None
+    ) -> None:
+        """Start without values.
+
+        Args:
+            composition: The scenario.
+            seed: The seed of the run; of several runs, whose agents are sampled together, those of the first run first.
+            ids: The ids of the agents of a run.
+            indexed: Whether the scenario says how many agents there are.
+            model: Their model, if it is known.
+        """
+        self.problems: list[Problem] = []
+        self._composition = composition
+        self._seed = seed
+        self._ids = ids
+        self._indexed = indexed
+        self._model = model
+        #: How many values there are: one for each agent of each run.
+        self._rows = len(ids) * (1 if isinstance(seed, int) else len(seed))
+        self._numbers = np.tile(agent_numbers(ids), self._rows // max(1, len(ids)))
+        # The parameters of each distribution, checked once for all agents; None after a problem.
+        self._known: dict[Path, Any] = {}
+        # The draws of all agents from each distribution that they share.
+        self._drawn: dict[Path, Array] = {}
+        self._is_each = False
+        #: Where the value of all agents without one of their own stands, see `_own`.
+        self._rests: set[Path] = set()
+
+    def states(self, value: Any, path: Path) -> Array:
+        """The initial state of each agent; shape (n, nx), or (n, 0) after a problem."""
+        if self._model is None:
+            return np.empty((self._rows, 0))
+        width = len(self._model.state)
+        if value is None:
+            return np.zeros((self._rows, width))
+        each = self._values(value, path, width)
+        if each is None or not len(each):
+            return np.empty((self._rows, 0))
+        states = np.array(each, float)
+        if not is_within(states, LARGEST):
+            row, element = (int(place[0]) for place in np.nonzero(~(np.abs(states) <= LARGEST)))
+            self._report_size(path, row, (element,), float(states[row, element]), LARGEST)
+        return states
+
+    def knowledge(self, value: Any, path: Path) -> list[Any]:
+        """The knowledge of each agent under one name; empty after a problem."""
+        each = self._values(value, path, None)
+        if isinstance(each, np.ndarray):
+            return list(each)
+        for row, known in enumerate(each or ()):
+            if (far := _first_excessive(known)) is not None:
+                self._report_size(path, row, *far, FARTHEST)
+                break
+        if each and all(one is each[0] for one in each):
+            # The group makes a copy for each agent.
+            return [np.array(each[0], float) if _is_array(each[0]) else each[0]] * len(each)
+        return [np.array(one, float) if _is_array(one) else one for one in each] if each else []
+
+    def known(self, content: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:
+        """The whole knowledge of each agent, by name; without what has problems."""
+        found: list[dict[str, Any]] = [{} for _ in range(self._rows)]
+        for name, value in content.items():
+            for own, one in zip(found, self.knowledge(value, (*path, name)), strict=False):
+                own[name] = one
+        return found
+
+    def _report_size(self, path: Path, row: int, inner: Path, number: float, most: float) -> None:
+        """Report a number that is too large, at its position if it was written and not drawn."""
+        own = row % len(self._ids)
+        forms: tuple[Path, ...] = (("each", own), (own,), ("all",), ())
+        places = [(*path, *form, *inner) for form in forms]
+        where = next((place for place in places if self._composition.has(place)), path)
+        expected = f"a number from {-most:g} to {most:g}"
+        self._report("out-of-range", f"{quoted(dotted(where))} comes to {said_of(number)}", where, expected=expected)
+
+    def _values(self, value: Any, path: Path, width: int | None) -> list[Any] | Array | None:
+        """Determine the value of each agent; None after a problem."""
+        count = len(self._ids)
+        if isinstance(value, Mapping) and value.keys() == {"own", "rest"}:
+            return self._own(value["own"], value["rest"], path, width)
+        form = self._form(value, path, width)
+        if form is None:
+            return None
+        self._is_each, content, inner = form
+        if not self._is_each:
+            if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in PLACEMENTS:
+                # Computed once for all agents.
+                kind, placement = next(iter(content.items()))
+                placed = self._placed(kind, placement, (*inner, kind), width)
+                return None if placed is None else np.tile(placed, (self._rows // count, 1))
+            first = self._collect(lambda row: self._value(content, inner, row, width), only=1)
+            if first is None or not contains(content, DISTRIBUTIONS):
+                return first and first * self._rows
+            columns = self._columns(content, inner)
+            return columns or self._collect(lambda row: self._value(content, inner, row, width))
+        if not isinstance(content, list) or len(content) != count:
+            said = f"{len(content)} values" if isinstance(content, list) else said_of(content)
+            said = "1 value" if said == "1 values" else said
+            agents = "1 agent" if count == 1 else f"{count} agents"
+            shared = "" if width is not None else ", or {all: ...} for one value that all share"
+            expected = f"a list of {count}{shared}"
+            self._report("wrong-count", f"{quoted(dotted(path))} gives {said} for {agents}", inner, expected=expected)
+            return None
+        return self._collect(
+            lambda row: self._value(content[row % count], (*inner, row % count), row, width), tolerance=10
+        )
+
+    def _own(self, own: Any, rest: Any, path: Path, width: int | None) -> list[Any] | None:
+        """Determine the value of each agent where some have values of their own; None after a problem.
+
+        Args:
+            own: Values by the numbers of their agents, as text.
+            rest: What the others have, in any form; they draw the same as if nobody had a value of their own.
+            path: The path of both.
+            width: See `_filled`.
+        """
+        count = len(self._ids)
+        self._rests.add((*path, "rest"))
+        others: list[Any] | Array | None = [[0.0] * (width or 0)] * self._rows
+        if rest is not None:
+            others = self._values(rest, (*path, "rest"), width)
+        elif width is None:
+            others = [None] * self._rows
+        if others is None or not isinstance(own, Mapping):
+            return None
+        found = list(others)
+        before = len(self.problems)
+        self._is_each = False
+        for number, value in own.items():
+            if not number.isascii() or not number.isdecimal() or int(number) >= count:
+                message = f"there is no agent {number}"
+                self._report("wrong-count", message, (*path, "own", number), key=True, expected=f"0 to {count - 1}")
+                continue
+            for row in range(int(number), self._rows, count):
+                found[row] = self._value(value, (*path, "own", number), row, width)
+        return found if len(self.problems) == before else None
+
+    def _form(self, value: Any, path: Path, width: int | None) -> tuple[bool, Any, Path] | None:
+        """Return whether a value is a list of one for each agent, the content and its path; None after a problem."""
+        if isinstance(value, Mapping):
+            if len(value) == 1 and next(iter(value)) in ("each", "all"):
+                form = next(iter(value))
+                return form == "each", value[form], (*path, form)
+            return None if self._is_misshapen(value, path, FORMS, width) else (False, value, path)
+        nested = isinstance(value, list) and any(isinstance(one, list) for one in value)
+        return nested and (self._indexed or width is not None), value, path
+
+    def _is_misshapen(self, value: Mapping[str, Any], path: Path, forms: Sequence[str], width: int | None) -> bool:
+        """Report a mapping that is an invalid distribution; in knowledge, other mappings are ordinary values."""
+        known = [name for name in value if name in forms]
+        if known and len(value) == 1:
+            return False
+        others = [name for name in value if name not in forms]
+        expected = f"exactly one of {', '.join(forms)}"
+        if known:
+            beside = f"{quoted((others or known[1:])[0])} cannot stand beside {quoted(known[0])}"
+            culprit = (*path, (others or known[1:])[0])
+            self._report("bad-distribution", beside, culprit, key=True, expected=expected)
+            return True
+        suggestion = nearest(others[0], forms) if len(others) == 1 else None
+        if width is None and not (suggestion and _is_misspelled(others[0], suggestion)):
+            return False
+        if not others:
+            message = f"{quoted(dotted(path))} is an empty mapping"
+            self._report("bad-distribution", message, path, expected=expected)
+            return True
+        if width is None:
+            expected += ", or {all: {...}} for a value that has such a key"
+        model = self._model
+        if suggestion is None and model is not None and set(others) & {quantity.name for quantity in model.state}:
+            message = f"{quoted(dotted(path))} is a mapping"
+            self._report("wrong-type", message, path, expected=f"a list of {self._elements(model)}")
+            return True
+        message = (
+            f"{quoted(others[0])} gives a whole state, not one element"
+            if others[0] in FORMS
+            else f"unknown distribution {quoted(others[0])}"
+        )
+        culprit = (*path, others[0])
+        self._report("bad-distribution", message, culprit, key=True, expected=expected, suggestion=suggestion)
+        return True
+
+    def _collect(self, value_of: Callable[[int], Any], tolerance: int = 0, only: int | None = None) -> list[Any] | None:
+        """Collect the values of all agents, or of the first ones; stop after more than `tolerance` problems."""
+        before = len(self.problems)
+        values = []
+        for row in range(self._rows if only is None else only):
+            values.append(value_of(row))
+            if len(self.problems) > before + tolerance:
+                break
+        return values if len(self.problems) == before else None
+
+    def _value(self, value: Any, path: Path, row: int, width: int | None) -> Any:
+        """The value of one agent; after a problem, the result is meaningless."""
+        before = len(self.problems)
+        drawn = self._filled(value, path, row, width)
+        if width is None or len(self.problems) > before:
+            return drawn
+        return self._state(drawn, path)
+
+    def _filled(self, value: Any, path: Path, row: int, width: int | None) -> Any:
+        """Return a copy of a value with every distribution in it replaced by an agent's draw.
+
+        Args:
+            value: The value in the scenario.
+            path: Its path.
+            row: The agent's row.
+            width: The number of elements of a state; 0 for a single element, None for knowledge.
+        """
+        if isinstance(value, list):
+            inner = None if width is None else 0
+            return [self._filled(one, (*path, number), row, inner) for number, one in enumerate(value)]
+        if not isinstance(value, Mapping):
+            return value
+        if path[-1] == "all" and width is None and not any(name in DISTRIBUTIONS for name in value):
+            return copy.deepcopy(value)
+        # One element of a state is a number, whereas grid and circle give positions.
+        forms = ("uniform", "normal") if width == 0 else DISTRIBUTIONS
+        if self._is_misshapen(value, path, forms, width):
+            return None
+        if len(value) == 1 and next(iter(value)) in forms:
+            return self._draw(value, path, row, width)
+        return copy.deepcopy(value)
+
+    def _state(self, value: Any, path: Path) -> Any:
+        model = self._model
+        assert model is not None
+        expected = self._elements(model)
+        if not isinstance(value, list):
+            self._report("wrong-type", f"the state is {said_of(value)}", path, expected=f"a list of {expected}")
+            return None
+        for number, one in enumerate(value):
+            if not _is_number(one):
+                name = f" ({model.state[number].name})" if number < len(model.state) else ""
+                self._report(
+                    "wrong-type",
+                    f"element {number}{name} of the state is {said_of(one)}",
+                    (*path, number),
+                    expected=a_number(one),
+                )
+                return None
+        if len(value) != len(model.state):
+            elements = "1 element" if len(value) == 1 else f"{len(value)} elements"
+            self._report("wrong-length", f"the state has {elements}", path, expected=expected)
+            return None
+        return value
+
+    def _elements(self, model: Model | type[Model]) -> str:
+        names = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.state)
+        return f"{len(model.state)} numbers: {names}"
+
+    def _draw(self, value: Mapping[str, Any], path: Path, row: int, width: int | None) -> Any:
+        kind, content = next(iter(value.items()))
+        inner = (*path, kind)
+        if kind in ("uniform", "normal"):
+            return self._random(kind, content, inner, row, width)
+        placed = self._placed(kind, content, inner, width)
+        return None if placed is None else placed[row % len(self._ids)].tolist()
+
+    def _random(self, kind: str, content: Any, path: Path, row: int, width: int | None) -> Any:
+        if path not in self._known:
+            self._known[path] = self._distribution_bounds(kind, content, path)
+        if self._known[path] is None:
+            return None
+        first, second = self._known[path]
+        size = max(first.size if first.ndim else 0, second.size if second.ndim else 0)
+        # A single number for a whole state applies to every element.
+        shape = size or width or 0
+        unit = self._units(kind, path, row, shape or 1)
+        drawn = _scaled(kind, first, second, unit)
+        return drawn.tolist() if shape else float(drawn[0])
+
+    def _columns(self, value: Any, path: Path) -> list[Any] | None:
+        """Draw the values of all agents element by element, instead of agent by agent.
+
+        The value is sound: that of the first agent is known. None unless it is a list of numbers and distributions of
+        single numbers.
+        """
+        if not isinstance(value, list):
+            return None
+        columns = np.empty((self._rows, len(value)))
+        for number, one in enumerate(value):
+            if _is_number(one) and abs(one) <= FARTHEST:
+                columns[:, number] = one
+                continue
+            kind = next(iter(one), "") if isinstance(one, Mapping) else ""
+            parameters = self._known.get((*path, number, kind))
+            if kind not in ("uniform", "normal") or parameters is None or parameters[0].ndim or parameters[1].ndim:
+                return None
+            unit = self._shared_units(kind, (*path, number, kind), 1)[:, 0]
+            first, second = parameters
+            columns[:, number] = _scaled(kind, first, second, unit)
+        return columns.tolist()
+
+    def _units(self, kind: str, path: Path, row: int, count: int) -> Array:
+        """An agent's draws from the standard distribution; shape (count,)."""
+        drawn = self._shared_units(kind, path, count, row % len(self._ids) if self._is_each else None)
+        own: Array = drawn[row // len(self._ids) if self._is_each else row]
+        return own
+
+    def _shared_units(self, kind: str, path: Path, count: int, agent: int | None = None) -> Array:
+        """The draws of all rows, or of one agent of each run to which a distribution belongs; shape (m, count)."""
+        if path not in self._drawn:
+            parts = (str(part) for place, part in enumerate(path) if place > 1 and path[: place + 1] not in self._rests)
+            purpose = f"scenario {'.'.join(parts)}"
+            numbers = self._numbers if agent is None else self._numbers[agent :: len(self._ids)]
+            self._drawn[path] = _unit(GroupChance(self._seed, purpose, numbers), kind, count)
+        return self._drawn[path]
+
+    def _distribution_bounds(self, kind: str, content: Any, path: Path) -> tuple[Array, Array] | None:
+        """Check and return the two parameters of a distribution; None after a problem."""
+        meaning = "[low, high]" if kind == "uniform" else "[mean, standard deviation]"
+        if not isinstance(content, list) or len(content) != 2:
+            message = f"{quoted(dotted(path))} is {said_of(content)}"
+            expected = f"{meaning}, each a number or a list of numbers"
+            self._report("bad-distribution", message, path, expected=expected)
+            return None
+        before = len(self.problems)
+        for part, one in enumerate(content):
+            if isinstance(one, list) and one:
+                for number, element in enumerate(one):
+                    self._expect_number(element, (*path, part, number), "a number")
+            else:
+                self._expect_number(one, (*path, part), f"{meaning}, each a number or a list of numbers")
+        if len(self.problems) > before:
+            return None
+        first, second = (np.array(one, float) for one in content)
+        if first.ndim and second.ndim and len(first) != len(second):
+            message = f"the two parts of {quoted(dotted(path))} have {len(first)} and {len(second)} elements"
+            self._report("wrong-length", message, path, expected="as many in both")
+            return None
+        low, high = np.broadcast_arrays(first, second)
+        for one, other in zip(low.ravel().tolist(), high.ravel().tolist(), strict=True):
+            if kind == "uniform" and one > other:
+                message = f"the low end {said_of(one)} lies above the high end {said_of(other)}"
+                self._report("out-of-range", message, path, expected=meaning)
+                return None
+            if kind == "normal" and other < 0:
+                message = f"the standard deviation is {said_of(other)}"
+                self._report("out-of-range", message, (*path, 1), expected="at least 0")
+                return None
+            if max(abs(one), abs(other)) > LARGEST:
+                self._report("out-of-range", "the distribution is too wide", path, expected=f"at most {LARGEST:g}")
+                return None
+        return first, second
+
+    def _expect_number(self, value: Any, path: Path, expected: str) -> None:
+        if not _is_number(value):
+            self._report(
+                "bad-distribution",
+                f"{quoted(dotted(path))} is {said_of(value)}",
+                path,
+                expected=a_number(value) if isinstance(value, str) or expected == "a number" else expected,
+            )
+
+    def _placed(self, kind: str, content: Any, path: Path, width: int | None) -> Array | None:
+        """The values of all agents in a placement, computed once: states with zeros elsewhere, or positions."""
+        key = (*path, str(width))
+        if key not in self._known:
+            placement = validate(PLACEMENTS[kind], content, self._composition, path)
+            if isinstance(placement, list):
+                self.problems += placement
+                self._known[key] = None
+            else:
+                self._known[key] = self._in_states(*placement.poses(len(self._ids)), width)
+        placed: Array | None = self._known[key]
+        return placed
+
+    def _in_states(self, positions: Array, headings: Array, width: int | None) -> Array:
+        model = self._model
+        if width is None or model is None:
+            return positions
+        states = np.zeros((len(positions), width))
+        for index, coordinates in zip(model.position, positions.T, strict=False):
+            states[:, index] = coordinates
+        if model.heading is not None:
+            states[:, model.heading] = headings
+        return states
+
+    def _report(
+        self,
+        code: str,
+        message: str,
+        path: Path,
+        *,
+        key: bool = False,
+        expected: str | None = None,
+        suggestion: str | None = None,
+    ) -> None:
+        problem = self._composition.problem(code, message, path, key=key, expected=expected, suggestion=suggestion)
+        if problem not in self.problems:
+            self.problems.append(problem)
+
+
+def _is_misspelled(written: str, meant: str) -> bool:
+    """Whether a key is so similar to the name of a form that it is probably a misspelling."""
+    if written[:1].lower() != meant[:1]:
+        return False
+    return sorted(written) == sorted(meant) or difflib.SequenceMatcher(None, written, meant).ratio() > 0.8
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def contains(value: Any, forms: Sequence[str]) -> bool:
+    """Whether a value may contain a distribution of one of these forms."""
+    if isinstance(value, Mapping):
+        return any(name in forms or contains(each, forms) for name, each in value.items())
+    return isinstance(value, list) and any(contains(each, forms) for each in value)
+
+
+def _first_excessive(known: Any) -> tuple[Path, float] | None:
+    """Return the first float in a value that is too large, with its path; integers fit in 64 bits anyway."""
+    leaves = leaves_of(known)
+    return next(
+        ((inner, value) for inner, value in leaves if isinstance(value, float) and not abs(value) <= FARTHEST), None
+    )
+
+
+def _is_array(value: Any) -> bool:
+    """Whether a value is a list of numbers, or of lists of equal shapes."""
+    return isinstance(value, list) and _shape(value) is not None
+
+
+def _shape(value: Any) -> tuple[int, ...] | None:
+    """The shape of nested lists of numbers; None if they are ragged, empty or contain other values."""
+    if not isinstance(value, list):
+        return () if _is_number(value) else None
+    shapes = {_shape(one) for one in value}
+    if len(shapes) != 1 or None in shapes:
+        return None
+    return (len(value), *next(shape for shape in shapes if shape is not None))
+
+
+def _scaled(kind: str, first: Array, second: Array, unit: Array) -> Array:
+    """Scale draws from the standard distribution to one with two parameters."""
+    return first + (second - first) * unit if kind == "uniform" else first + second * unit
+
+
+def _unit(chance: GroupChance, kind: str, count: int) -> Array:
+    """Draw from the standard distribution for each agent; shape (n, count)."""
+    return chance.uniform(count) if kind == "uniform" else chance.standard_normal(count)

@@ -1,0 +1,129 @@
+"""Sections of scenarios that plugins add: what is written under a key of their own, and what is built from it.
+
+Reasons: docs/decisions/0069-sections-of-plugins.md
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path as FilePath
+from typing import Any, ClassVar, get_origin
+
+from pydantic import Field
+
+from symaware_cli.core import Plugin
+from symaware_cli.engine import Simulation
+from symaware_cli.geometry import Region
+from symaware_cli.language.problem import Problem
+from symaware_cli.language.section import Section
+from symaware_cli.language.source import Path
+from symaware_cli.world import PluginKind
+
+
+class SectionContext(ABC):
+    """What a section is built from, and where its problems are reported.
+
+    Attributes:
+        document: The validated scenario; None if it has problems, so that what is built is only checked.
+        folder: The folder of the scenario, below which files are.
+        regions: The regions of the scenario, by name.
+    """
+
+    document: Any
+    folder: FilePath
+    regions: Mapping[str, Region]
+
+    @abstractmethod
+    def make(self, entry: Any, *place: str | int) -> Plugin | None:
+        """Instantiate the plugin that an entry names with `use`; None after a problem, which is reported.
+
+        Args:
+            entry: The entry, as written.
+            place: Its place below the section.
+        """
+
+    @abstractmethod
+    def report(
+        self,
+        message: str,
+        *place: str | int,
+        key: bool = False,
+        code: str = "unsuitable",
+        expected: str | None = None,
+        suggestion: str | None = None,
+    ) -> None:
+        """Refuse the scenario.
+
+        Args:
+            message: A sentence for the author of the scenario, without a full stop.
+            place: Where the problem is, below the section.
+            key: Whether the message is about the key at that place, not its value.
+            code: A stable identifier of the kind of problem.
+            expected: What is valid there.
+            suggestion: The nearest valid name.
+        """
+
+    @abstractmethod
+    def add(self, problems: Iterable[Problem]) -> None:
+        """Add problems of a side file, which are located there."""
+
+
+class ScenarioSection:
+    """A section of scenarios, registered in the group `symaware.sections` under its key.
+
+    Attributes:
+        form: What may be written: the annotation of a field of a pydantic model. A section that is left out is null,
+            or empty if it is a mapping.
+        description: What it is for, in one or two sentences.
+        uses: The kinds of plugins that its entries name with `use`, with the models of these entries.
+    """
+
+    form: ClassVar[Any] = dict[str, Any] | None
+    description: ClassVar[str] = ""
+    uses: ClassVar[Mapping[PluginKind, type[Section]]] = {}
+
+    @classmethod
+    def field(cls) -> Any:
+        """The field of the document."""
+        if get_origin(cls.form) is dict:
+            return Field(default_factory=dict, description=cls.description)
+        return Field(None, description=cls.description)
+
+    @classmethod
+    def plugins_in(cls, written: Any) -> Iterator[tuple[PluginKind, Path, Any]]:
+        """Yield the kind, the place below the section, and the entry of each plugin that is named.
+
+        Args:
+            written: The section as plain data, which may be invalid.
+        """
+        return iter(())
+
+    def build(self, written: Any, context: SectionContext) -> Any:
+        """Build what the section describes; called before the groups are built.
+
+        Components find the result in `group.sections`, and whoever runs the scenario in `Built.sections`.
+
+        Args:
+            written: The section as plain data; it may be invalid if `context.document` is None.
+            context: The surroundings.
+        """
+        return written
+
+    def plugins(self, built: Any) -> Mapping[Path, Plugin]:
+        """Return the plugins that check the whole scenario, by their places below the section."""
+        return {}
+
+    def connect(self, built: Any, simulation: Simulation) -> None:
+        """Connect what was built with the simulation; called if the scenario is valid."""
+
+
+class SectionKind(PluginKind):
+    """Sections of scenarios."""
+
+    def is_name(self, name: str) -> bool:
+        """Whether a name may be a key of scenarios: an identifier."""
+        return name.isidentifier() and not name.startswith("_")
+
+
+SECTION = SectionKind("section", "symaware.sections", (ScenarioSection,))

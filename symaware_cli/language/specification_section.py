@@ -1,0 +1,112 @@
+"""What a scenario says about specifications."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from symaware_cli.core.identifiers import Name, Target
+from symaware_cli.engine import Seconds
+from symaware_cli.language.section import Identifier, Section, TriggerSection
+
+
+class OfferSection(Section):
+    """How a specification is offered to agents while the run goes on."""
+
+    at: Seconds | TriggerSection = Field(
+        description="When it is offered [s]; or an event: then it is offered at the next step after the event has "
+        "fired for the first time."
+    )
+    open_for: float | None = Field(
+        None,
+        gt=0,
+        le=1e9,
+        description="How long it can be accepted, from the offer and from each time at which it becomes open again "
+        "[s]. Then it is rejected. The rest of the run if left out.",
+    )
+    epsilon: float | None = Field(
+        None, gt=0, le=1, description="The probability with which the agent that accepts it may fail it."
+    )
+    to: Target | list[Target] | None = Field(
+        None,
+        description="Who is told of it, in the knowledge `offers`: a group, or a list of ids and groups. By default "
+        "the agents of `each`. Others learn of it by messages.",
+    )
+    knowledge: dict[Name, Any] = Field(
+        default_factory=dict, description="What is told with it, as plain values by name, such as `goal: [3, 4]`."
+    )
+
+
+class SpecificationUse(Section):
+    """A formula about the run that is monitored while it goes on."""
+
+    formula: str = Field(
+        max_length=2000,
+        description="What is to hold, such as `always (inside(position, arena) and nearest > 0.6)`. Operators: always, "
+        "eventually, until, once, historically and since, each with a window in seconds such as [0, 5] if it is to be "
+        "limited; next, and, or, not, implies.",
+    )
+    each: Name | None = Field(None, description="The group of whose agents there is a verdict each.")
+    pairs: Target | list[tuple[Target, Target]] | None = Field(
+        None,
+        description="The pairs of agents of which there is a verdict each: a group, for all pairs in it, or a list of "
+        "pairs [first, second] of ids or groups. Without `each` and `pairs` the formula is about the world.",
+    )
+    of: Literal["truth", "belief"] = Field(
+        "truth", description="Whether the formula is about what is true, or about what each agent believes."
+    )
+    logic: Literal["stl", "ltl"] = Field(
+        "stl",
+        description="stl: signal temporal logic, with windows and robustness. ltl: linear temporal logic, without "
+        "both; what is undecided is presumed to be satisfied or violated.",
+    )
+    where: dict[Identifier, str] = Field(
+        default_factory=dict, description="Formulas to refer to by name, each also by those that follow it."
+    )
+    from_: Seconds | TriggerSection = Field(
+        0.0,
+        alias="from",
+        description="When the formula is to hold [s]; or an event: then it is to hold from each time the event fires.",
+    )
+    to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")
+    offer: OfferSection | None = Field(
+        None,
+        description="It is not in force by itself, but offered while the run goes on: it is about the one agent of "
+        "`each` that accepts it. It is to hold from `from`, by default from when it was first offered, whenever that "
+        "agent accepts.",
+    )
+    on_violation: Literal["continue", "end", "event"] = Field(
+        "continue",
+        description="What a violation does: the run goes on; it ends; or it goes on, with a warning. In every "
+        "case an event `violated` fires, on which components can take turns.",
+    )
+    interval: bool = Field(
+        True,
+        description="Whether to compute, before the verdict, the interval that the robustness lies in. Leaving it out "
+        "saves time.",
+    )
+
+    @model_validator(mode="after")
+    def _is_of_one_scope(self) -> Self:
+        if self.each is not None and self.pairs is not None:
+            raise ValueError("say either `each` or `pairs`")
+        if self.of == "belief" and self.each is None:
+            raise ValueError("what is believed is believed by agents: say of which group, with `each`")
+        if self.to is not None and not isinstance(self.from_, TriggerSection) and self.to < self.from_:
+            raise ValueError("`to` comes before `from`")
+        if self.offer is not None:
+            self._check_offer(self.offer)
+        return self
+
+    def _check_offer(self, offer: OfferSection) -> None:
+        if self.each is None:
+            raise ValueError("what is offered is accepted by an agent: say of which group, with `each`")
+        if isinstance(self.from_, TriggerSection):
+            raise ValueError("what is offered begins with the offer or at a time: let `offer.at` be the event")
+        if isinstance(offer.at, TriggerSection):
+            return
+        if "from_" in self.model_fields_set and self.from_ < offer.at:
+            raise ValueError("`from` comes before `offer.at`")
+        if self.to is not None and self.to < offer.at:
+            raise ValueError("`to` comes before `offer.at`")

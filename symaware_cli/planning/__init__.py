@@ -1,0 +1,5 @@
+"""Optimal control, programs of specifications, and the controllers and risks that use them."""
+
+from symaware_cli.interface import interface_of
+
+__getattr__, __dir__, __all__ = interface_of(__name__, __file__)

@@ -1,0 +1,3 @@
+# What other rooms use of this one.
+
+from .optimal_control.linear_dynamics import LinearDynamics as LinearDynamics

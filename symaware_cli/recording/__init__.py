@@ -1,9 +1,0 @@
-"""Logs of runs: MCAP files of protobuf messages (docs/log-format.md).
-
-Nothing is imported here, so that users of the reader do not pay for the writer, and vice versa:
-
-- `writer.LogWriter` writes a log, `wire` encodes its large messages,
-- `reader.open_log` reads one, `recovery` reads what is left of a damaged one, `repair.recover` writes a sound copy,
-- `entry_filter` selects events and messages, `overview` summarises a log, `digest.digest` compares runs,
-- `output` writes files atomically.
-"""

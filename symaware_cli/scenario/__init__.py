@@ -1,1 +1,0 @@
-"""Scenario files: reading, composing and validating them, and building simulations from them."""

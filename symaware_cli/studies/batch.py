@@ -1,0 +1,278 @@
+"""Many runs as one array program: the agents of B runs of a group of n are one group of B x n rows.
+
+Rows see only those of their own run, and draw what they would draw alone, so each run equals the same run done alone,
+to the bit. Everything that takes part has declared that it can be batched; `refusal` says what has not.
+
+Reasons: docs/decisions/0032-batches.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, GroupComponent, seconds
+from symaware_cli.engine import ComponentEntry, Run, RunSummary, Simulation, Timing
+from symaware_cli.language import RANDOM, Diagnosis, Sampler, ScenarioError, SpecificationBuilder, TimingCheck, contains
+from symaware_cli.language.build import Built
+from symaware_cli.language.compose import Composition
+from symaware_cli.specification import AgentScope, Outcome, PairScope, Specification, outcome_of
+from symaware_cli.studies.batch_ends import BATCH_NAMES, BatchEnds
+from symaware_cli.studies.batch_observer import BatchObserver
+from symaware_cli.studies.measurement import Measurement
+from symaware_cli.world import Plugin
+
+Array = NDArray[np.float64]
+
+#: How the agents of a group begin: their states, shape (n, nx), and the knowledge of each.
+Start = tuple[Array, Sequence[Mapping[str, Any]]]
+
+#: The most agents of a batch, and the most pairs of agents: their arrays take some hundred bytes each.
+_MOST_AGENTS, _MOST_PAIRS = 20_000, 400_000
+
+
+def batch_size(built: Built) -> int:
+    """How many runs are batched, so that memory stays bounded."""
+    agents = built.simulation.agent_count
+    return max(1, min(_MOST_AGENTS // agents, _MOST_PAIRS // max(1, agents * (agents - 1) // 2)))
+
+
+def refusal(built: Built) -> str | None:
+    """Say in one line why runs of a scenario cannot share arrays; None if they can."""
+    return next(_refusals(built), None)
+
+
+def _refusals(built: Built) -> Iterator[str]:
+    simulation, options, document = built.simulation, built.options, built.document
+    environment, groups = simulation.environment, {group.name for group in simulation.groups}
+    if options.mode != "synchronous":
+        yield "components of the asynchronous mode take their turns at instants of their own"
+    if options.until is not None:
+        unknown = {*options.until.names} - {*BATCH_NAMES, *document.regions}
+        if unknown:
+            yield f"`run.until` refers to `{min(unknown)}`"
+        elif options.specifications:
+            yield "specifications are final when `run.until` ends their run"
+    if options.pace is not None:
+        yield "a paced run keeps to the clock on the wall"
+    if document.subscribers:
+        yield "subscribers are called at the events of single runs"
+    if options.faults:
+        yield "faults are about single runs"
+    if options.presence:
+        yield "agents enter and leave"
+    if simulation.exchange.network is not None or document.topology is not None:
+        yield "messages go over a network"
+    if not _declares(type(environment)):
+        yield f"the environment `{simulation.environment_use}` moves one world"
+    for name, region in document.regions.items():
+        if region.around is not None:
+            yield f"the region `{name}` moves with an agent"
+    for group in simulation.groups:
+        if not _declares(type(group.model)):
+            yield f"the model of `{group.name}` does not say that it can be batched"
+    for entry in simulation.entries:
+        first = entry.components[0]
+        if not isinstance(first, GroupComponent):
+            yield f"`{entry.path}` computes for one agent at a time"
+        elif type(first).bodies:
+            yield f"`{entry.path}` ({entry.use}) names single agents"
+        elif not _declares(type(first)):
+            yield f"`{entry.path}` ({entry.use}) does not say that it can be batched"
+        elif replace(entry.timing, period=None, offset=0) != Timing():
+            yield f"`{entry.path}` has turns that depend on its run"
+    for each in options.specifications:
+        if not isinstance(each.scope, AgentScope | PairScope):
+            yield f"the specification `{each.name}` is about the world, or about too many pairs"
+        elif isinstance(pairs := document.specifications[each.name].pairs, list) and not groups >= set(chain(*pairs)):
+            yield f"the specification `{each.name}` is about single agents"
+        elif each.on_violation == "end":
+            yield f"the specification `{each.name}` ends runs at different steps"
+        elif each.offer is not None:
+            yield f"the specification `{each.name}` is offered while the run goes on"
+        elif each.name in options.instances:
+            yield f"instances of the specification `{each.name}` begin by events"
+
+
+def _declares(kind: type[Plugin]) -> bool:
+    """Whether a class says itself that it can be batched: what it inherits from may have been another matter."""
+    return bool(vars(kind).get("batchable", False))
+
+
+def starts_of(built: Built) -> Mapping[str, Start]:
+    """Return how the agents of each group begin in a run."""
+    return {group.name: (group.initial_state, group.knowledge) for group in built.simulation.groups}
+
+
+class Batch:
+    """Runs of one scenario that differ in their seeds, and may differ in how their agents begin."""
+
+    def __init__(
+        self,
+        composition: Composition,
+        built: Built,
+        seeds: Sequence[int],
+        starts: Sequence[Mapping[str, Start]] = (),
+    ) -> None:
+        """Prepare the runs.
+
+        Args:
+            composition: The scenario.
+            built: The same, built for any seed; it is not run.
+            seeds: The seed of each run.
+            starts: How the agents of each run begin, by their groups, where the scenarios of the runs differ in that;
+                by default as `composition` says.
+
+        Raises:
+            ScenarioError: Values that were drawn for a seed are not valid.
+        """
+        self._built = built
+        self._seeds = tuple(seeds)
+        self._starts = starts
+        self.simulation = self._simulation(composition)
+        self.observer = BatchObserver(self.simulation)
+        self.measurement = Measurement(self.simulation)
+        self._specifications = self._stated(composition)
+        self._ends: dict[int, dict[str, Any]] = {}
+        until = built.options.until
+        if until is not None:
+            until = BatchEnds(until, self.simulation, self.observer, self._leave)
+        options = replace(built.options, specifications=self._specifications, until=until, may_exit=False)
+        self.run = Run(self.simulation, built.steps, None, None, options, observer=self.observer)
+
+    def advance(self) -> None:
+        """Make all runs to their end."""
+        self.run.advance()
+
+    def _leave(self, runs: Sequence[int]) -> None:
+        """Some runs are over: note when they ended, and observe them no more."""
+        now = self.simulation.clock.now
+        figures = {
+            "steps": now // self.simulation.environment.time_step,
+            "simulated_time": seconds(now),
+            "turns": sum(each.turns for each in self.run.schedulers),
+        }
+        self._ends.update(dict.fromkeys(runs, figures))
+        self.observer.going[runs] = False
+        self.measurement.leave(runs)
+
+    def summaries(self) -> list[RunSummary]:
+        """Return the summary of each run; wall times are shares of the whole, and outcomes have no reasons."""
+        whole, count = self.run.summary, len(self._seeds)
+        outcomes = self._outcomes()
+        return [
+            replace(
+                whole,
+                seed=seed,
+                agents=whole.agents // count,
+                wall_time=whole.wall_time / count,
+                contacts=int(self.observer.contacts_of[run]),
+                minimum_separation=self.observer.separation_of(run),
+                highest_risk=self.observer.risk_of(run),
+                goals_reached=self.observer.goals_of(run),
+                warnings=dict(sorted(self.observer.warnings_of(run).items())),
+                errors=dict(sorted(self.observer.errors_of(run).items())),
+                specifications=outcomes[run],
+                **self._ends.get(run, {}),
+            )
+            for run, seed in enumerate(self._seeds)
+        ]
+
+    def _simulation(self, composition: Composition) -> Simulation:
+        built = self._built
+        template = built.simulation
+        kind = type(template.environment)
+        environment = kind(template.environment.parameters)
+        environment.folder = template.environment.folder
+        environment.further_folders = template.environment.further_folders
+        groups = {group.name: self._group(composition, group) for group in template.groups}
+        entries = []
+        for entry in template.entries:
+            first = entry.components[0]
+            component: Any = (
+                type(first)() if type(first).Parameters is Plugin.Parameters else type(first)(first.parameters)
+            )
+            group = groups[entry.group.name]
+            component.check(group)
+            entries.append(ComponentEntry(group, entry.name, entry.use, [component], entry.timing))
+        return Simulation(
+            name=template.name,
+            seed=self._seeds[0],
+            environment=environment,
+            environment_use=template.environment_use,
+            groups=list(groups.values()),
+            entries=entries,
+            obstacles=built.document.environment.entities,
+        )
+
+    def _group(self, composition: Composition, template: AgentGroup) -> AgentGroup:
+        """The rows of all runs."""
+        content = composition.data["agents"][template.name]
+        states, knowledge = self._values(composition, template, content)
+        group = AgentGroup(
+            template.name,
+            template.ids,
+            template.model,
+            template.entity,
+            states,
+            knowledge,
+            tuple(template.awareness.parts.values()),
+            template.awareness.signals,
+            self._seeds,
+        )
+        group.regions, group.folder = template.regions, template.folder
+        return group
+
+    def _values(
+        self, composition: Composition, template: AgentGroup, content: Mapping[str, Any]
+    ) -> tuple[Array, Sequence[Mapping[str, Any]]]:
+        """The initial state and the knowledge of each row."""
+        count = len(self._seeds)
+        if self._starts:
+            own = [each[template.name] for each in self._starts]
+            return np.concatenate([states for states, _ in own]), [dict(each) for _, known in own for each in known]
+        if not contains([content.get("state"), content.get("knowledge")], RANDOM):
+            return np.tile(template.initial_state, (count, 1)), [dict(each) for each in template.knowledge] * count
+        sampler = Sampler(composition, self._seeds, template.ids, content.get("count") is not None, template.model)
+        path = ("agents", template.name)
+        states = sampler.states(content.get("state"), (*path, "state"))
+        knowledge = sampler.known(content.get("knowledge") or {}, (*path, "knowledge"))
+        if sampler.problems:
+            raise ScenarioError(sampler.problems)
+        return states, knowledge
+
+    def _stated(self, composition: Composition) -> Sequence[Specification]:
+        """The specifications about the rows of all runs."""
+        built, environment = self._built, self.simulation.environment
+        diagnosis = Diagnosis(composition)
+        check = TimingCheck(diagnosis, environment, built.document.regions, built.document.specifications)
+        builder = SpecificationBuilder(check, environment, self.simulation.groups, self.simulation.entries)
+        specifications = [replace(each, explains=False) for each in builder.build(built.document)]
+        assert not diagnosis.problems, f"the scenario was found to be sound: {diagnosis.problems}"
+        return specifications
+
+    def _outcomes(self) -> list[tuple[Outcome, ...]]:
+        """What has become of the specifications in each run."""
+        found: list[list[Outcome]] = [[] for _ in self._seeds]
+        for monitor in self.run.specification_monitors:
+            specification = monitor.specification
+            rows = specification.scope.rows // len(self._seeds)
+            for run, outcomes in enumerate(found):
+                own = slice(run * rows, (run + 1) * rows)
+                outcomes.append(
+                    outcome_of(
+                        specification.name,
+                        specification.text,
+                        lambda row: (),
+                        monitor.verdicts[own],
+                        monitor.settled[own],
+                        monitor.upper[own],
+                        (),
+                    )
+                )
+        return [tuple(each) for each in found]

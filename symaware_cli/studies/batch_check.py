@@ -1,0 +1,66 @@
+"""Compares the runs of batches with the same runs made alone, for the conformance kit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from symaware_cli.engine import Run, RunSummary
+from symaware_cli.language.build import build
+from symaware_cli.language.compose import compose
+from symaware_cli.studies.batch import Batch, refusal
+from symaware_cli.studies.measurement import Measurement, RunMeasurement
+from symaware_cli.studies.metrics import RunFigures, figures
+
+#: The sizes of the batches, and which seeds have runs that are also made alone.
+_SIZES, _ALONE = (1, 3, 7, 64), (0, 2, 6, 63)
+
+
+def differing_runs(path: Path, changes: Sequence[str] = ()) -> str | None:
+    """Say which run of a batch differs from the same run made alone; None if none does.
+
+    Args:
+        path: The scenario file.
+        changes: Changes as ``path=value``.
+
+    Raises:
+        ScenarioError: The scenario has problems.
+    """
+    built = build(path, changes)
+    reason = refusal(built)
+    if reason is not None:
+        return f"it cannot be batched: {reason}"
+    alone = {seed: _alone(path, changes, seed) for seed in _ALONE}
+    for size in _SIZES:
+        # The positions of runs differ from size to size.
+        seeds = [*range(size // 2, size), *range(size // 2)]
+        batch = Batch(compose(path, changes), built, seeds)
+        batch.advance()
+        if batch.run.failure is not None:
+            return f"a batch of {size} runs failed: {batch.run.failure}"
+        for seed, summary, measured in zip(seeds, batch.summaries(), batch.measurement.finish(), strict=True):
+            if seed in alone:
+                expected, run = alone[seed]
+                found = _comparable(summary, measured, run)
+                wrong = [name for name, value in expected.items() if found[name] != value]
+                if wrong:
+                    return f"the run with seed {seed} has other {', '.join(wrong)} in a batch of {size} than alone"
+    return None
+
+
+def _alone(path: Path, changes: Sequence[str], seed: int) -> tuple[dict[str, object], Run]:
+    built = build(path, changes, seed)
+    run = Run(built.simulation, built.steps, None, None, replace(built.options, may_exit=False))
+    measurement = Measurement(built.simulation)
+    run.advance()
+    return _comparable(run.summary, measurement.finish()[0], run), run
+
+
+def _comparable(summary: RunSummary, measured: RunMeasurement, run: Run) -> dict[str, object]:
+    """What is to be equal, by its name."""
+    return {
+        "states or control inputs": measured.digest,
+        "specifications": [(each.name, each.verdict, each.robustness) for each in summary.specifications],
+        **figures(RunFigures(summary, measured, run.simulation)),
+    }

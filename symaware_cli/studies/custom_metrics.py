@@ -1,0 +1,213 @@
+"""Metrics that a sweep adds to the built-in ones: series that are reduced, and metrics of plugins."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from symaware_cli.core import Metric
+from symaware_cli.engine import Observer, Simulation, WorldScope, world_names
+from symaware_cli.entry_points import PluginError
+from symaware_cli.language import Catalogue, Problem, nearest, quoted
+from symaware_cli.language.build import Built
+from symaware_cli.specification import AbsentError
+from symaware_cli.specification.expression import Expression, ExpressionError
+from symaware_cli.studies.metrics import MetricDescription
+from symaware_cli.studies.sweep_document import MetricUse, SweepDocument
+
+_REDUCED = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
+
+#: What makes one number of a series: from the result so far (None at first), the present value, and the number of
+#: values before it.
+_REDUCTIONS: Mapping[str, Callable[[float | None, float, int], float]] = {
+    "final": lambda before, value, count: value,
+    "initial": lambda before, value, count: value if before is None else before,
+    "max": lambda before, value, count: value if before is None else max(before, value),
+    "mean": lambda before, value, count: value if before is None else before + (value - before) / (count + 1),
+    "min": lambda before, value, count: value if before is None else min(before, value),
+}
+
+
+_TYPES: Mapping[str, tuple[type, ...]] = {
+    "number": (float, int),
+    "integer": (int,),
+    "truth": (bool,),
+    "text": (str,),
+}
+
+
+class Follower(Protocol):
+    """Follows a run for one metric."""
+
+    def look(self, now: int) -> None:
+        """Take note of the world at a step."""
+
+    def value(self) -> Any:
+        """Return the value when the run is over."""
+
+
+class ReducedSeries:
+    """The greatest, least, mean, first or last value of an expression over the steps of a run."""
+
+    def __init__(self, text: str, simulation: Simulation, specifications: Collection[str] | None = None) -> None:
+        """Follow a run.
+
+        Args:
+            text: Such as ``max(highest_risk)``; the expression is about the world, as that of ``run.until``.
+            simulation: What runs.
+            specifications: The names of its specifications; None if those that the text names need no check.
+
+        Raises:
+            ExpressionError: It is not valid; the error knows where.
+        """
+        found = _REDUCED.fullmatch(text)
+        if found is None or found[1] not in _REDUCTIONS:
+            raise ExpressionError(f"a series is reduced by {', '.join(_REDUCTIONS)}: max(highest_risk)", (0, len(text)))
+        regions = simulation.groups[0].regions if simulation.groups else {}
+        names = world_names(simulation.groups, regions, simulation.environment.obstacles, specifications)
+        try:
+            self._expression = Expression(found[2], names)
+        except ExpressionError as error:
+            place = (error.start + found.start(2), error.end + found.start(2))
+            raise ExpressionError(error.problem, place, error.name, error.names, error.correction) from None
+        self._reduce = _REDUCTIONS[found[1]]
+        self._simulation = simulation
+        self._scope: WorldScope | None = None
+        self._count = 0
+        self._value: float | None = None
+
+    def look(self, now: int) -> None:
+        """Take note of the value at a step; of several, the greatest for `max`, the least for `min`.
+
+        An instant at which an agent that the expression names is absent does not count.
+
+        Raises:
+            EvaluationError: It has none.
+            ValueError: It is not a number.
+        """
+        if self._scope is None:
+            self._scope = WorldScope(self._simulation, Observer(self._simulation))
+        try:
+            found = np.asarray(self._expression.value(self._scope.look_up), float).ravel()
+        except AbsentError:
+            return
+        if len(found) > 1 and self._reduce in (_REDUCTIONS["max"], _REDUCTIONS["min"]):
+            found = found[[int(found.argmax() if self._reduce is _REDUCTIONS["max"] else found.argmin())]]
+        if len(found) != 1:
+            raise ValueError(f"`{self._expression.text}` has {len(found)} values, not one")
+        self._value = self._reduce(self._value, float(found[0]), self._count)
+        self._count += 1
+
+    def value(self) -> float | None:
+        """Return the result."""
+        return self._value
+
+
+class Followers:
+    """The followers of a run, which look at each step and once more at its end.
+
+    Attributes:
+        by_name: Each, by the name of its metric.
+    """
+
+    def __init__(self, by_name: Mapping[str, Follower], simulation: Simulation) -> None:
+        self.by_name = by_name
+        self._clock = simulation.clock
+        if by_name:
+            simulation.events.subscribe("stepping", lambda event: self.look())
+
+    def look(self) -> None:
+        """Let all of them take note of the world."""
+        for follower in self.by_name.values():
+            follower.look(self._clock.now)
+
+
+class CustomMetrics:
+    """The further metrics of a sweep."""
+
+    def __init__(self, document: SweepDocument, catalogue: Catalogue) -> None:
+        self._uses = document.metrics
+        self._catalogue = catalogue
+
+    def descriptions(self) -> list[MetricDescription]:
+        """Return what each of them declares.
+
+        Raises:
+            PluginError: A plugin cannot be used.
+        """
+        return [self._description(name, use) for name, use in self._uses.items()]
+
+    def followers(self, simulation: Simulation) -> Followers:
+        """Let all of them follow a run that is about to begin.
+
+        Raises:
+            PluginError: A plugin cannot be used.
+            ExpressionError: An expression is not valid.
+            ValueError: Parameters are not valid.
+        """
+        return Followers({name: self._follower(use, simulation) for name, use in self._uses.items()}, simulation)
+
+    def check(self, name: str, built: Built, problem: Problem) -> Problem | None:
+        """Return what is wrong with a metric, if anything is.
+
+        Args:
+            name: Its name.
+            built: The scenario whose run it is to follow.
+            problem: A problem with the metric as a whole, which knows its place.
+        """
+        try:
+            self._description(name, self._uses[name])
+            self._follower(self._uses[name], built.simulation, built.document.specifications)
+        except PluginError as error:
+            return replace(
+                problem, code=error.code, message=str(error), expected=error.expected, suggestion=error.suggestion
+            )
+        except ExpressionError as error:
+            span, text = problem.span, self._uses[name]
+            if span is not None and isinstance(text, str):
+                shift = (problem.source_line or "").find(text)
+                if shift >= 0:
+                    span = replace(span, column=shift + error.start + 1, end_column=shift + max(error.end, 1) + 1)
+            near = nearest(error.name, error.names) if error.name else None
+            return replace(problem, message=error.problem, span=span, suggestion=near)
+        except ValueError as error:
+            return replace(problem, message=" ".join(str(error).split()))
+        return None
+
+    def _description(self, name: str, use: str | MetricUse) -> MetricDescription:
+        if isinstance(use, str):
+            return MetricDescription(name, "number", "", use)
+        kind = self._catalogue.load("metric", use.use)
+        return MetricDescription(name, kind.kind, kind.unit, (kind.__doc__ or use.use).partition("\n")[0], kind.version)
+
+    def _follower(
+        self, use: str | MetricUse, simulation: Simulation, specifications: Collection[str] | None = None
+    ) -> Follower:
+        if isinstance(use, str):
+            return ReducedSeries(use, simulation, specifications)
+        kind = self._catalogue.load("metric", use.use)
+        metric: Metric = kind(kind.Parameters.model_validate(use.with_, strict=True))
+        metric.attach(simulation.environment, simulation.groups, simulation.events)
+        return metric
+
+
+def typed(value: Any, kind: str) -> Any:
+    """Return the value of a metric as its type in the table.
+
+    Raises:
+        TypeError: It is of another type.
+    """
+    if kind == "series" and value is not None:
+        return [{"time": float(time), "value": float(number)} for time, number in value]
+    found: Any = value.item() if isinstance(value, np.generic) else value
+    if found is None or (isinstance(found, float) and math.isnan(found)):
+        return None
+    is_sound = isinstance(found, _TYPES[kind]) and (kind == "truth" or not isinstance(found, bool))
+    if not is_sound:
+        raise TypeError(f"it is {quoted(repr(found))}, and was declared to be of the kind {kind}")
+    return float(found) if kind == "number" else found

@@ -1,0 +1,143 @@
+"""What a sweep shows: the share of runs that satisfy each specification, and what variants differ by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symaware_cli.studies.statistics.interval_choice import IntervalChoice
+from symaware_cli.studies.statistics.interval_estimate import IntervalEstimate
+from symaware_cli.studies.statistics.paired import PairedComparison, compare
+from symaware_cli.studies.sweep_error import SweepError
+from symaware_cli.studies.sweep_plan import Cell, SweepPlan
+from symaware_cli.studies.sweep_query import column
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictShare:
+    """The share of the runs of a cell that satisfy a specification; those that are undecided or failed do not.
+
+    Attributes:
+        cell: The cell.
+        specification: The name of the specification.
+        satisfied: How many runs satisfy it.
+        interval: The share with its interval.
+    """
+
+    cell: Cell
+    specification: str
+    satisfied: int
+    interval: IntervalEstimate
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            **_of_cell(self.cell),
+            "specification": self.specification,
+            "satisfied": self.satisfied,
+            **asdict(self.interval),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class VariantDifference:
+    """What a variant differs by from the first one, at one combination of parameters.
+
+    Attributes:
+        cell: The cell of the variant.
+        against: The name of the first variant.
+        comparison: The comparison, run by run.
+    """
+
+    cell: Cell
+    against: str
+    comparison: PairedComparison
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {**_of_cell(self.cell), "against": self.against, **asdict(self.comparison)}
+
+
+def intervals_of(plan: SweepPlan, made: int) -> IntervalChoice:
+    """Return how intervals are made of the runs of a plan.
+
+    Args:
+        plan: The plan.
+        made: How many of its runs are made and not lost.
+    """
+    document = plan.document
+    is_final = not document.may_stop and made == plan.count
+    return IntervalChoice(is_final, document.is_independent, document.confidence)
+
+
+def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
+    """Yield the share of each specification in each cell.
+
+    Rows that were lost are left out; of a sweep that is not finished, so is what comes after a gap, because the runs
+    that end first are often the short ones.
+    """
+    names = [name.removeprefix("verdict.") for name in table.column_names if name.startswith("verdict.")]
+    index = table["index"].to_numpy()
+    counts = table["state"].to_numpy() != "lost"
+    intervals = intervals_of(plan, int(counts.sum()))
+    for cell in plan.cells:
+        rows = np.flatnonzero(index % len(plan.cells) == cell.number)
+        rows = rows[index[rows] // len(plan.cells) == np.arange(len(rows))]
+        rows = rows[counts[rows]]
+        for name in names:
+            values = (table[f"verdict.{name}"].to_numpy()[rows] == "satisfied").astype(float)
+            yield VerdictShare(cell, name, int(values.sum()), intervals.share(values))
+
+
+def differences(table: pyarrow.Table, plan: SweepPlan, name: str) -> Iterator[VariantDifference]:
+    """Yield what each variant differs by from the first one, in one column, run by run.
+
+    Args:
+        table: All rows.
+        plan: Their plan, with paired variants.
+        name: The column; of a verdict, whether it is satisfied.
+
+    Raises:
+        SweepError: Variants are not paired, or the column is not made of numbers.
+        UnknownNameError: There is no such column.
+    """
+    if not plan.document.paired:
+        raise SweepError("only paired variants are compared run by run: symaware sweep ... --with paired=true")
+    values = _numbers(table, column(table, name))
+    index = table["index"].to_numpy()
+    by_cell = []
+    for cell in plan.cells:
+        rows = index % len(plan.cells) == cell.number
+        own = np.full(plan.document.runs, np.nan)
+        own[index[rows] // len(plan.cells)] = values[rows]
+        by_cell.append(own)
+    width = len(plan.document.variants)
+    for cell in plan.cells:
+        first = plan.cells[cell.point * width]
+        if cell.number != first.number:
+            comparison = compare(by_cell[first.number], by_cell[cell.number], plan.document.confidence)
+            if not plan.document.is_independent:
+                comparison = comparison.without_intervals()
+            yield VariantDifference(cell, first.variant or "", comparison)
+
+
+def _numbers(table: pyarrow.Table, name: str) -> Any:
+    import pyarrow
+
+    found = table[name]
+    if name.startswith("verdict."):
+        texts = found.to_numpy()
+        return np.where(texts == None, np.nan, (texts == "satisfied").astype(float))  # noqa: E711 (element by element)
+    if pyarrow.types.is_string(found.type) or pyarrow.types.is_list(found.type):
+        raise SweepError(f"`{name}` is not made of numbers")
+    return found.cast(pyarrow.float64()).to_numpy()
+
+
+def _of_cell(cell: Cell) -> dict[str, Any]:
+    return {**({} if cell.variant is None else {"variant": cell.variant}), **cell.parameters}

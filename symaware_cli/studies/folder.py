@@ -1,0 +1,348 @@
+"""The folder of a sweep: what was asked for, the scenario, the versions, the journal, the table and the logs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.engine import Simulation
+from symaware_cli.language import Catalogue, ScenarioError, open_scenario, write_log
+from symaware_cli.language.versions import versions
+from symaware_cli.log import OutputError, reason
+from symaware_cli.studies.cell_stops import check_rule
+from symaware_cli.studies.custom_metrics import CustomMetrics
+from symaware_cli.studies.executor import Block
+from symaware_cli.studies.identity import SweepIdentity, differences, scenario_digests
+from symaware_cli.studies.row import Row
+from symaware_cli.studies.runner import Runner
+from symaware_cli.studies.sweep_error import SweepError, listed
+from symaware_cli.studies.sweep_files import IDENTITY, LOGS, SCENARIO, SWEEP, TABLE, WRITTEN, is_sweep
+from symaware_cli.studies.sweep_plan import SweepPlan
+from symaware_cli.studies.sweep_source import SweepSource, build_cells, read_sweep, texts_of, written_again
+
+
+@dataclass(frozen=True)
+class SweepFolder:
+    """A folder with a sweep.
+
+    Attributes:
+        path: The folder.
+        source: Its plan.
+    """
+
+    path: Path
+    source: SweepSource
+
+    @classmethod
+    def opened(cls, path: str | os.PathLike[str]) -> SweepFolder:
+        """Open a folder that has a sweep.
+
+        Raises:
+            SweepError: It has none.
+            ScenarioError: Its files were damaged.
+        """
+        folder = Path(path)
+        if not is_sweep(folder):
+            raise SweepError(f"{folder} is not the folder of a sweep")
+        return cls(folder, read_sweep(folder / SWEEP))
+
+    @classmethod
+    def created(cls, path: Path, source: SweepSource) -> SweepFolder:
+        """Make a folder for a sweep that was checked; a folder that is there has to be empty.
+
+        Raises:
+            ScenarioError: A cell has problems; nothing was created.
+            SweepError: The folder cannot be created.
+        """
+        files: dict[str, bytes] = {}
+        identity, names = identity_of(source, files)
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise SweepError(f"{path} is there already, and is not the folder of a sweep")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            # All of it appears at once.
+            draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            try:
+                _write_all(draft, source, identity, names, files)
+                os.replace(draft, path)
+            finally:
+                shutil.rmtree(draft, ignore_errors=True)
+        except OSError as error:
+            raise OutputError(f"cannot create {path}: {reason(error)}") from error
+        return cls.opened(path)
+
+    def changes(self, index: int) -> list[str]:
+        """Return what the scenario of a run changes in that of the sweep, as ``path=value``.
+
+        Raises:
+            SweepError: There is no such run.
+        """
+        if not 0 <= index < self.plan.count:
+            raise SweepError(f"{self.path} has no run {index}: they are numbered from 0 to {self.plan.count - 1}")
+        return texts_of(self.plan.changes(index))
+
+    def make_again(self, index: int, output: Path) -> None:
+        """Make a run again, for its log.
+
+        Args:
+            index: The number of the run.
+            output: The log.
+
+        Raises:
+            SweepError: There is no such run.
+            ScenarioError: The scenario has problems now.
+            RunError: The run failed.
+            KeyboardInterrupt: A signal ended the run.
+            LogError: The log cannot be written.
+        """
+        write_log(open_scenario(self.source.scenario, self.changes(index), self.plan.seed(index)), output)
+
+    @property
+    def plan(self) -> SweepPlan:
+        """What there is to run."""
+        return self.source.plan
+
+    @property
+    def logs(self) -> Path:
+        """The folder of the logs."""
+        return self.path / LOGS
+
+    @cached_property
+    def identity(self) -> SweepIdentity:
+        """What the rows were made of.
+
+        Raises:
+            SweepError: The file is damaged.
+        """
+        file = self.path / IDENTITY
+        try:
+            found = SweepIdentity.from_json(json.loads(file.read_bytes()))
+            if len(found.cells) != len(self.plan.cells):
+                raise ValueError(f"it has {len(found.cells):,} combinations, and the plan has {len(self.plan.cells):,}")
+            return found
+        except (OSError, ValueError, RecursionError) as error:
+            raise SweepError(f"{file} is damaged: {error}") from error
+
+    def scenario_files(self) -> Mapping[str, bytes]:
+        """The scenario, what it extends and its assets, by their paths in the folder, in their order."""
+        files = sorted(each for each in (self.path / SCENARIO).rglob("*") if each.is_file())
+        return {each.relative_to(self.path).as_posix(): each.read_bytes() for each in files}
+
+    @property
+    def specifications(self) -> Sequence[str]:
+        """The names of the specifications of all cells."""
+        return self.identity.specifications
+
+    def runner(
+        self, batch: int | None = None, follow: Callable[[Sequence[int], Simulation], object] | None = None
+    ) -> Runner:
+        """Return a runner in this process.
+
+        Args:
+            batch: See `Runner`, as for the next.
+            follow: See there.
+        """
+        return Runner(self.plan, self.source.scenario, batch, follow)
+
+    def one_by_one(self, batch: int | None = None) -> str | None:
+        """Say why runs of one combination are made one by one; None if they are batched.
+
+        Args:
+            batch: See `Runner`.
+        """
+        plan = self.plan
+        return self.runner(batch).refusal(range(0, min(plan.count, 2 * len(plan.cells)), len(plan.cells)))
+
+    def check(self) -> None:
+        """Make sure that further rows come of the same files and versions.
+
+        Raises:
+            SweepError: They do not; says what differs.
+        """
+        found, _ = identity_of(self.source, {})
+        different = differences(self.identity, found)
+        if different:
+            raise SweepError(listed(f"{self.path} cannot be resumed: rows would not be comparable", different))
+
+    def compare(self, source: SweepSource) -> None:
+        """Make sure that what is asked for is what the folder is about.
+
+        Raises:
+            SweepError: It is not; says what differs.
+        """
+        mine, other = (each.plan.document.model_dump(by_alias=True) for each in (self.source, source))
+        different = [
+            f"{key}: {_short(mine[key])} there, {_short(other[key])} now"
+            for key in mine
+            if key not in ("scenario", "description") and mine[key] != other[key]
+        ]
+        files: dict[str, bytes] = {}
+        identity_of(source, files)
+        folder = self.source.scenario.parent
+        for name, content in sorted(files.items()):
+            kept = folder / name
+            if not kept.exists() or kept.read_bytes() != content:
+                different.append(f"the file {name} is another one")
+        if different:
+            message = f"{self.path} has another sweep; `symaware resume {self.path}` resumes that"
+            raise SweepError(listed(message, different))
+
+    def add_runs(self, count: int) -> SweepFolder:
+        """Plan further runs of each cell; those that are there keep their numbers and what they drew.
+
+        Raises:
+            SweepError: Another process is at work on the folder, or runs cannot be added to the design.
+        """
+        if self.plan.document.design == "latin-hypercube":
+            raise SweepError(
+                f"no runs can be added to {self.path}: a Latin hypercube is drawn for all of its runs at once; make "
+                "another sweep, with more `runs` or another `seed`, or with `design: sobol`, which can be continued"
+            )
+        claim = self.plan.document.claimed
+        if claim is not None and claim.rule == "fixed":
+            raise SweepError(
+                f"no runs can be added to {self.path}: `{claim}` is decided by the {self.plan.document.runs:,} runs "
+                "that were planned; make another sweep, with another `seed` and more `runs` or a `sequential` claim"
+            )
+        with self.locked():
+            document = SweepFolder.opened(self.path).plan.document  # as the one who had the lock before left it
+            draft = self.path / f".{SWEEP}"
+            draft.write_bytes(written_again(document, document.scenario, runs=document.runs + count))
+            os.replace(draft, self.path / SWEEP)
+            (self.path / TABLE).unlink(missing_ok=True)  # it says how many runs were planned
+        return SweepFolder.opened(self.path)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep every other process from adding rows.
+
+        Raises:
+            SweepError: One does so already.
+        """
+        import fcntl
+
+        with open(self.path / ".lock", "w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise SweepError(f"another process is at work on {self.path}") from None
+            yield
+
+
+def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIdentity, Mapping[str, bytes]]:
+    """Build every cell, and return what rows will be made of; collect the files of all cells.
+
+    Raises:
+        ScenarioError: A cell has problems, or the rule to stop has.
+    """
+    scenarios: list[dict[str, Any]] = []
+    specifications: dict[str, None] = {}
+    catalogue = Catalogue()
+    custom = CustomMetrics(source.plan.document, catalogue)
+    for built in build_cells(source, catalogue):
+        with built.simulation.environment:
+            problems = [
+                custom.check(name, built, source.problem("invalid-metric", "", ("metrics", name)))
+                for name in source.plan.document.metrics
+            ]
+            if any(problems):
+                raise ScenarioError(filter(None, problems))
+            # As JSON says it, so that whoever reads it there has the same.
+            scenarios.append(json.loads(json.dumps(built.data)))
+            specifications.update(dict.fromkeys(built.document.specifications))
+            if other := next(
+                (name for name in built.files if files.get(name, built.files[name]) != built.files[name]), None
+            ):
+                message = f"the file {other} is another one in some of its combinations; sweep the folders one by one"
+                raise ScenarioError([source.problem("invalid-value", message, ("over",))])
+            files.update(built.files)
+    check_rule(source.plan, list(specifications), source.problem("invalid-rule", "", ("until",)))
+    claim = source.plan.document.claimed
+    if claim is not None and claim.specification not in specifications:
+        message = f"there is no specification `{claim.specification}` to claim anything about"
+        problem = source.problem("unknown-name", message, ("claim",))
+        known = ", ".join(specifications) or "one in `specifications` of the scenario"
+        raise ScenarioError([replace(problem, expected=known)])
+    cells = scenario_digests(scenarios, files)
+    return SweepIdentity(cells, list(specifications), versions(), scenarios[0]), files
+
+
+def _write_all(
+    folder: Path, source: SweepSource, identity: SweepIdentity, names: Mapping[str, bytes], files: Mapping[str, bytes]
+) -> None:
+    for name, content in files.items():
+        file = folder / SCENARIO / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
+    (folder / LOGS).mkdir()
+    document = source.plan.document
+    (folder / SWEEP).write_bytes(written_again(document, f"{SCENARIO}/{source.scenario.name}"))
+    if source.written is not None:
+        (folder / WRITTEN).write_bytes(source.written)
+    (folder / IDENTITY).write_text(json.dumps(identity.to_json(), indent=1) + "\n")
+    os.chmod(folder, 0o755)
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+class SweepWork:
+    """`Work` that makes the rows of a sweep."""
+
+    def __init__(self, folder: str, batch: int | None) -> None:
+        """Prepare; the folder need not be there before `open`.
+
+        Args:
+            folder: The folder of the sweep.
+            batch: See `Runner`.
+        """
+        self._path = folder
+        self._batch = batch
+        self._opened: tuple[Path, Runner] | None = None
+
+    def open(self) -> None:
+        """See `Work`."""
+        self._made()
+
+    def prepare(self) -> None:
+        """See `Work`."""
+        self._made()[1].prepare()
+
+    def results(self, block: Block) -> Iterator[Row]:
+        """See `Work`."""
+        logs, runner = self._made()
+        yield from runner.rows(block.indices, logs if block.is_recorded else None)
+
+    def to_json(self) -> dict[str, Any]:
+        """See `Work`."""
+        return {"folder": self._path, "batch": self._batch}
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> SweepWork:
+        """See `Work`."""
+        return cls(**content)
+
+    def received(self, content: dict[str, Any]) -> Row:
+        """See `Work`."""
+        return Row(**content)
+
+    def lost(self, index: int, why: str) -> Row:
+        """See `Work`."""
+        return Row(index, "lost", error=why)
+
+    def _made(self) -> tuple[Path, Runner]:
+        """Where logs are written, and what makes runs."""
+        if self._opened is None:
+            folder = SweepFolder.opened(self._path)
+            self._opened = folder.logs, folder.runner(self._batch)
+        return self._opened

@@ -1,0 +1,123 @@
+"""What runs on the nodes of a Ray cluster: a Ray worker passes blocks of runs on to a worker process of its own.
+
+So Ray is not in the process of a run, whose environment is there before its Python starts; and what dies or hangs costs
+its row only. No code travels: Ray refers to the function by its name.
+"""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import tempfile
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.studies.executor import Blocks
+from symaware_cli.studies.folder import SweepWork
+from symaware_cli.studies.identity import CodeIdentity
+from symaware_cli.studies.row import Row
+from symaware_cli.studies.sweep_files import LOGS
+from symaware_cli.studies.worker_pool import CodeDifferenceError, WorkerPool, WorkerPoolError
+
+
+@dataclass(frozen=True, slots=True)
+class SweepSetup:
+    """What a node has to know of a sweep; plain data.
+
+    Attributes:
+        key: Tells it from any other that the same Ray worker may see.
+        files: The files of its folder that make the rows, by their names.
+        timeout: Wall time after which a run is given up [s].
+        batch: See `Runner`.
+        code: The code that the node has to have.
+    """
+
+    key: str
+    files: Mapping[str, bytes]
+    timeout: float | None
+    batch: int | None
+    code: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockAnswer:
+    """What came of a block.
+
+    Attributes:
+        rows: Its rows.
+        logs: The logs of its runs by their names, if they were recorded.
+        trouble: Why there are none.
+    """
+
+    rows: Sequence[Row] = ()
+    logs: Mapping[str, bytes] = field(default_factory=dict)
+    trouble: str | None = None
+
+
+class _NodeWorker:
+    """The worker process of this Ray worker.
+
+    A copy of the sweep's folder is there while a block is made and not between blocks, because Ray ends its workers
+    without letting them put anything away.
+    """
+
+    def __init__(self, setup: SweepSetup) -> None:
+        self.key = setup.key
+        self._setup = setup
+        self._folder = Path(tempfile.gettempdir(), f"symaware-sweep-{uuid.uuid4().hex}")
+        work = SweepWork(str(self._folder), setup.batch)
+        self._pool = WorkerPool(work, 1, setup.timeout, CodeIdentity(**setup.code))
+
+    def answer(self, indices: Sequence[int], is_recorded: bool) -> BlockAnswer:
+        with self._copied() as logs:
+            rows = list(self._pool.results(Blocks(indices, len(indices), is_recorded=is_recorded, run_time=0.0)))
+            return BlockAnswer(rows, {file.name: file.read_bytes() for file in logs.iterdir()})
+
+    def close(self) -> None:
+        self._pool.close()
+
+    @contextmanager
+    def _copied(self) -> Iterator[Path]:
+        """Write the folder of the sweep; yields that of the logs."""
+        self._folder.mkdir(mode=0o700)
+        try:
+            for name, content in self._setup.files.items():
+                file = self._folder / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content)
+            logs = self._folder / LOGS
+            logs.mkdir()
+            yield logs
+        finally:
+            shutil.rmtree(self._folder)
+
+
+_worker: _NodeWorker | None = None
+
+
+def answer(setup: SweepSetup, indices: Sequence[int], is_recorded: bool) -> BlockAnswer:
+    """Make a block of runs; the worker process is kept for the next block."""
+    global _worker
+    if _worker is None or _worker.key != setup.key:
+        close()
+        _worker = _NodeWorker(setup)
+    try:
+        return _worker.answer(indices, is_recorded)
+    except (CodeDifferenceError, WorkerPoolError) as error:
+        close()
+        return BlockAnswer(trouble=f"{socket.gethostname()}: {error}")
+    except BaseException:  # such as that the task is cancelled
+        close()
+        raise
+
+
+def close() -> None:
+    """End the worker process."""
+    global _worker
+    if _worker is not None:
+        _worker.close()
+        _worker = None

@@ -1,0 +1,221 @@
+"""Runs on an existing Ray cluster: blocks are tasks, and the rows come back to this process alone.
+
+Reasons: docs/decisions/0034-ray.md
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.studies.executor import Block, Blocks, Executor
+from symaware_cli.studies.folder import SweepFolder
+from symaware_cli.studies.identity import CodeIdentity
+from symaware_cli.studies.node_worker import BlockAnswer, SweepSetup, answer
+from symaware_cli.studies.row import Row
+from symaware_cli.studies.sweep_error import SweepError
+from symaware_cli.studies.sweep_execution import SweepExecution, SweepTask
+from symaware_cli.studies.sweep_files import IDENTITY, SCENARIO, SWEEP
+
+#: How long the head of a cluster may take to answer, and how long a cluster may be without any processor [s].
+_REACHED_WITHIN, _WITHOUT_PROCESSORS = 5.0, 60.0
+
+#: How long workers have to put away what they began when a sweep is interrupted [s].
+_FAREWELL = 5.0
+
+#: How many tasks for each that is under way may be lost one after the other.
+_PATIENCE = 3
+
+
+class RayExecution(SweepExecution):
+    """Runs on a Ray cluster; the address is ``HOST:PORT`` of its head, or ``auto``."""
+
+    def executor(self, task: SweepTask) -> AbstractContextManager[Executor[Row]]:
+        """Return an executor of Ray tasks."""
+        return closing(RayCluster(task.folder, task.address or "auto", task.jobs, task.batch))
+
+
+class RayCluster:
+    """An `Executor` of Ray tasks."""
+
+    def __init__(self, folder: SweepFolder, address: str, most: int = 0, batch: int | None = None) -> None:
+        """Connect to a cluster.
+
+        Args:
+            folder: The folder of the sweep.
+            address: The address of the cluster, as Ray takes it: ``HOST:PORT``, or ``auto``. If this process is
+                connected to a cluster already, that one is used.
+            most: The most tasks at a time; 0 for as many as the cluster has processors.
+            batch: See `Runner`.
+
+        Raises:
+            SweepError: Ray is not installed, or there is no cluster.
+        """
+        _check(address)
+        # What this process has imported without Ray is what makes rows.
+        code = CodeIdentity.of_this_process().to_json()
+        setup = SweepSetup(uuid.uuid4().hex, files_of(folder.path), folder.plan.document.timeout, batch, code)
+        self._ray = _imported()
+        self._is_mine = not self._ray.is_initialized()
+        if self._is_mine:
+            _connect(self._ray, address)
+        self._logs = folder.logs
+        self._most = most
+        # What is lost is made again here, so that no run has two rows.
+        self._answer = self._ray.remote(num_cpus=1, max_retries=0)(answer)
+        self._setup = self._ray.put(setup)
+        self._tasks: dict[Any, Block] = {}
+        self._lost = 0
+
+    def results(self, blocks: Blocks) -> Iterator[Row]:
+        """See `Executor`.
+
+        Raises:
+            SweepError: A node has other code, or the cluster makes no runs.
+        """
+        seen = time.monotonic()
+        while True:
+            count = int(self._ray.cluster_resources().get("CPU", 0))
+            seen = time.monotonic() if count else seen
+            if time.monotonic() - seen > _WITHOUT_PROCESSORS:
+                raise SweepError("the cluster has no processors left; the sweep can be resumed")
+            self._submit(blocks, self._most or max(1, count))
+            if not self._tasks:
+                return
+            done, _ = self._ray.wait(list(self._tasks), timeout=_REACHED_WITHIN)
+            for task in done:
+                yield from self._answered(task, self._tasks.pop(task), blocks)
+
+    def close(self) -> None:
+        """Cancel all tasks and leave the cluster; it ends the workers of this sweep."""
+        tasks = list(self._tasks)
+        self._tasks.clear()
+        with suppress(self._ray.exceptions.RayError):
+            for task in tasks:
+                self._ray.cancel(task)
+            if tasks:
+                self._ray.wait(tasks, num_returns=len(tasks), timeout=_FAREWELL)
+        if self._is_mine:
+            self._ray.shutdown()
+
+    def _submit(self, blocks: Blocks, count: int) -> None:
+        while len(self._tasks) < count:
+            block = blocks.take(count)
+            if block is None:
+                return
+            self._tasks[self._answer.remote(self._setup, block.indices, block.is_recorded)] = block
+
+    def _answered(self, task: Any, block: Block, blocks: Blocks) -> Iterator[Row]:
+        try:
+            answered: BlockAnswer = self._ray.get(task)
+        except self._ray.exceptions.RayTaskError as error:
+            raise SweepError(f"a node cannot make runs: {error.cause!r}") from error
+        except self._ray.exceptions.RayError as error:
+            # Its worker or its node is gone, and with it all rows of the block.
+            blocks.give_back(block.indices)
+            self._lost += 1
+            if self._lost > _PATIENCE * (len(self._tasks) + 1):
+                reason = str(error).strip().partition("\n")[0]
+                raise SweepError(f"the cluster lost {self._lost} tasks one after the other: {reason}") from error
+            return
+        if answered.trouble is not None:
+            raise SweepError(answered.trouble)
+        self._lost = 0
+        for name, content in answered.logs.items():
+            draft = self._logs / f".{name}.{os.getpid()}"
+            draft.write_bytes(content)
+            os.replace(draft, self._logs / name)
+        for row in answered.rows:
+            blocks.learn(row.wall_time)
+            yield row
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """The files of a sweep's folder that make its rows."""
+    found = [folder / SWEEP, folder / IDENTITY, *(each for each in (folder / SCENARIO).rglob("*") if each.is_file())]
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in sorted(found)}
+
+
+def _imported() -> Any:
+    """Ray.
+
+    Raises:
+        SweepError: It is not installed.
+    """
+    try:
+        os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+        with _signals_kept():
+            import ray
+    except ImportError:
+        raise SweepError(
+            "a cluster needs the module `ray`, which is not installed: pip install 'symaware-cli[ray]'"
+        ) from None
+    return ray
+
+
+def _check(address: str) -> None:
+    """Make sure that something listens at an address, before Ray tries that for minutes.
+
+    Raises:
+        SweepError: Nothing does, or it is no address.
+    """
+    if address == "auto":
+        return
+    host, _, port = address.rpartition(":")
+    if not (host and port.isdecimal() and int(port) < 1 << 16):
+        raise SweepError(f"the address of a Ray cluster is HOST:PORT or auto, not `{address}`")
+    host = host.strip("[]")
+    try:
+        _reach(host, int(port))
+    except OSError as error:
+        raise SweepError(_unreachable(address, error)) from error
+    if host in ("127.0.0.1", "localhost", "::1"):
+        # Ray takes that for the address of this machine in its network, where a cluster may not listen. What it reads
+        # when it is imported lets it stay with the loopback.
+        try:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+                other.connect(("192.0.2.1", 1))  # sends nothing
+                _reach(other.getsockname()[0], int(port))
+        except OSError:
+            os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+
+
+def _reach(host: str, port: int) -> None:
+    socket.create_connection((host, port), _REACHED_WITHIN).close()
+
+
+def _connect(ray: Any, address: str) -> None:
+    """Connect this process to a cluster.
+
+    Raises:
+        SweepError: There is none at this address.
+    """
+    try:
+        with _signals_kept():
+            ray.init(address=address, configure_logging=False, log_to_driver=False)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise SweepError(_unreachable(address, error)) from error
+
+
+def _unreachable(address: str, error: Exception) -> str:
+    reason = str(error).strip().partition("\n")[0]
+    return f"there is no Ray cluster at {address}: {reason}; `ray start --head` starts one and says its address"
+
+
+@contextmanager
+def _signals_kept() -> Iterator[None]:
+    """Keep what SIGTERM does here, which Ray would change."""
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        if handler is not None and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, handler)

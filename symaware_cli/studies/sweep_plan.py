@@ -1,0 +1,226 @@
+"""The plan of a sweep: which runs there are, and what each of them changes.
+
+Runs are numbered replicate by replicate: run ``index`` is replicate ``index // cells`` of cell ``index % cells``, so
+runs can be added without renumbering, and the first runs are balanced over the cells. A parameter that is drawn has one
+value for each replicate, which all cells share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.random import SeedSequence
+
+from symaware_cli.studies.statistics.design import independent, latin_hypercube, sobol
+from symaware_cli.studies.statistics.interval_estimate import Array
+from symaware_cli.studies.sweep_document import SweepDocument
+
+
+def seed_of(sweep_seed: int, key: int) -> int:
+    """Return the seed of a run, from 0 to 2^63 - 1.
+
+    Args:
+        sweep_seed: The seed of the sweep.
+        key: The number of the run among all; where variants are paired, the number that they share.
+    """
+    words = SeedSequence(sweep_seed, spawn_key=(key,)).generate_state(2)
+    return (int(words[0]) << 32 | int(words[1])) >> 1
+
+
+#: How many samples are turned into values at a time.
+_AT_ONCE = 1024
+
+
+class Samples:
+    """What each sample draws; it depends on the sweep's seed and design and on the sample's number alone.
+
+    Attributes:
+        paths: The paths of what is drawn.
+    """
+
+    def __init__(self, document: SweepDocument) -> None:
+        self._document = document
+        self.paths = tuple(document.drawn)
+        self._block: tuple[int, list[tuple[Any, ...]]] = (-1, [])
+
+    def of(self, number: int) -> Mapping[str, Any]:
+        """Return the values of a sample by their paths."""
+        if not self.paths:
+            return {}
+        block, place = divmod(number, _AT_ONCE)
+        if self._block[0] != block:
+            columns = [
+                each.distribution.values(points)
+                for each, points in zip(self._document.drawn.values(), self._points(block).T, strict=True)
+            ]
+            self._block = (block, list(zip(*columns, strict=True)))
+        return dict(zip(self.paths, self._block[1][place], strict=True))
+
+    def _points(self, block: int) -> Array:
+        """Points between 0 and 1 for a block of samples; shape (n, d)."""
+        start = block * _AT_ONCE
+        if self._document.design == "random":
+            return independent(self._document.seed, self.paths, np.arange(start, start + _AT_ONCE))
+        return self._whole[start : start + _AT_ONCE]
+
+    @cached_property
+    def _whole(self) -> Array:
+        """All points of a design whose points depend on each other."""
+        design = sobol if self._document.design == "sobol" else latin_hypercube
+        return design(self._document.seed, self.paths, self._document.runs)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A value of the scenario that is replaced.
+
+    Attributes:
+        target: Its path in the scenario.
+        value: What replaces it.
+        place: Where that stands in the document of the sweep.
+    """
+
+    target: str
+    value: Any
+    place: tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One combination of listed parameters and a variant, which is run again and again.
+
+    Attributes:
+        number: Its number.
+        point: The number of its combination of parameters.
+        variant: The name of its variant; None if there are none.
+        parameters: The values of what varies over lists, by their paths.
+        shared: What all of its runs change in the scenario before what is drawn, in this order.
+        own: What its variant changes after that.
+    """
+
+    number: int
+    point: int
+    variant: str | None
+    parameters: Mapping[str, Any]
+    shared: tuple[ParameterChange, ...]
+    own: tuple[ParameterChange, ...]
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """Which runs a sweep has.
+
+    Attributes:
+        document: What the sweep says.
+    """
+
+    document: SweepDocument
+
+    @cached_property
+    def cells(self) -> tuple[Cell, ...]:
+        """All cells: each combination of parameters, in each variant."""
+        document = self.document
+        shared = tuple(ParameterChange(path, value, ("set", path)) for path, value in document.set.items())
+        found: list[Cell] = []
+        for point, varied in enumerate(_points(document)):
+            parameters = {each.target: each.value for each in varied}
+            for variant, content in document.variants.items() or ((None, {}),):
+                own = tuple(
+                    ParameterChange(path, value, ("variants", str(variant), path)) for path, value in content.items()
+                )
+                found.append(Cell(len(found), point, variant, parameters, (*shared, *varied), own))
+        return tuple(found)
+
+    @cached_property
+    def points(self) -> int:
+        """How many combinations of parameters there are."""
+        return len(self.cells) // max(1, len(self.document.variants))
+
+    @property
+    def count(self) -> int:
+        """How many runs there are."""
+        return self.document.runs * len(self.cells)
+
+    def cell(self, index: int) -> Cell:
+        """Return the cell of a run."""
+        return self.cells[index % len(self.cells)]
+
+    def replicate(self, index: int) -> int:
+        """Return the number of a run within its cell."""
+        return index // len(self.cells)
+
+    @cached_property
+    def samples(self) -> Samples:
+        """What is drawn."""
+        return Samples(self.document)
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The paths of what varies: over lists first."""
+        return (*self.cells[0].parameters, *self.samples.paths)
+
+    def parameters(self, index: int) -> Mapping[str, Any]:
+        """Return the values of what varies in a run, by their paths."""
+        return {**self.cell(index).parameters, **self.samples.of(self.replicate(index))}
+
+    def changes(self, index: int) -> tuple[ParameterChange, ...]:
+        """Return all that a run changes in the scenario, in this order."""
+        return self._changes(self.cell(index), self.samples.of(self.replicate(index)))
+
+    def landmark_changes(self) -> Iterator[tuple[ParameterChange, ...]]:
+        """Yield the changes of run 0 with each value that stands for all that a parameter may draw."""
+        first = self.samples.of(0)
+        for path, drawn in self.document.drawn.items():
+            for value in drawn.landmarks:
+                yield self._changes(self.cells[0], {**first, path: value})
+
+    @staticmethod
+    def _changes(cell: Cell, sample: Mapping[str, Any]) -> tuple[ParameterChange, ...]:
+        drawn = (ParameterChange(path, value, ("over", path)) for path, value in sample.items())
+        return (*cell.shared, *drawn, *cell.own)
+
+    def seed_key(self, index: int) -> int:
+        """Return the number from which the seed of a run is derived; paired variants share it."""
+        if self.document.paired:
+            return self.replicate(index) * self.points + self.cell(index).point
+        return index
+
+    def seed(self, index: int) -> int:
+        """Return the seed of a run."""
+        return seed_of(self.document.seed, self.seed_key(index))
+
+
+def cell_count(document: SweepDocument) -> int:
+    """Return how many cells there are, without making them."""
+    count = max(1, len(document.variants))
+    for values in document.listed.values():
+        count *= len(values)
+    for lists in document.together:
+        count *= len(next(iter(lists.values()), [None]))
+    return count
+
+
+def _points(document: SweepDocument) -> Iterator[tuple[ParameterChange, ...]]:
+    """Yield every combination of what varies over lists; the last parameter varies fastest."""
+    axes: list[list[tuple[ParameterChange, ...]]] = [
+        [(ParameterChange(path, value, ("over", path, k)),) for k, value in enumerate(values)]
+        for path, values in document.listed.items()
+    ]
+    for number, lists in enumerate(document.together):
+        steps = zip(*(enumerate(values) for values in lists.values()), strict=True)
+        axes.append(
+            [
+                tuple(
+                    ParameterChange(path, value, ("together", number, path, k))
+                    for path, (k, value) in zip(lists, step, strict=True)
+                )
+                for step in steps
+            ]
+        )
+    for combination in product(*axes):
+        yield tuple(change for changes in combination for change in changes)

@@ -1,0 +1,127 @@
+"""Rows of a sweep's table that are asked for: which, in what order, how many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symaware_cli.log import UnknownNameError
+from symaware_cli.specification import ExpressionError, parse
+from symaware_cli.specification.columns import ARGUMENTS, KindError, check_momentary, truth
+from symaware_cli.specification.node import Element, Name, Node, with_children
+from symaware_cli.studies.sweep_error import SweepError
+
+if TYPE_CHECKING:
+    import pyarrow
+
+#: The most characters of a condition.
+_LONGEST = 500
+
+
+def query(
+    table: pyarrow.Table, where: str | None = None, sort: str | None = None, limit: int | None = None
+) -> pyarrow.Table:
+    """Return some rows of a table.
+
+    Args:
+        table: The table.
+        where: A condition on its columns, such as ``closest < 0.6 and verdict.safe == "violated"``. A path that varies
+            may be called by its last part, where no other column has that.
+        sort: The column to sort by, in descending order if a minus stands before it; rows without a value come last.
+        limit: How many rows, at most.
+
+    Raises:
+        SweepError: The condition is not valid.
+        UnknownNameError: There is no such column.
+    """
+    if where is not None:
+        table = table.filter(_mask(table, where))
+    if sort is not None:
+        name = _single(table, column(table, sort.removeprefix("-")))
+        order = "descending" if sort.startswith("-") else "ascending"
+        table = table.sort_by([(name, order), ("index", "ascending")])
+    return table if limit is None else table.slice(0, limit)
+
+
+def column(table: pyarrow.Table, name: str) -> str:
+    """Return the name of the column that is meant.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    if name in table.column_names:
+        return name
+    found: list[str] = [each for each in table.column_names if each.endswith(f".{name}")]
+    if len(found) != 1:
+        which = f"; {' and '.join(found)} are called so" if found else ""
+        raise UnknownNameError(f"the table has no column `{name}`{which}", name, table.column_names)
+    return found[0]
+
+
+def _single(table: pyarrow.Table, name: str) -> str:
+    """Return the name of a column whose rows have one value each.
+
+    Raises:
+        SweepError: They have lists.
+    """
+    import pyarrow
+
+    if pyarrow.types.is_list(table[name].type):
+        raise SweepError(f"`{name}` is a list in each row, which is neither compared nor sorted by")
+    return name
+
+
+def _mask(table: pyarrow.Table, where: str) -> Any:
+    import pyarrow
+
+    names = {part for each in table.column_names for part in (each.partition(".")[0], each.rpartition(".")[2])}
+    functions = {name: count for name, count in ARGUMENTS.items() if name not in ("inside", "signed_distance")}
+    try:
+        # Not an `Expression`, whose module takes half a second to import.
+        tree = parse(where, names, functions, longest=_LONGEST)
+        check_momentary(tree, "a specification: a row has no instants")
+        holds = truth(_with_columns(tree))
+        with np.errstate(all="ignore"):
+            found = np.broadcast_to(holds(lambda name: _column(table, name)), table.num_rows)
+    except ExpressionError as error:
+        known = f"; there are {', '.join(error.names)}" if error.names else ""
+        raise SweepError(f"--where: {error.problem}{known}") from None
+    except KindError as error:
+        raise SweepError(f"--where: `{where}`: {error}") from error
+    # `pyarrow.array` would import pandas, if that is installed, and a part of NumPy that is needed nowhere else.
+    bits = pyarrow.py_buffer(np.packbits(found, bitorder="little"))
+    return pyarrow.BooleanArray.from_buffers(pyarrow.bool_(), len(found), [None, bits])
+
+
+def _with_columns(node: Node) -> Node:
+    """Return a condition in which dotted names of columns, such as ``verdict.safe``, are single names."""
+    if isinstance(node, Element):
+        return Name(node.span, ".".join(_parts(node)))
+    return with_children(node, _with_columns)
+
+
+def _parts(node: Node) -> Sequence[str]:
+    if isinstance(node, Element):
+        return [*_parts(node.operand), str(node.key)]
+    if isinstance(node, Name):
+        return [node.name]
+    raise ExpressionError("this is no column", node.span)
+
+
+def _column(table: pyarrow.Table, name: str) -> Any:
+    """Return the values of a column: numbers, truths, or texts as objects; what is missing is NaN or None."""
+    import pyarrow
+
+    # Not by `to_numpy`, which imports pandas, if that is installed.
+    values = table[_single(table, column(table, name))].combine_chunks()
+    if pyarrow.types.is_string(values.type):
+        coded = values.dictionary_encode()
+        texts = np.array([*coded.dictionary.to_pylist(), None], object)
+        return texts[np.from_dlpack(coded.indices.fill_null(len(texts) - 1))]
+    if values.null_count:
+        return np.from_dlpack(values.cast(pyarrow.float64()).fill_null(np.nan))
+    if pyarrow.types.is_boolean(values.type):
+        return np.from_dlpack(values.cast(pyarrow.int8())).astype(bool)
+    return np.from_dlpack(values)

@@ -1,0 +1,272 @@
+"""From a file or options to a plan whose every cell is sound: all problems are found before the first run."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+import weakref
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+from symaware_cli.language import (
+    MAX_PROBLEMS,
+    Catalogue,
+    MappingEntry,
+    Override,
+    Path,
+    Problem,
+    Scalar,
+    ScenarioError,
+    Source,
+    SourceNode,
+    decode,
+    dotted,
+    dumped,
+    extracted,
+    quoted,
+    read,
+    validate,
+)
+from symaware_cli.language.build import Built, build
+from symaware_cli.language.compose import Composition
+from symaware_cli.studies.metrics import BUILT_IN, RESERVED
+from symaware_cli.studies.request import SweepRequest, merged
+from symaware_cli.studies.sweep_document import FORMAT, MOST_CELLS, MOST_RUNS, SweepDocument
+from symaware_cli.studies.sweep_plan import ParameterChange, SweepPlan, cell_count
+
+#: The key by which a file of a sweep is known.
+MARK = "symaware-sweep"
+
+#: The suffix of logs.
+_LOG = ".mcap"
+
+
+@dataclass(frozen=True, slots=True, weakref_slot=True)
+class SweepSource:
+    """A plan that was read, with where it says what.
+
+    Attributes:
+        plan: The plan.
+        scenario: The scenario file; of a log, a copy that lives as long as this does.
+        name: What it is called in messages.
+        written: The file of the sweep as written; None where options alone say what to run.
+    """
+
+    plan: SweepPlan
+    scenario: FilePath
+    name: str
+    written: bytes | None
+    _root: SourceNode
+    _sources: dict[str, Source]
+
+    def overrides(self, changes: Sequence[ParameterChange]) -> list[Override]:
+        """Return changes such that problems with them are located where the sweep says them."""
+        # What is wrong with one run is reported with that alone.
+        sources = {name: Source(name, each.raw, each.text) for name, each in self._sources.items()}
+        return [self._override(change, sources) for change in changes]
+
+    def problem(self, code: str, message: str, path: Path) -> Problem:
+        """Return a problem with a value of the sweep."""
+        span = self._root.nearest_span(path)
+        return Problem(code, message, span, dotted(path), source_line=self._sources[span.file].line_text(span.line))
+
+    def _override(self, change: ParameterChange, sources: dict[str, Source]) -> Override:
+        key = change.place[: change.place.index(change.target) + 1]
+        span = self._root.nearest_span(key, key=True)
+        node = _node_at(self._root, change.place)
+        if node is None or node.plain() != change.value:
+            node = SourceNode.of(change.value, self._root.nearest_span(change.place))
+        return Override.of(sources[span.file], change.target, span, node)
+
+
+def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSource:
+    """Read what to run, and check it but for the scenario.
+
+    Args:
+        target: A scenario, the file of a sweep, or a log, whose scenario is swept.
+        request: What is asked for beside.
+
+    Raises:
+        ScenarioError: With every problem found.
+        LogError: The log cannot be read, or contains no scenario.
+    """
+    source = None if target.suffix == _LOG else read(target, str(target))
+    root = source.root if source else None
+    if source is not None and root is not None and isinstance(root.value, dict) and MARK in root.value:
+        written: bytes | None = source.raw
+    else:
+        written, root, source = None, *_implied(target)
+    sources = {source.name: source}
+    for own, overlay in (request or SweepRequest()).overlays():
+        sources[own.name] = own
+        if overlay is not None:
+            root = merged(root, overlay)
+    problems = [problem for each in sources.values() for problem in each.problems]
+    if problems:
+        raise ScenarioError(problems)
+    composition = Composition(source.name, root, {}, sources)
+    document = validate(SweepDocument, composition.data, composition, ())
+    if isinstance(document, list):
+        raise ScenarioError(document)
+    problems = list(_faults(document, composition))
+    if problems:
+        raise ScenarioError(problems)
+    scenario = target.parent / document.scenario
+    if scenario.suffix != _LOG:
+        return SweepSource(SweepPlan(document), scenario, str(scenario), written, root, sources)
+    folder = tempfile.mkdtemp(prefix="symaware-")
+    try:
+        file, _ = extracted(scenario, FilePath(folder))
+        found = SweepSource(SweepPlan(document), file, f"{scenario}:{file.name}", written, root, sources)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    weakref.finalize(found, shutil.rmtree, folder, ignore_errors=True)
+    return found
+
+
+def _implied(scenario: FilePath) -> tuple[SourceNode, Source]:
+    """Return the document of a sweep about a scenario that nothing more is said about."""
+    source = decode("symaware sweep", scenario.name.encode())
+    span = source.at(0)
+    content: dict[str, Scalar] = {MARK: FORMAT, "scenario": scenario.name}
+    return SourceNode(
+        {key: MappingEntry(span, SourceNode(value, span)) for key, value in content.items()}, span
+    ), source
+
+
+def _faults(document: SweepDocument, composition: Composition) -> Iterator[Problem]:
+    """Yield what is wrong with a document beyond its types."""
+    seen: dict[str, Path] = {}
+    places: list[Path] = [("over", path) for path in document.over]
+    places += [("together", number, path) for number, lists in enumerate(document.together) for path in lists]
+    for place in places:
+        target = str(place[-1])
+        if target in seen:
+            message = f"{quoted(target)} varies twice"
+            yield composition.problem("duplicate-key", message, place, key=True, expected="each value to vary once")
+        seen[target] = place
+        if target == "seed":
+            message = "the seed of each run is derived from the sweep's `seed`"
+            yield composition.problem("invalid-value", message, place, key=True, expected="`runs` for several seeds")
+    for number, lists in enumerate(document.together):
+        lengths = {path: len(values) for path, values in lists.items()}
+        for path, length in lengths.items():
+            first, wanted = next(iter(lengths.items()))
+            if length != wanted:
+                message = f"{quoted(path)} has {length} values, and {quoted(first)} has {wanted}"
+                yield composition.problem("wrong-length", message, ("together", number, path), expected="as many")
+    for name in sorted(document.metrics.keys() & {*RESERVED, *(each.name for each in BUILT_IN)}):
+        message = f"every table has a column {quoted(name)}"
+        yield composition.problem("duplicate-key", message, ("metrics", name), key=True, expected="another name")
+    if document.paired and len(document.variants) < 2:
+        message = "there is nothing to pair"
+        yield composition.problem("invalid-value", message, ("paired",), key=True, expected="at least two `variants`")
+    if document.until is not None and document.runs == 1:
+        message = "`until` ends runs early, and there is one of each combination only"
+        yield composition.problem("invalid-value", message, ("until",), key=True, expected="the most `runs`")
+    if document.until is not None and document.paired:
+        message = "paired variants have as many runs each, which `until` does not know of"
+        yield composition.problem("invalid-value", message, ("until",), key=True, expected="either of them")
+    if not document.is_independent and not document.drawn:
+        message = f"`{document.design}` has nothing to draw"
+        expected = "a distribution in `over`, such as {uniform: [0, 1]}"
+        yield composition.problem("invalid-value", message, ("design",), key=True, expected=expected)
+    if not document.is_independent and document.until is not None:
+        message = f"`until` assumes independent runs, and those of the design `{document.design}` depend on each other"
+        expected = "`design: random`, or all `runs` without `until`"
+        yield composition.problem("invalid-value", message, ("until",), key=True, expected=expected)
+    yield from _claim_faults(document, composition)
+    cells = cell_count(document)
+    if cells > MOST_CELLS or cells * document.runs > MOST_RUNS:
+        message = f"the sweep has {cells:,} combinations and {cells * document.runs:,} runs"
+        expected = f"at most {MOST_CELLS:,} combinations and {MOST_RUNS:,} runs"
+        yield composition.problem("too-large", message, ("over",), key=True, expected=expected)
+
+
+def _claim_faults(document: SweepDocument, composition: Composition) -> Iterator[Problem]:
+    """Yield what is wrong with a claim."""
+    claim = document.claimed
+    if claim is None:
+        return
+
+    def problem(message: str, expected: str) -> Problem:
+        return composition.problem("invalid-value", message, ("claim",), expected=expected)
+
+    if document.until is not None:
+        yield problem("`until` may end the runs when they suit the claim", "`sequential` in `claim` instead of `until`")
+    if not document.is_independent:
+        message = f"a claim assumes independent runs, and those of the design `{document.design}` depend on each other"
+        yield problem(message, "`design: random`")
+    needed = claim.runs_needed(0, cell_count(document))
+    if claim.rule == "fixed" and document.runs < needed:
+        message = f"{document.runs:,} runs of each combination cannot establish it, even if none fails"
+        yield problem(message, f"`runs` of at least {needed:,}, or `--with claim=none` for runs that certify nothing")
+
+
+def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
+    """Build the first run of every cell of a plan, and check the ends of what is drawn.
+
+    Raises:
+        ScenarioError: With the problems of all cells, each once.
+    """
+    plan = source.plan
+    problems: dict[Problem, None] = {}
+
+    def built_with(changes: Sequence[ParameterChange], index: int) -> Built:
+        return build(source.scenario, source.overrides(changes), plan.seed(index), catalogue, source.name)
+
+    for cell in plan.cells:
+        try:
+            built = built_with(plan.changes(cell.number), cell.number)
+        except ScenarioError as error:
+            problems.update(dict.fromkeys(error.problems))
+            if len(problems) >= MAX_PROBLEMS:
+                break
+            continue
+        if not problems:
+            yield built
+    if not problems:
+        for changes in plan.landmark_changes():
+            try:
+                built_with(changes, 0)
+            except ScenarioError as error:
+                problems.update(dict.fromkeys(error.problems))
+    if problems:
+        raise ScenarioError(problems)
+
+
+def texts_of(changes: Sequence[ParameterChange]) -> list[str]:
+    """Return changes as ``--set`` takes them."""
+    return [f"{each.target}={json.dumps(each.value, ensure_ascii=False)}" for each in changes]
+
+
+def written_again(document: SweepDocument, scenario: str, runs: int | None = None) -> bytes:
+    """Write a document as a file of a sweep.
+
+    Args:
+        document: What to write.
+        scenario: The scenario file, as the file is to name it.
+        runs: How many runs of each cell, if not those of the document.
+    """
+    said = document.model_dump(by_alias=True, mode="json", exclude_defaults=True)
+    said = {MARK: FORMAT, **said, "scenario": scenario}
+    if runs is not None:
+        said["runs"] = runs
+    return dumped(said)
+
+
+def _node_at(root: SourceNode, path: Path) -> SourceNode | None:
+    node: SourceNode = root
+    for part in path:
+        value: Any = node.value
+        if isinstance(value, dict) and part in value:
+            node = value[part].node
+        elif isinstance(value, list) and isinstance(part, int) and part < len(value):
+            node = value[part]
+        else:
+            return None
+    return node

@@ -1,1 +1,0 @@
-"""Studies: many runs of a scenario, and what they show."""

@@ -1,0 +1,1 @@
+"""Export of logs as tables, for pandas, Polars, R, MATLAB or spreadsheets."""

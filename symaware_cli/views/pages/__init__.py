@@ -1,0 +1,1 @@
+"""Pages of HTML: templates, the blocks that they show, and printing."""

@@ -1,0 +1,21 @@
+"""Names in messages: quoted, and the nearest valid one to a name that is not."""
+
+import difflib
+from collections.abc import Iterable
+from itertools import islice
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """Returns the candidate that `name` was probably meant to be, if one is similar enough."""
+    # The comparison is quadratic in the length, so long names are not compared.
+    if len(name) > 100:
+        return None
+    known = {candidate.lower(): candidate for candidate in islice(candidates, 1000) if len(candidate) <= 100}
+    found = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
+    return known[found[0]] if found else None
+
+
+def quoted(text: str, limit: int = 60) -> str:
+    """Returns text from a file in backticks, without its middle if it is long."""
+    half = limit // 2
+    return f"`{text if len(text) <= limit else text[:half] + '...' + text[-half:]}`"

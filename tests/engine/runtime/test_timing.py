@@ -1,0 +1,112 @@
+"""When turns are due, as declared."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from simulating import present
+
+from symaware_cli.engine.runtime.timing import Duration, Timetable, Timing
+
+STEP = 50
+
+
+def first(timing: Timing, count: int, grid: int = 0, key: int = 3) -> list[int]:
+    timetable = Timetable(timing, STEP, grid, key)
+    turns = [present(timetable.turn(0, 0))]
+    while len(turns) < count:
+        time, number = turns[-1]
+        turns.append(present(timetable.turn(number + 1, time + 1)))
+    return [time for time, _ in turns][:count]
+
+
+def test_instants_are_exact_multiples_of_the_period() -> None:
+    assert first(Timing(period=7, offset=3), 5) == [3, 10, 17, 24, 31]
+    assert first(Timing(), 3) == [0, 50, 100]
+    assert first(Timing(period=33_333_333), 3 * 10**4)[-1] == (3 * 10**4 - 1) * 33_333_333
+
+
+def test_a_period_of_zero_has_one_instant_of_its_own() -> None:
+    timetable = Timetable(Timing(period=0, offset=9), STEP, 0)
+    assert timetable.turn(0, 0) == (9, 0)
+    assert timetable.turn(1, 10) is None
+
+
+@given(period=st.integers(1, 400), offset=st.integers(0, 400), now=st.integers(0, 40))
+def test_who_joins_late_begins_with_the_first_turn_that_is_still_to_come(period: int, offset: int, now: int) -> None:
+    timetable = Timetable(Timing(period=period, offset=offset), STEP, STEP)
+    every = first(Timing(period=period, offset=offset), 50 * now + 2, grid=STEP)
+    assert present(timetable.turn(0, now * STEP))[0] == next(time for time in every if time >= now * STEP)
+
+
+@given(period=st.integers(1, 400), offset=st.integers(0, 400))
+def test_on_a_grid_each_instant_is_the_next_one_and_none_comes_twice(period: int, offset: int) -> None:
+    nominal = first(Timing(period=period, offset=offset), 200)
+    expected = sorted({-(-time // STEP) * STEP for time in nominal})
+    found = first(Timing(period=period, offset=offset), len(expected), grid=STEP)
+    assert found == expected
+
+
+@given(period=st.integers(1, 400), jitter=st.floats(0, 0.99))
+def test_jitter_is_drawn_once_for_each_nominal_instant_whatever_the_grid(period: int, jitter: float) -> None:
+    timing = Timing(period=period * 10**6, jitter=int(jitter * period * 10**6))
+    plain = first(timing, 50)
+    grid = STEP * 10**6
+    expected = sorted({-(-time // grid) * grid for time in plain})
+    assert first(timing, len(expected) - 1, grid=grid) == expected[:-1]
+
+
+def test_jitter_is_drawn_evenly_and_anew_for_each_turn() -> None:
+    timing = Timing(period=10**9, jitter=8 * 10**8)
+    late = [(time % 10**9) / (8 * 10**8) for time in first(timing, 2000)]
+    assert stats.kstest(late, "uniform").pvalue > 1e-3
+    assert abs(np.corrcoef(late[1:], late[:-1])[0, 1]) < 5 / np.sqrt(len(late))
+    assert first(timing, 100, key=4) != first(timing, 100)
+
+
+@given(period=st.integers(2, 90), times=st.integers(2, 5))
+def test_jitter_is_that_of_the_nominal_instant_whatever_the_period(period: int, times: int) -> None:
+    often = first(Timing(period=period * 10**6, jitter=10**6), 40 * times)
+    seldom = first(Timing(period=times * period * 10**6, jitter=10**6), 40)
+    assert often[::times] == seldom
+
+
+def test_who_takes_one_turn_a_step_is_steady() -> None:
+    assert Timing().is_steady(STEP)
+    assert Timing(period=STEP).is_steady(STEP)
+    assert not Timing(period=STEP, offset=1).is_steady(STEP)
+    assert not Timing(period=STEP, jitter=1).is_steady(STEP)
+    assert not Timing(period=2 * STEP).is_steady(STEP)
+    assert not Timing(period=0).is_steady(STEP)
+
+
+@pytest.mark.parametrize(
+    ("duration", "least", "most"),
+    [
+        (Duration("constant", 0.25), 0.25, 0.25),
+        (Duration("uniform", 0.1, 0.2), 0.1, 0.2),
+        (Duration("normal", 0.1, 0.2), 0.0, 2.0),
+    ],
+)
+def test_a_duration_stays_within_its_bounds(duration: Duration, least: float, most: float) -> None:
+    fractions = np.linspace(0.0005, 0.9995, 1000)
+    drawn = [duration.at(fraction) / 1e9 for fraction in fractions]
+    assert least <= min(drawn) <= max(drawn) <= most
+    assert drawn == sorted(drawn)
+    assert duration.is_drawn == (len(set(drawn)) > 1)
+    quantiles: dict[str, Any] = {
+        "constant": drawn,
+        "uniform": 0.1 + 0.1 * fractions,
+        "normal": stats.norm(0.1, 0.2).ppf(fractions),
+    }
+    assert drawn == pytest.approx(np.maximum(quantiles[duration.kind], 0.0), abs=1e-9)
+
+
+def test_only_a_constant_of_nothing_is_zero() -> None:
+    assert Duration().is_zero
+    assert Duration("constant", 1e-12).is_zero
+    assert not Duration("constant", 1e-9).is_zero
+    assert not Duration("uniform", 0.0, 0.0).is_zero

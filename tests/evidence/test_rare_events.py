@@ -1,0 +1,243 @@
+"""Estimates of rare events: what is known is found, and what cannot be split is refused with the reason."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from checkout import CHECKOUT
+from typer.testing import CliRunner
+
+import symaware_cli as sa
+from symaware_cli.cli.application import application
+from symaware_cli.evidence.rare_event import RareEvent, split_run
+from symaware_cli.evidence.splitting import RepeatWork, SplittingPlan
+from symaware_cli.language.files import open_scenario
+from symaware_cli.studies.executor import Blocks
+from symaware_cli.studies.sweep_error import SweepError
+from symaware_cli.studies.worker_pool import executor_of
+
+SCENARIOS = CHECKOUT / "scenarios"
+WALK = SCENARIOS / "random-walk.yaml"
+LEVELS = [-11.5, -8.5, -5.5, -2.5]
+
+
+def text_of(*arguments: str) -> tuple[int, str]:
+    done = CliRunner().invoke(application, ["estimate", *map(str, arguments)])
+    return done.exit_code, done.output
+
+
+def plain(found: sa.RareEventEstimate) -> Any:
+    """What is to be equal when an estimate is made again."""
+    return found.probability, [(each.counts, each.estimate, each.steps) for each in found.repeats]
+
+
+def small(**changes: Any) -> sa.RareEventEstimate:
+    """An estimate from few trials."""
+    return sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, changes=changes or None)
+
+
+def test_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
+    found = sa.estimate(
+        WALK, "far", LEVELS, event="satisfied", trials=25, repeats=12, changes={"run.duration": 40.0}, confidence=0.999
+    )
+    assert found.probability.covers(0.00312465853)
+    assert len(found.shares) == 5
+    assert all(0.0 < share < 1.0 for share in found.shares)
+
+
+def test_the_same_seed_gives_the_same_estimate_and_another_one_another() -> None:
+    one, two = small(), small()
+    assert plain(one) == plain(two)
+    other = sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, seed=1)
+    assert plain(other) != plain(one)
+
+
+def test_levels_descend_to_a_violation_and_the_answer_is_the_same() -> None:
+    changes = {"specifications": {"near": {"each": "walker", "formula": "always x < 19.5"}}, "run.duration": 100.0}
+    found = sa.estimate(WALK, "near", [11.5, 8.5, 5.5, 2.5], trials=20, repeats=3, changes=changes)
+    assert [each.counts for each in found.repeats] == [each.counts for each in small().repeats]
+
+
+def test_the_figures_are_the_same_however_many_workers_there_are() -> None:
+    told: list[tuple[int, int]] = []
+    shared = sa.estimate(
+        WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, jobs=2, on_progress=lambda *at: told.append(at)
+    )
+    assert plain(shared) == plain(small())
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_a_pilot_chooses_levels_which_can_be_passed_again() -> None:
+    options = ["--event", "satisfied", "--trials", 10, "--repeats", 2, "--set", "run.duration=30", "--jobs", 0]
+    arguments = [str(WALK), "--specification", "far", *map(str, options)]
+    status, text = text_of(*arguments)
+    assert status == 0
+    (again,) = [line for line in text.splitlines() if "by a pilot of" in line]
+    given = json.loads(text_of(*arguments, "--json", again.rpartition(" ")[2])[1])
+    assert len(given["event"]["levels"]) >= 2
+    assert given["pilot"] is None
+    assert f"a probability of about {given['probability']['value']:.4g}" in text
+    assert [line.split()[1] for line in text.splitlines() if line.startswith("  to ")] == [
+        *(f"{level:g}" for level in given["event"]["levels"]),
+        "satisfied",
+    ]
+
+
+@pytest.mark.slow
+def test_with_levels_of_a_pilot_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
+    changes = {"run.duration": 40.0}
+    found = sa.estimate(WALK, "far", event="satisfied", trials=40, repeats=8, changes=changes, confidence=0.999)
+    assert found.probability.covers(0.00312465853)
+    # The last level is whatever is left to the event itself, so its share has no upper bound.
+    *levels, last = found.shares
+    assert all(0.05 < share < 0.6 for share in levels)
+    assert last > 0.05
+
+
+def test_a_pilot_draws_apart_from_the_trials() -> None:
+    # With the same levels, trials are those of an estimate without a pilot.
+    options: dict[str, Any] = {"event": "satisfied", "trials": 10, "repeats": 2, "changes": {"run.duration": 30.0}}
+    found = sa.estimate(WALK, "far", **options)
+    assert plain(sa.estimate(WALK, "far", found.plan.event.levels, **options)) == plain(found)
+
+
+def test_a_pilot_of_a_violation_finds_the_levels_of_the_satisfaction_with_another_sign() -> None:
+    changes: dict[str, Any] = {"run.duration": 20.0}
+    reached = sa.estimate(WALK, "far", event="satisfied", trials=10, repeats=2, changes=changes).plan.event.levels
+    changes["specifications"] = {"near": {"each": "walker", "formula": "always x < 19.5"}}
+    violated = sa.estimate(WALK, "near", trials=10, repeats=2, changes=changes).plan.event.levels
+    assert violated == tuple(-level for level in reached)
+    assert violated
+
+
+def test_a_pilot_of_what_happens_often_or_has_no_robustness_chooses_no_levels() -> None:
+    often = {"often": {"each": "walker", "formula": "always x < 6.5"}}
+    finite = {"often": {"each": "walker", "logic": "ltl", "formula": "always x < 19.5"}}
+    for formula in (often, finite):
+        changes = {"specifications": formula, "run.duration": 20.0}
+        found = sa.estimate(WALK, "often", trials=10, repeats=2, changes=changes)
+        assert found.plan.event.levels == ()
+        assert found.pilot is not None
+
+
+def test_without_levels_all_trials_are_plain_runs() -> None:
+    arguments = [str(WALK), "--specification", "far", "--event", "satisfied", "--levels", "none"]
+    status, text = text_of(*arguments, "--trials", "5", "--repeats", "2", "--jobs", "0", "--json")
+    found = json.loads(text)
+    assert (status, found["event"]["levels"], found["pilot"], len(found["shares"])) == (0, [], None, 1)
+
+
+def test_what_a_worker_cannot_do_is_told_with_its_reason() -> None:
+    # Somebody else asks for repeats of what was not checked before.
+    plan = SplittingPlan(WALK, (), RareEvent("fra", "satisfied"), 2, 0)
+    with (
+        executor_of(RepeatWork(plan), 1) as executor,
+        pytest.raises(SweepError, match="no specification `fra`; did"),
+    ):
+        [*executor.results(Blocks([0], 1))]
+
+
+def test_a_level_that_nobody_reaches_is_told() -> None:
+    arguments = [str(WALK), "--specification", "far", "--event", "satisfied", "--levels=-11.5", "--trials", "3"]
+    never = "agents.walker.components.walk.with.probabilities=[0, 1]"
+    status, text = text_of(*arguments, "--repeats", "2", "--set", never)
+    assert status == 0
+    assert "no repeat came to the event" in text
+    status, text = text_of(*arguments, "--repeats", "2", "--set", never, "--json")
+    found = json.loads(text)
+    assert (found["missed"], found["probability"]["value"], found["probability"]["upper"]) == (2, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "arguments", "reason"),
+    [
+        (
+            "random-walk.yaml",
+            ["--specification", "fra"],
+            "no specification `fra`; did you mean `far`?",
+        ),
+        ("random-walk.yaml", ["--specification", "far", "--levels", "a"], "--levels takes numbers"),
+        ("random-walk.yaml", ["--specification", "far", "--levels", "1,2"], "are descending and above 0, not 1, 2"),
+        ("random-walk.yaml", ["--specification", "far", "--event", "late"], "--event takes violated or satisfied"),
+        ("random-walk.yaml", ["--specification", "far", "--confidence", "2"], "--confidence is between 0 and 1"),
+        (
+            "billiards.yaml",
+            [
+                "--specification",
+                "in",
+                "--set",
+                'specifications={in: {each: referee, formula: "always norm(position) < 99"}}',
+            ],
+            "the run cannot be split: the state of the environment cannot be captured: its engine",
+        ),
+    ],
+)
+def test_what_cannot_be_estimated_is_refused_with_the_reason(scenario: str, arguments: list[str], reason: str) -> None:
+    status, text = text_of(str(SCENARIOS / scenario), "--trials", "2", "--repeats", "2", *arguments)
+    assert status == 2
+    assert reason in text
+
+
+def test_a_state_has_as_many_futures_as_there_are_seeds() -> None:
+    with sa.load(SCENARIOS / "noisy.yaml").start() as simulation:
+        simulation.step(10)
+        state, group = simulation.capture(), next(iter(simulation.groups))
+
+        def future(seed: int | None) -> list[list[float]]:
+            simulation.restore(state, seed)
+            simulation.step(5)
+            found: list[list[float]] = simulation.state(group).tolist()
+            return found
+
+        futures = [future(seed) for seed in (None, 1, 2)]
+        assert futures[0] != futures[1] != futures[2]
+        assert [future(seed) for seed in (None, 1, 2)] == futures
+
+
+def test_a_trial_depends_on_its_seed_and_not_on_the_trials_before() -> None:
+    event = RareEvent("far", "satisfied", (-10.5,))
+    with split_run(open_scenario(WALK), event) as run:
+        begin = run.begin()
+
+        def taken(seed: int) -> int:
+            before = run.steps
+            run.reach(begin, 0, seed)
+            return run.steps - before
+
+        first = {seed: taken(seed) for seed in range(12)}
+        assert {seed: taken(seed) for seed in reversed(first)} == first
+
+
+def test_messages_draw_their_fates_from_the_seed_of_their_future() -> None:
+    changes = {"topology.channel.loss": 0.5}
+    with sa.load(SCENARIOS / "flooding.yaml", changes).start() as simulation:
+        simulation.step(5)
+        state = simulation.capture()
+        dropped = []
+        for seed in (1, 2, 1):
+            simulation.restore(state, seed)
+            simulation.step(40)
+            dropped.append(simulation.capture().entries)
+        assert dropped[0] == dropped[2] != dropped[1]
+
+
+def test_a_run_without_a_log_goes_on_from_an_earlier_state_after_its_end(tmp_path: Path) -> None:
+    scenario = sa.load(SCENARIOS / "hello.yaml", {"run.duration": 1.0})
+    with scenario.start() as simulation:
+        simulation.step(5)
+        state = simulation.capture()
+        simulation.finish()
+        end = simulation.state("robot").tolist()
+        simulation.restore(state)
+        assert not simulation.done
+        assert simulation.steps == 5
+        simulation.finish()
+        assert simulation.state("robot").tolist() == end
+    with scenario.start(output=tmp_path / "hello.mcap") as simulation:
+        state = simulation.capture()
+        simulation.finish()
+        with pytest.raises(sa.StateError, match="its log is finished"):
+            simulation.restore(state)

@@ -1,0 +1,106 @@
+"""Which features a test uses, so that copies without some of them run the tests of all others (`.ci/removals`)."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import os
+import re
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+from checkout import CHECKOUT
+
+import symaware_cli
+
+#: The rooms that nothing below them imports.
+FEATURES = frozenset({"evidence", "studies", "views", "processes", "planning", "knowledge", "worlds"})
+
+#: The verbs that do without: what they import of a feature is for an option of it.
+WHOLE = frozenset({"run", "validate", "inspect", "schema", "show"})
+
+PACKAGE = CHECKOUT / "symaware_cli"
+INSTALLED = Path(symaware_cli.__file__).parent
+
+
+@cache
+def missing() -> frozenset[str]:
+    """The modules of the checkout that the installed copy does not have; a room that is missing stands for its own."""
+    gone = [path.relative_to(PACKAGE).with_suffix("") for path in PACKAGE.rglob("*.py") if path.stem != "__init__"]
+    gone = [path for path in gone if not (INSTALLED / path).with_suffix(".py").exists()]
+    return frozenset(".".join(("symaware_cli", *path.parts)) for path in gone)
+
+
+@cache
+def words() -> re.Pattern[str] | None:
+    """What names something that is missing: modules, plugins, verbs, names of the public interface."""
+    if not missing():
+        return None
+    found = {re.escape(module) for module in missing()}
+    found |= {rf"symaware_cli\.{room}\b" for room in FEATURES if not (INSTALLED / room).exists()}
+    points = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+    for group, entries in points.items():
+        for name, target in entries.items():
+            module = target.partition(":")[0]
+            if group == "symaware.commands":
+                file = (CHECKOUT / module.replace(".", "/")).with_suffix(".py")
+                if name not in WHOLE and _imports_missing(file.read_text(encoding="utf-8")):
+                    found.add(rf'(?:symaware\(|command\(|COMMAND, )"{name}"')
+            elif not _exists(module):
+                # A name with a dot is of nothing else; one without counts where a scenario would use it.
+                found.add(rf"(?<![\w.-]){re.escape(name)}(?![\w-])" if "." in name else rf'\buse"?: "?{name}\b(?![.])')
+                if group == "symaware.sections":
+                    found.add(rf"^\W*{name}\b\W*:")
+                elif group == "symaware.environments":
+                    found.add(rf'(?<!sys.modules, )"{name}"')
+    for module, names in symaware_cli._HOMES.items():
+        if not _exists(module):
+            found |= {rf"\b(?:sa|symaware_cli)\.{name}\b" for name in names}
+            found |= {rf"from symaware_cli import [^\n]*\b{name}\b" for name in names}
+    return re.compile("|".join(sorted(found)), re.MULTILINE)
+
+
+def _imports_missing(text: str) -> bool:
+    named = {f"{node.module}" for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)}
+    return not all(_exists(module) for module in named if module.startswith("symaware_cli."))
+
+
+def _exists(module: str) -> bool:
+    path = INSTALLED.parent.joinpath(*module.split("."))
+    return path.with_suffix(".py").exists() or path.is_dir()
+
+
+def uses_missing(text: str) -> bool:
+    """Whether a text names something that is missing."""
+    pattern = words()
+    return pattern is not None and pattern.search(text) is not None
+
+
+@cache
+def module_uses_missing(path: Path) -> bool:
+    """Whether a module of tests, or one of their own that it imports, names something that is missing."""
+    text = path.read_text(encoding="utf-8")
+    if uses_missing(text):
+        return True
+    beside = (path.parent, CHECKOUT / "tests")
+    named = {
+        each for line in re.findall(r"^\s*(?:from (\w+) import|import (\w+))", text, re.MULTILINE) for each in line
+    }
+    helpers = [folder / f"{name}.py" for name in named if name for folder in beside]
+    return any(module_uses_missing(helper) for helper in helpers if helper.is_file() and helper != path)
+
+
+def item_uses_missing(item: pytest.Item) -> bool:
+    """Whether a test is about scenario files that name something that is missing."""
+    function = getattr(item, "function", None)
+    source = inspect.getsource(function) if function is not None else ""
+    named = set(re.findall(r"[\w-]+\.(?:yaml|toml)", source))
+    given = getattr(getattr(item, "callspec", None), "params", {}).values()
+    named |= {str(each) for each in given if isinstance(each, str | Path)}
+    folders = (CHECKOUT / "scenarios", CHECKOUT / "tests" / "scenarios" / "bad")
+    files = [folder / name for name in named for folder in folders]
+    return any(
+        os.path.isfile(file) and uses_missing(file.read_text(encoding="utf-8", errors="replace")) for file in files
+    )

@@ -1,0 +1,78 @@
+"""What a scenario may say."""
+
+import json
+import re
+
+import pytest
+from pydantic import BaseModel, ValidationError
+from simulating import untyped
+
+from symaware_cli.language.document import GroupSection, ScenarioDocument
+from symaware_cli.language.placement import CirclePlacement, GridPlacement
+from symaware_cli.language.section import Section
+
+LEAST = {
+    "symaware": 1,
+    "name": "least",
+    "run": {"duration": 1},
+    "environment": {"use": "kinematic"},
+    "agents": {"robot": {"model": {"use": "unicycle"}}},
+}
+
+
+def sections(model: type[BaseModel] = Section) -> list[type[BaseModel]]:
+    return [each for kind in model.__subclasses__() for each in (kind, *sections(kind))]
+
+
+def read(**changes: object) -> ScenarioDocument:
+    return ScenarioDocument.model_validate_json(json.dumps(LEAST | changes), strict=True)
+
+
+def test_the_least_scenario_has_five_fields() -> None:
+    scenario = read()
+    assert (scenario.seed, scenario.run.mode, scenario.recording.interval) == (0, "synchronous", 0.0)
+    assert scenario.agents["robot"].count is None
+    assert scenario.agents["robot"].entity.radius == 0.0
+    for name in LEAST:
+        with pytest.raises(ValidationError):
+            ScenarioDocument.model_validate_json(
+                json.dumps({key: value for key, value in LEAST.items() if key != name})
+            )
+
+
+def test_every_field_has_a_description_and_every_quantity_a_unit() -> None:
+    quantities = {"duration", "interval", "spacing", "origin", "radius", "centre", "phase"}
+    for section in {*sections(), GridPlacement, CirclePlacement}:
+        for name, field in untyped(section).model_fields.items():
+            assert field.description, (section, name)
+            assert field.description.endswith("."), (section, name)
+            if name in quantities and field.annotation is not bool:
+                assert re.search(r"\[[a-z/^2]+\]", field.description), (section, name)
+
+
+def test_no_section_takes_keys_that_are_not_described_or_can_be_changed() -> None:
+    for section in sections():
+        assert section.model_config["extra"] == "forbid"
+        assert section.model_config["frozen"] is True
+
+
+@pytest.mark.parametrize("name", ["a", "_", "robot-1", "Robot_2", "x" * 64])
+def test_what_is_a_name(name: str) -> None:
+    assert read(name=name).name == name
+
+
+@pytest.mark.parametrize("name", ["", "1st", "-a", "a.b", "a b", "a/b", "a\n", "é", "x" * 65, "../a", "a$"])
+def test_what_is_no_name(name: str) -> None:
+    with pytest.raises(ValidationError):
+        read(name=name)
+    with pytest.raises(ValidationError):
+        read(agents={name: LEAST["agents"]["robot"]})  # type: ignore[index]
+
+
+@pytest.mark.parametrize("count", [1, 100_000])
+def test_a_group_has_one_to_a_hundred_thousand_agents(count: int) -> None:
+    group = GroupSection.model_validate_json(json.dumps({"count": count, "model": {"use": "unicycle"}}), strict=True)
+    assert group.count == count
+    for wrong in (0, -1, 100_001, 1.5, True, "2"):
+        with pytest.raises(ValidationError):
+            GroupSection.model_validate_json(json.dumps({"count": wrong, "model": {"use": "unicycle"}}), strict=True)

@@ -1,0 +1,105 @@
+"""A plugin adds a section to scenarios: it is validated, built before the groups, and in the editor's schema."""
+
+import json
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import pytest
+
+import symaware_cli as sa
+from symaware_cli.language.build import Built
+from symaware_cli.language.execution import execute
+from symaware_cli.language.json_schema import scenario_schema
+from symaware_cli.language.problem import Problem
+
+pytestmark = pytest.mark.usefixtures("known_sections")
+
+
+@pytest.fixture
+def sailing(sound: dict[str, Any]) -> dict[str, Any]:
+    """A scenario with wind."""
+    sound["regions"] = {"bay": {"box": [0, 5, 0, 5]}}
+    sound["weather"] = {"bay": 4.0}
+    sound["agents"]["robot"]["components"]["sail"] = {"use": "sound.sail"}
+    return sound
+
+
+def test_components_find_it_and_it_takes_part_in_the_run(
+    sailing: dict[str, Any], building: Callable[..., Built]
+) -> None:
+    built = building(sailing)
+    assert built.sections["weather"] == {"bay": 4.0}
+    assert [group.sections["weather"] for group in built.simulation.groups] == [{"bay": 4.0}]
+    started = import_module("weather_plugins.weather").STARTED
+    started.clear()
+    execute(built, None)
+    assert started == [{"bay": 4.0}]
+
+
+def test_it_is_in_the_resolved_document(sailing: dict[str, Any], building: Callable[..., Built]) -> None:
+    built = building(sailing)
+    built.simulation.environment.close()
+    assert b"weather:\n  bay: 4.0\n" in built.resolved
+
+
+@pytest.mark.parametrize(
+    ("weather", "code", "path"),
+    [
+        ({"bay": -1.0}, "out-of-range", "weather.bay"),
+        ({"bay": "strong"}, "wrong-type", "weather.bay"),
+        ({"gulf": 4.0}, "unknown-target", "weather.gulf"),
+        ({}, "unsuitable", "agents.robot.components.sail"),
+        ({"bay": 30.0}, "unsuitable", "agents.robot.components.sail"),
+    ],
+)
+def test_what_is_wrong_is_located(
+    weather: Any, code: str, path: str, sailing: dict[str, Any], problems: Callable[..., list[Problem]]
+) -> None:
+    sailing["weather"] = weather
+    (problem,) = problems(sailing)
+    assert (problem.code, problem.path) == (code, path)
+    assert problem.span is not None
+
+
+def test_a_key_that_is_almost_that_of_a_section_is_suggested(
+    sailing: dict[str, Any], problems: Callable[..., list[Problem]]
+) -> None:
+    sailing["wether"] = sailing.pop("weather")
+    found = [each for each in problems(sailing) if each.code == "unknown-key"]
+    assert [(each.path, each.suggestion) for each in found] == [("wether", "weather")]
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [("broken_weather", "no weather today"), ("lost_weather", "has no attribute 'Lost'")],
+)
+def test_a_section_that_fails_is_reported_at_its_key(
+    key: str, said: str, sound: dict[str, Any], problems: Callable[..., list[Problem]]
+) -> None:
+    sound[key] = {}
+    (problem,) = problems(sound)
+    assert (problem.code, problem.path) == ("broken-plugin", key)
+    assert said in problem.message
+
+
+def test_a_section_that_fails_disturbs_no_other_scenario(sound: dict[str, Any], building: Callable[..., Built]) -> None:
+    building(sound).simulation.environment.close()
+
+
+def test_a_plugin_replaces_no_section_of_the_language(sound: dict[str, Any], building: Callable[..., Built]) -> None:
+    built = building(sound)
+    built.simulation.environment.close()
+    assert "run" not in built.sections
+    assert built.document.run.duration == 1.0
+
+
+def test_it_is_in_the_schema() -> None:
+    schema, broken = scenario_schema()
+    assert schema["$defs"]["Scenario" if "Scenario" in schema["$defs"] else "ScenarioDocument"]
+    assert "Speeds of the wind, by the names of regions [m/s]." in json.dumps(schema)
+    assert any("lost_weather" in each for each in broken)
+
+
+def test_its_base_classes_are_public() -> None:
+    assert {"ScenarioSection", "SectionContext", "ScenarioView"} <= set(sa.__all__)

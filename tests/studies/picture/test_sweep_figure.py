@@ -1,0 +1,52 @@
+"""Pictures of sweeps are drawn, and the same whenever they are."""
+
+from pathlib import Path
+
+import pytest
+from swept import swept
+
+from symaware_cli.log.error import LogError
+from symaware_cli.studies.picture.finished_runs import FinishedRuns
+from symaware_cli.studies.picture.metric_panel import composed
+from symaware_cli.studies.picture.sweep_figure import draw
+
+
+@pytest.mark.parametrize(
+    "runs",
+    [
+        swept({}, 40),
+        swept({}, 40, ["slow", "fast"]),
+        swept({"a": [0.001, 0.1, 10.0]}),
+        swept({"a": ["x", "y"]}, variants=["slow", "fast"], ended=13),
+        swept({"a": range(20), "agents.robot.components.steer.with.gain": [True, False]}, 2),
+        swept({"a": [1, 2], "b": [1, 2], "c": [1, 2]}, 3, ["slow", "fast"]),
+        swept({"a": [1, 2]}, ended=1),
+        swept({"a": [1, 2]}, 60, ["slow", "fast"], is_drawn=True),
+        swept({}, 60, ended=1, is_drawn=True),
+    ],
+    ids=[
+        "distribution",
+        "variants",
+        "logarithmic",
+        "unfinished",
+        "map",
+        "multiples",
+        "one run",
+        "drawn",
+        "one that draws",
+    ],
+)
+def test_a_picture_has_the_same_bytes_whenever_it_is_drawn(runs: FinishedRuns, tmp_path: Path) -> None:
+    for name in ("one.svg", "other.svg"):
+        draw(composed(runs), tmp_path / name, dpi=50)
+    content = (tmp_path / "one.svg").read_bytes()
+    assert content == (tmp_path / "other.svg").read_bytes()
+    assert content.startswith(b"<?xml")
+
+
+def test_panels_that_do_not_fit_and_titles_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
+    picture = composed(swept({"a": [1, 2], "b": [1, 2], "c": [1, 2]}, 3, ["slow", "fast"]))
+    with pytest.raises(LogError, match=r"do not fit into 1\.5 x 1\.5 inches"):
+        draw(picture, tmp_path / "small.png", size=(1.5, 1.5))
+    with pytest.raises(LogError, match="the font cannot write"):
+        draw(picture, tmp_path / "title.png", title="\U0001f4a5")

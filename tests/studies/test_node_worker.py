@@ -1,0 +1,100 @@
+"""What runs on a node of a cluster, without the cluster: blocks go in, rows and logs come out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sweeping import symaware, tiny
+
+from symaware_cli.studies import node_worker
+from symaware_cli.studies.folder import SweepFolder
+from symaware_cli.studies.identity import CodeIdentity
+from symaware_cli.studies.node_worker import SweepSetup
+from symaware_cli.studies.ray_cluster import files_of
+
+
+@pytest.fixture
+def setup(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SweepSetup]:
+    out = tmp_path / "out"
+    symaware("sweep", tiny(tmp_path), "-o", out, "--runs", 3, "--jobs", 0)
+    (tmp_path / "node").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "node"))
+    yield SweepSetup(str(tmp_path), files_of(out), None, 1, CodeIdentity.of_this_process().to_json())
+    node_worker.close()
+
+
+def test_rows_are_those_of_one_process_and_nothing_stays_on_the_node(setup: SweepSetup, tmp_path: Path) -> None:
+    expected = list(SweepFolder.opened(tmp_path / "out").runner(1).rows([0, 1, 2]))
+    found = [*node_worker.answer(setup, [0], False).rows, *node_worker.answer(setup, [1, 2], False).rows]
+    assert [replace(row, wall_time=0.0) for row in found] == [replace(row, wall_time=0.0) for row in expected]
+    assert not [*(tmp_path / "node").iterdir()]
+
+
+def test_logs_come_back_as_they_are(setup: SweepSetup, tmp_path: Path) -> None:
+    answered = node_worker.answer(setup, [0, 1], True)
+    assert [row.log for row in answered.rows] == [*{row.log: None for row in answered.rows}]
+    assert {row.log for row in answered.rows} == answered.logs.keys()
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    again = SweepFolder.opened(tmp_path / "out").runner(1).run(0, folder)
+    assert again.log in answered.logs
+
+
+def changed(code: Any, distribution: str, file: str, content: str | None) -> dict[str, Any]:
+    files = {**code["files"][distribution], file: content}
+    return {**code, "files": {**code["files"], distribution: {name: each for name, each in files.items() if each}}}
+
+
+def test_other_code_is_refused_by_distribution_and_file(setup: SweepSetup) -> None:
+    other = changed(setup.code, "numpy", "numpy/version.py", "0")
+    other = changed(other, "symaware-cli", "symaware_cli/core/agent.py", None)
+    other = changed(other, "symaware-cli", "symaware_cli/core/ghost.py", "0")
+    answered = node_worker.answer(replace(setup, key="other", code=other), [0], False)
+    assert not answered.rows
+    message, *lines = (answered.trouble or "").splitlines()
+    assert message.endswith(": other code than where the sweep was started: rows would not be comparable")
+    assert lines == [
+        "  numpy: numpy/version.py is another file there",
+        "  symaware-cli: symaware_cli/core/agent.py is there, but not here",
+        "  symaware-cli: symaware_cli/core/ghost.py is here, but not there",
+    ]
+
+
+def test_kernels_are_chosen_before_python_starts(setup: SweepSetup, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Ray sets this one for each task.
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    variables = {**setup.code["variables"], "OPENBLAS_CORETYPE": "Nehalem"}
+    answered = node_worker.answer(replace(setup, key="other", code={**setup.code, "variables": variables}), [0], False)
+    assert "OpenBLAS uses its kernel Nehalem" in (answered.trouble or "")
+    monkeypatch.delenv("OMP_NUM_THREADS")
+    assert os.environ.get("OPENBLAS_CORETYPE") != "Nehalem"
+
+
+def test_files_of_an_installed_and_of_an_editable_distribution_are_known() -> None:
+    files = CodeIdentity.of_this_process().files
+    assert any(name.startswith("numpy.libs/") for name in files["numpy"])
+    assert "symaware_cli/studies/pool_worker.py" in files["symaware-cli"]
+    assert not any("__pycache__" in name or ".dist-info" in name for each in files.values() for name in each)
+
+
+@pytest.mark.parametrize("address", ["local", "cluster", "127.0.0.1:x", "127.0.0.1:99999"])
+def test_what_is_no_address_is_refused(address: str, tmp_path: Path) -> None:
+    said = symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--on", f"ray:{address}", status=2)
+    assert f"the address of a Ray cluster is HOST:PORT or auto, not `{address}`" in said
+
+
+def test_a_cluster_that_is_not_there_is_said_at_once(tmp_path: Path) -> None:
+    said = symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--on", "ray:127.0.0.1:9", status=2)
+    assert "there is no Ray cluster at 127.0.0.1:9: " in said
+    assert "`ray start --head` starts one" in said
+
+
+def test_a_sweep_is_made_here_or_on_a_cluster(tmp_path: Path) -> None:
+    said = symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--on", "ray:auto", "--jobs", 0, status=2)
+    assert "leave one out" in said
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,94 @@
+"""The trajectories of the runs of a sweep are drawn from runs that are made again."""
+
+import json
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sweeping import rows, symaware, tiny
+
+from symaware_cli import load
+from symaware_cli.studies.folder import SweepFolder
+from symaware_cli.studies.picture.paths_figure import draw
+from symaware_cli.studies.picture.paths_picture import RunPaths, gathered
+from symaware_cli.studies.sweep_error import SweepError
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sweep of 10 runs of each of two combinations."""
+    folder = tmp_path_factory.mktemp("paths")
+    options = ["--runs", 10, "-j", 0, "--over", "run.duration=1.0,20.0", "-q"]
+    symaware("sweep", tiny(folder), "-o", folder / "swept", *options)
+    return folder / "swept"
+
+
+def test_paths_are_those_of_the_runs_alone_however_they_are_made(swept: Path) -> None:
+    folder = SweepFolder.opened(swept)
+    indices = [0, 2, 4]
+    found = []
+    for batch in (1, 3):
+        paths = RunPaths()
+        for _ in folder.runner(batch, paths.follow).rows(indices):
+            pass
+        found.append([paths.take(index) for index in indices])
+    for alone, batched in zip(*found, strict=True):
+        assert alone.shape == (11, 2, 2)
+        assert (alone == batched).all()
+    seed = folder.plan.seed(2)
+    log = (
+        load(swept / "scenario" / "tiny.yaml", {"run.duration": 1.0}, seed=seed).run(output=swept.parent / "2.mcap").log
+    )
+    assert found[0][1][:, 1] == pytest.approx(log.series("robot.1", "world").values[:, :2])
+
+
+def test_long_runs_are_thinned_and_keep_their_ends(swept: Path) -> None:
+    folder, paths = SweepFolder.opened(swept), RunPaths()
+    for _ in folder.runner(follow=paths.follow).rows([1, 3]):
+        pass
+    path = paths.take(1)
+    assert 80 <= len(path) <= 161  # of 201 steps
+    seed = folder.plan.seed(1)
+    log = (
+        load(swept / "scenario" / "tiny.yaml", {"run.duration": 20.0}, seed=seed)
+        .run(output=swept.parent / "1.mcap")
+        .log
+    )
+    world = log.series("robot.0", "world").values[:, :2]
+    assert path[[0, -1], 0] == pytest.approx(world[[0, -1]])
+    assert paths.goals_differ is False
+
+
+def test_a_picture_of_paths_counts_the_runs_that_violate(swept: Path, tmp_path: Path) -> None:
+    file = tmp_path / "paths.png"
+    facts = json.loads(symaware("trajectories", swept, "--runs", 8, "-o", file, "--json"))
+    violated = [row["verdict.near"] == "violated" for row in rows(swept) if row["replicate"] < 8]
+    assert [panel["violating"] for panel in facts["panels"]] == [sum(violated[0::2]), sum(violated[1::2])]
+    assert [panel["of"] for panel in facts["panels"]] == ["duration = 1.0", "duration = 20.0"]
+    assert facts["runs"] == 16
+    assert "The first runs of each combination: 16 of 20." in facts["notes"]
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_picture_of_paths_has_the_same_bytes_whenever_it_is_drawn(swept: Path, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    for name in ("one.svg", "other.svg"):
+        picture = gathered(SweepFolder.opened(swept), 2, lambda made, total: told.append((made, total)))
+        draw(picture, tmp_path / name, dpi=50)
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()
+    assert told[:4] == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert np.isfinite(picture.panels[0].paths[0]).all()
+
+
+def test_a_run_that_comes_out_otherwise_is_not_drawn(tmp_path: Path) -> None:
+    folder = tmp_path / "swept"
+    symaware("sweep", tiny(tmp_path), "-o", folder, "--runs", 3, "-j", 0, "-q")
+    with sqlite3.connect(folder / "journal.sqlite") as journal:
+        journal.execute("""UPDATE runs SET digest = 'another' WHERE "index" = 1""")
+    with pytest.raises(SweepError, match=r"run 1 of .* came out otherwise when it was made again"):
+        gathered(SweepFolder.opened(folder))
+
+
+def test_only_the_folder_of_a_sweep_has_paths_of_runs(swept: Path) -> None:
+    assert "is not the folder of a sweep" in symaware("trajectories", swept / "sweep.yaml", status=2)

@@ -1,0 +1,72 @@
+"""Conditions on the rows of a sweep's table."""
+
+import pyarrow
+import pytest
+
+from symaware_cli.studies.sweep_error import SweepError
+from symaware_cli.studies.sweep_query import query
+
+TABLE = pyarrow.table(
+    {
+        "index": [0, 1, 2],
+        "number": [1.0, None, 3.0],
+        "text": ["x", None, "y"],
+        "truth": [True, False, True],
+        "whole": [3, None, 4],
+        "nothing": pyarrow.nulls(3, pyarrow.float64()),
+        "silence": pyarrow.nulls(3, pyarrow.string()),
+    }
+)
+
+
+@pytest.mark.parametrize(
+    ("where", "expected"),
+    [
+        ("number < 2", [0]),
+        ("number == 1 or text == 'y'", [0, 2]),
+        ("text != 'x'", [1, 2]),
+        ("truth", [0, 2]),
+        ("not truth", [1]),
+        ("whole >= 4", [2]),
+        ("index % 2 == 0", [0, 2]),
+        ("nothing < 1", []),
+        ("silence == 'x'", []),
+    ],
+)
+def test_a_value_that_is_missing_compares_with_nothing(where: str, expected: list[int]) -> None:
+    assert query(TABLE, where)["index"].to_pylist() == expected
+    assert query(TABLE.slice(0, 0), where).num_rows == 0
+
+
+def test_rows_without_a_value_come_last() -> None:
+    assert query(TABLE, None, "number")["index"].to_pylist() == [0, 2, 1]
+    assert query(TABLE, None, "-number", 2)["index"].to_pylist() == [2, 0]
+
+
+@pytest.mark.parametrize(
+    ("where", "expected"),
+    [
+        ("abs(number - 3) < 1", [2]),
+        ("truth implies whole > 3", [1, 2]),
+        ("0 < index < 2 or max(number, index) >= 3", [1, 2]),
+        ("number != 1", [2]),
+        ("norm(number) > 2 and not (text == 'x')", [2]),
+    ],
+)
+def test_a_condition_on_rows_has_what_other_conditions_have(where: str, expected: list[int]) -> None:
+    assert query(TABLE, where)["index"].to_pylist() == expected
+
+
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [
+        ("number < 'x'", "a text is not a number"),
+        ("number", "a number is not a condition"),
+        ("always truth", "`always` belongs in a specification"),
+        ("truth & number > 1", "write `and` instead of `&`"),
+        ("inside(number, text)", "no function `inside`"),
+    ],
+)
+def test_what_is_no_condition_on_rows_is_refused(where: str, said: str) -> None:
+    with pytest.raises(SweepError, match=said):
+        query(TABLE, where)

@@ -1,0 +1,160 @@
+"""Scenarios composed at random keep every promise of the documentation; the tool that says so can find and shrink."""
+
+import json
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from fuzzing.composer import Composer, is_valid
+from fuzzing.invariants import INVARIANTS, check
+from fuzzing.shrinking import shrunk
+from fuzzing.side_files import write_side_files
+from fuzzing.subject import Skipped, Subject, same
+from fuzzing.target import Finding
+from fuzzing.targets.compositions import TARGET
+from fuzzing.vocabulary import vocabulary, words_of
+from symaware_cli.language.json_schema import scenario_schema
+
+SMALL: dict[str, Any] = {
+    "symaware": 1,
+    "name": "composed",
+    "seed": 3,
+    "run": {"duration": 0.5},
+    "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
+    "agents": {
+        "car": {
+            "count": 2,
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "model": {"use": "unicycle", "with": {"process_noise": 0.1}},
+            "state": {"each": [[0, 0, 0], [1.5, 0, 3.14]]},
+            "knowledge": {"goal": {"all": [2, 0]}},
+            "components": {
+                "see": {"use": "perception.range", "with": {"range": 3.0}},
+                "steer": {"use": "control.go-to-goal"},
+            },
+        }
+    },
+    "regions": {"zone": {"box": [0, 4, -2, 2]}},
+    "specifications": {"in": {"each": "car", "formula": "always inside(position, zone)"}},
+}
+
+STARTING = {"merged", "by_workers", "swept_by_workers", "reported"}
+"""Invariants that start processes, or draw."""
+
+
+def checked(number: int, folder: Path, invariants: list[str] | None) -> list[Finding]:
+    content = json.loads(TARGET.make(Random(f"gate {number}")))
+    _, findings = check(Subject(content["scenario"], folder, content["seed"]), invariants)
+    return findings
+
+
+def test_every_invariant_holds_of_a_small_scenario(tmp_path: Path) -> None:
+    names = [invariant.__name__ for invariant in INVARIANTS if invariant.__name__ not in STARTING]
+    counts, findings = check(Subject(SMALL, tmp_path, 1), names)
+    assert [(each.kind, str(each)) for each in findings] == []
+    assert [name for name in names if not counts[name]] == []
+
+
+@pytest.mark.slow
+def test_invariants_of_processes_hold_of_a_small_scenario(tmp_path: Path) -> None:
+    counts, findings = check(Subject(SMALL, tmp_path, 1), sorted(STARTING))
+    assert [(each.kind, str(each)) for each in findings] == []
+    assert [name for name in STARTING if not counts[name]] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(40))
+def test_composed_scenarios_keep_every_promise(number: int, tmp_path: Path) -> None:
+    (tmp_path / "prepared").mkdir()
+    (tmp_path / "files").mkdir()
+    TARGET.prepare(tmp_path / "prepared")
+    findings = checked(number, tmp_path / "files", None)
+    assert [(each.kind, each.where, str(each)[-2000:]) for each in findings] == []
+
+
+#: Words of the language that no scenario has which is drawn, and why.
+NOT_DRAWN = {
+    "ScenarioDocument.extends": "the invariant `in_several_files` writes scenarios that extend a file",
+    "ScenarioDocument.subscribers": "no installed plugin has a function to call",
+    "SubscriberUse.": "the same",
+    "environment:pybullet.gui": "a window needs a screen",
+    "transport:memory.members": "a run of two processes has no more members than any transport has room for",
+    "transport:tcp.members": "the same",
+    "transport:zenoh.members": "the same",
+}
+
+
+@pytest.mark.slow
+def test_every_word_of_the_language_can_be_drawn() -> None:
+    """What is valid is not asked here, so that every section, plugin and option is drawn within a minute."""
+    schema = scenario_schema(built_in_only=True)[0]
+    composer = Composer(schema, lambda tree: True)
+    drawn: set[str] = set()
+    for number in range(3000):
+        drawn |= words_of(composer.scenario(Random(number)), schema)
+    never = vocabulary(schema) - drawn
+    assert sorted(word for word in never if not word.startswith(tuple(NOT_DRAWN))) == []
+    assert [word for word in NOT_DRAWN if not any(each.startswith(word) for each in never)] == []
+
+
+@pytest.mark.slow
+def test_valid_scenarios_have_most_of_the_language(tmp_path: Path) -> None:
+    """A feature that is drawn so that it is hardly ever valid would not be tested."""
+    schema = scenario_schema(built_in_only=True)[0]
+    write_side_files(tmp_path)
+    composer = Composer(schema, lambda tree: is_valid(tree, tmp_path / "draft.yaml", 60))
+    drawn: set[str] = set()
+    for number in range(60):
+        drawn |= words_of(composer.scenario(Random(number)), schema)
+    for kind, share in {"use:": 0.9, "FaultUse.": 0.8, "ScenarioDocument.": 0.8, "formula:": 0.9, "": 0.5}.items():
+        words = {word for word in vocabulary(schema) if word.startswith(kind)}
+        assert len(words & drawn) >= share * len(words), (kind, sorted(words - drawn))
+
+
+def test_a_word_of_the_language_is_found_wherever_it_stands() -> None:
+    schema = scenario_schema(built_in_only=True)[0]
+    words = words_of(
+        {
+            **SMALL,
+            "faults": {"it": {"stop": "car.0", "on": {"event": "contact"}}},
+            "topology": {"use": "ring", "channel": {"delay": {"uniform": [0, 1]}}, "connected": True},
+        },
+        schema,
+    )
+    assert words <= vocabulary(schema) | {"formula:zone"}
+    assert {"FaultUse.stop", "event:contact", "use:ring", "DelayDistribution.uniform", "formula:inside"} <= words
+    assert {"component:perception.range.range", "TopologyUse.connected=True", "PerAgent.each"} <= words
+    assert not {"FaultUse.freeze", "formula:until", "DelayDistribution.normal", "use:star"} & words
+
+
+def test_a_second_run_that_differs_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = Subject(SMALL, tmp_path, 1)
+    assert subject.result.status == "finished"
+    subject.path.write_text(subject.path.read_text().replace('"seed": 3', '"seed": 4'))
+    _, findings = check(subject, ["twice"])
+    assert [each.kind for each in findings] == ["twice"]
+
+
+def test_values_are_compared_with_nan_equal_to_itself() -> None:
+    same("it", {"a": [1.0, float("nan")]}, {"a": [1.0, float("nan")]})
+    with pytest.raises(Finding):
+        same("it", {"a": [1.0, 2.0]}, {"a": [1.0, float("nan")]})
+
+
+def test_a_scenario_is_shrunk_to_what_breaks() -> None:
+    """Here, perception beside a state breaks something."""
+
+    def breaks(tree: dict[str, Any]) -> bool:
+        car = tree.get("agents", {}).get("car", {})
+        return "state" in car and "see" in car.get("components", {})
+
+    assert shrunk(SMALL, breaks) == {"agents": {"car": {"state": {}, "components": {"see": {}}}}}
+
+
+def test_what_does_not_apply_is_no_finding(tmp_path: Path) -> None:
+    counts, findings = check(Subject({**SMALL, "recording": {"interval": 0.2}}, tmp_path, 1), ["checked"])
+    assert not findings
+    assert counts["checked skipped: not every step is recorded"] == 1
+    assert issubclass(Skipped, Exception)

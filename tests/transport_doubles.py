@@ -1,0 +1,14 @@
+"""A transport that an installed package might bring."""
+
+from pathlib import Path
+
+from symaware_cli.processes.tcp import Tcp
+from symaware_cli.processes.transport import Port
+
+
+class Loud(Tcp):
+    """A transport of somebody else: says where it listens."""
+
+    def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
+        Path("loud.txt").write_text(f"{host}:{port}")
+        return super().listen(host, port, key)
