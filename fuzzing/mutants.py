@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 PACKAGE = Path("symaware_cli")
-FOLDERS = ("awareness", "core", "world", "runtime", "network", "recording")
+FOLDERS = ("awareness", "core", "world", "engine/runtime", "engine/network", "log")
 WIDER = (
     "tests/api",
     "tests/engine/components",
@@ -162,9 +162,11 @@ def drawn(count: int, seed: int) -> list[Mutant]:
 def rounds(mutant: Mutant) -> list[list[str]]:
     """The tests to try: of its folder those named like the module or its package, or importing it; all; wider ones."""
     path = Path(mutant.path)
-    folder = Path("tests", path.parts[1])
+    inner = path.relative_to(PACKAGE)
+    room = next((Path(folder) for folder in FOLDERS if inner.is_relative_to(folder)), Path(inner.parts[0]))
+    folder = "tests" / room
     module = ".".join(path.with_suffix("").parts)
-    names = [path.stem, *path.parts[2:-1]]
+    names = [path.stem, *inner.relative_to(room).parts[:-1]]
     files = sorted(folder.rglob("test_*.py"))
     found = [each for name in names for each in files if each.stem.startswith(f"test_{name}")]
     found += [each for each in files if each.parent.name in names[1:] or f"from {module} import" in each.read_text()]
