@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import gc
 import os
 import resource
 import shutil
@@ -191,6 +192,9 @@ def _serve(name: str, connection: Connection, folder: Path) -> None:
     shared = folder / "shared"
     shared.mkdir()
     tried.prepare(shared)
+    # Targets collect often, and need not look at what was imported each time.
+    gc.collect()
+    gc.freeze()
     while True:
         try:
             task: Task = connection.recv()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -106,6 +108,31 @@ class Listing:
         except BaseException as error:
             text = describe(error) + code_position(error, beyond=__file__)
             raise PluginError("broken-plugin", f"{self.origin} cannot be imported: {text}") from error
+
+
+_known: tuple[object, metadata.EntryPoints] | None = None
+
+
+def installed() -> metadata.EntryPoints:
+    """Find the entry points of all installed packages.
+
+    The metadata of every package is read, so it is kept until a folder of the search path changes, as it does when a
+    package is installed or removed.
+    """
+    global _known
+    state = tuple((folder, _changed(folder or os.curdir)) for folder in sys.path)
+    if _known is None or _known[0] != state:
+        found: metadata.EntryPoints = metadata.entry_points()  # type: ignore[assignment] # from 3.12 on
+        _known = state, found
+    return _known[1]
+
+
+def _changed(folder: str) -> int | None:
+    """When a folder changed [ns]; None if there is none."""
+    try:
+        return os.stat(folder).st_mtime_ns
+    except OSError:
+        return None
 
 
 #: All plugins of a kind by their names; more than one if several packages register the same name.

@@ -8,7 +8,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator
 from functools import cached_property
-from importlib import metadata
 from typing import Any, NamedTuple
 
 import typer
@@ -60,7 +59,7 @@ class Verbs:
 
     @cached_property
     def _installed(self) -> Listings:
-        return entry_points.listings_of(_KIND, metadata.entry_points(group=GROUP))
+        return entry_points.listings_of(_KIND, entry_points.installed().select(group=GROUP))
 
     @property
     def names(self) -> list[str]:

@@ -8,6 +8,7 @@ from functools import cached_property
 from importlib import metadata
 from typing import Any
 
+from symaware_cli import entry_points
 from symaware_cli.entry_points import Listing, Listings, PluginError, PluginWarning, chosen, listings_of
 from symaware_cli.world.naming import nearest, quoted
 from symaware_cli.world.plugin_kind import PluginKind
@@ -32,9 +33,7 @@ class InstalledPlugins:
 
     @cached_property
     def _points(self) -> metadata.EntryPoints:
-        # Called once, because each call reads the metadata of every installed package.
-        points: metadata.EntryPoints = metadata.entry_points()  # type: ignore[assignment] # from 3.12 on
-        return points
+        return entry_points.installed()
 
     def _entries(self, kind: str) -> Listings:
         """The plugins of a kind, by name."""

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
+from symaware_cli import entry_points
 from symaware_cli.language.build import Built, build
 from symaware_cli.language.problem import Problem, ScenarioError
 
@@ -32,7 +33,7 @@ def only(folders: Sequence[Path], names: Collection[str]) -> Iterator[None]:
             for point in metadata.entry_points(group=group)
             if point.dist and point.dist.name in names
         )
-        patch.setattr(metadata, "entry_points", lambda: points)
+        patch.setattr(entry_points, "installed", lambda: points)
         yield
     for name in [each for each in sys.modules if each.partition(".")[0].endswith("_plugins")]:
         del sys.modules[name]

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from symaware_cli import entry_points
 from symaware_cli.language.build import Built
 from symaware_cli.language.execution import execute
 from symaware_cli.language.problem import Problem
@@ -18,9 +19,9 @@ pytestmark = pytest.mark.usefixtures("broken_kinds")
 @pytest.fixture(scope="module")
 def broken_kinds(known_plugins: None) -> Iterator[None]:
     """Install the kinds that fail besides the other plugins, for these tests only: messages list all kinds."""
-    points = [*metadata.entry_points(), *metadata.distribution("broken-kinds").entry_points]
+    points = [*entry_points.installed(), *metadata.distribution("broken-kinds").entry_points]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(metadata, "entry_points", lambda: metadata.EntryPoints(points))
+        patch.setattr(entry_points, "installed", lambda: metadata.EntryPoints(points))
         yield
 
 
