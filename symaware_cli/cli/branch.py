@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -49,8 +49,9 @@ def branch(
         from symaware_cli.evidence import branch as branched
         from symaware_cli.evidence import branch_rows, branches, write_branch_table
         from symaware_cli.language import unused_path
+        from symaware_cli.studies import alternatives, varied
 
-        points = _points(over or (), as_json=as_json)
+        points = [list(each) for each in product(*map(alternatives, varied(over or ())))]
         path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
         with terminal.progress_shown("branches", not (quiet or as_json)) as shown:
             if over:
@@ -71,34 +72,6 @@ def branch(
     raise typer.Exit(
         terminal.FAILED if failed else terminal.VIOLATED if any(each.summary.falls_short for each in results) else 0
     )
-
-
-def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
-    """All combinations of the values of some parameters, as changes; one without changes if there are none."""
-    from symaware_cli.language import texts
-    from symaware_cli.studies import expanded, is_range
-
-    axes: list[list[str]] = []
-    for text in over:
-        path, equals, listed = text.partition("=")
-        try:
-            values: list[Any] = expanded(listed) if is_range(listed) else _listed(listed)
-        except ValueError as error:
-            terminal.fail(f"--over {text}: {error}", terminal.WRONG_INPUT, as_json)
-        if not equals or not values:
-            terminal.fail(f"--over takes PATH=VALUES, not {text}", terminal.WRONG_INPUT, as_json)
-        axes.append([texts({path: value})[0] for value in values])
-    return [list(each) for each in product(*axes)]
-
-
-def _listed(text: str) -> list[Any]:
-    import yaml
-
-    try:
-        found = yaml.safe_load(text if text.lstrip().startswith("[") else f"[{text}]")
-    except yaml.YAMLError as error:
-        raise ValueError("this is no list of values") from error
-    return found if isinstance(found, list) else []
 
 
 def _print(log: Path, result: BranchResult) -> None:

@@ -167,8 +167,8 @@ def _request(
 ) -> SweepRequest:
     from symaware_cli.studies import SweepRequest
 
-    options = {key: str(value) for key, value in (("runs", runs), ("seed", seed)) if value is not None}
-    return SweepRequest(over or (), overrides or (), options=options, entries=entries or ())
+    numbers = [f"{key}={value}" for key, value in (("runs", runs), ("seed", seed)) if value is not None]
+    return SweepRequest(over or (), overrides or (), [*numbers, *(entries or ())])
 
 
 def _conduct(

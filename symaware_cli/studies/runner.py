@@ -32,7 +32,6 @@ from symaware_cli.studies.metrics import MetricDescription, RunFigures, agent_ve
 from symaware_cli.studies.row import Row
 from symaware_cli.studies.sweep_document import SweepDocument
 from symaware_cli.studies.sweep_plan import ParameterChange
-from symaware_cli.studies.sweep_source import texts_of
 
 #: How many scenarios are kept ready, and how many runs are looked at together to find those that can be batched.
 _MOST_READY = 256
@@ -268,10 +267,11 @@ class Runner:
             return f"run {index} cannot be composed"
 
     def _composed(self, index: int) -> tuple[Composition, str]:
-        texts = tuple(texts_of(self._plan.changes(index)))
+        changes = [each.assignment() for each in self._plan.changes(index)]
+        texts = tuple(map(str, changes))
         found = self._ready.pop(texts, None)
         if found is None:
-            composition = compose(self._scenario, texts)
+            composition = compose(self._scenario, changes)
             found = composition, _kind_of(composition)
             if len(self._ready) >= _MOST_READY:
                 self._ready.popitem(last=False)

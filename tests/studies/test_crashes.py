@@ -27,7 +27,7 @@ _RUNS = 200
 
 def created(folder: Path, scenario: Path, runs: int, **options: str) -> Path:
     """Make the folder of a sweep, of which nothing is run."""
-    request = SweepRequest(over=["agents.robot.count=1,2"], options={"runs": str(runs // 2), **options})
+    request = SweepRequest(over=["agents.robot.count=1,2"], entries={"runs": runs // 2, **options})
     return SweepFolder.created(folder, read_sweep(scenario, request)).path
 
 

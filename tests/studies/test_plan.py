@@ -44,14 +44,14 @@ def test_a_range_has_the_values_that_a_person_would_write() -> None:
 
 def test_more_runs_change_neither_the_numbers_nor_the_seeds_of_those_before(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
-    few, many = (planned(scenario, over=["agents.robot.count=1,2"], options={"runs": runs}) for runs in ("3", "9"))
+    few, many = (planned(scenario, over=["agents.robot.count=1,2"], entries={"runs": runs}) for runs in (3, 9))
     assert [few.seed(index) for index in range(few.count)] == [many.seed(index) for index in range(few.count)]
     assert [few.cell(index).parameters for index in range(6)] == [many.cell(index).parameters for index in range(6)]
 
 
 def test_seeds_of_runs_and_of_sweeps_differ(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
-    plans = [planned(scenario, options={"runs": "1000", "seed": seed}) for seed in ("0", "1")]
+    plans = [planned(scenario, entries={"runs": 1000, "seed": seed}) for seed in (0, 1)]
     seeds = [plan.seed(index) for plan in plans for index in range(1000)]
     assert len({*seeds}) == 2000
     assert all(0 <= seed < 2**63 for seed in seeds)
@@ -59,14 +59,12 @@ def test_seeds_of_runs_and_of_sweeps_differ(tmp_path: Path) -> None:
 
 def test_paired_variants_share_the_seed_of_their_replicate_and_others_do_not(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
-    variants = [("slow", "run.duration=2"), ("fast", "run.duration=1")]
-    plan = planned(
-        scenario, over=["agents.robot.count=1,2"], variants=variants, options={"runs": "2", "paired": "true"}
-    )
+    variants = {"variants.slow": {"run.duration": 2}, "variants.fast": {"run.duration": 1}}
+    plan = planned(scenario, over=["agents.robot.count=1,2"], entries={**variants, "runs": 2, "paired": True})
     seeds = [plan.seed(index) for index in range(plan.count)]
     assert seeds[::2] == seeds[1::2]
     assert len({*seeds}) == 4
-    apart = planned(scenario, variants=variants, options={"runs": "2"})
+    apart = planned(scenario, entries={**variants, "runs": 2})
     assert len({apart.seed(index) for index in range(4)}) == 4
 
 
@@ -75,7 +73,8 @@ def test_a_document_that_is_written_again_is_the_same_plan(tmp_path: Path) -> No
     source = read_sweep(
         scenario,
         SweepRequest(
-            over=["run.duration=1..2 by 0.5"], variants=[("few", "agents.robot.count=1")], options={"keep": "worst:3"}
+            over=["run.duration=1..2 by 0.5"],
+            entries={"variants.few": {"agents.robot.count": 1}, "keep": "worst:3"},
         ),
     )
     again = scenario.with_name("again.yaml")
