@@ -24,15 +24,7 @@ def branch(
         str, typer.Option(help="When the branch begins: a time in seconds, or an event as in `violated(safe) - 2.0`.")
     ],
     overrides: terminal.Overrides = None,
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over",
-            help="Make a branch for each of several values, such as `agents.robot.components.steer.with.speed=0.2..1 "
-            "by 0.2`; may be repeated.",
-            metavar="PATH=VALUES",
-        ),
-    ] = None,
+    over: terminal.Over = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -44,7 +36,7 @@ def branch(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Repeat a run up to an instant, and continue with something changed."""
+    """Repeat a run up to an instant, and continue with something changed; with --over, with each of several values."""
     with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
         from symaware_cli.evidence import branch as branched
         from symaware_cli.evidence import branch_rows, branches, write_branch_table

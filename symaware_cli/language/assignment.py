@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn, Self
 
-from symaware_cli.language.plain_value import node_of, plain, written
-from symaware_cli.language.problem import ScenarioError, TextSpan, dotted, nearest, quoted
+from symaware_cli.language.plain_value import placed
+from symaware_cli.language.problem import Problem, ScenarioError, TextSpan, dotted, nearest, quoted
 from symaware_cli.language.source import (
     MAX_DEPTH,
     MappingEntry,
@@ -64,7 +64,8 @@ class Assignment:
         Args:
             text: The text.
             option: The option, for messages.
-            listed: Whether the value is a list whose elements are separated by commas, without its brackets.
+            listed: Whether the value is a list whose elements are separated by commas, without its brackets; unless it
+                is a single mapping, which is taken as it is.
         """
         source = decode(f"{option} {text}", text.encode("utf-8", errors="surrogateescape"))
         if source.problems:
@@ -83,7 +84,11 @@ class Assignment:
         if source.problems:
             return cls(source)
         start, value = (len(path), f"[{value}]") if listed else (len(path) + 1, value)
-        return cls(source, segments, _parsed(source, start, value, tuple(name for name, _ in segments)))
+        node = _parsed(source, start, value, tuple(name for name, _ in segments))
+        match node.value:
+            case [SourceNode(value=dict()) as only] if listed:
+                node = only
+        return cls(source, segments, node)
 
     @classmethod
     def of(cls, path: str, value: Any, option: str = "--set", *, listed: bool = False) -> Self:
@@ -98,8 +103,8 @@ class Assignment:
         Raises:
             TypeError: Scenarios have no such value.
         """
-        value = plain(value, path)
-        text = written(value)
+        start = len(path) + (0 if listed else 1)
+        _, text = placed(value, Source(option, b""), start, (path,))
         text = f"{path}={text[1:-1] if listed else text}"
         source = Source(f"{option} {text}", b"", text)
         span = _span(source, 0, len(path))
@@ -110,8 +115,8 @@ class Assignment:
         segments = _segments(source, path)
         if source.problems:
             return cls(source)
-        names = tuple(name for name, _ in segments)
-        return cls(source, segments, node_of(value, source, len(path) + (0 if listed else 1), names))
+        node, _ = placed(value, source, start, tuple(name for name, _ in segments))
+        return cls(source, segments, node)
 
     @classmethod
     def at(cls, source: Source, path: str, span: TextSpan, value: SourceNode) -> Self:
@@ -143,10 +148,6 @@ class Assignment:
         named = [(name, span) for name in (*names, dotted(rest)) if name]
         return type(self)(self.source, named, self.value, keeps_null=True)
 
-    def with_value(self, value: SourceNode) -> Self:
-        """Returns another value for the same path."""
-        return type(self)(self.source, self._segments, value, keeps_null=self._keeps_null)
-
     def without(self, place: int) -> Self:
         """Returns the same without one segment of the path."""
         segments = [*self._segments[:place], *self._segments[place + 1 :]]
@@ -161,7 +162,7 @@ class Assignment:
         if not self._segments:
             return root
         if self._segments[0][0] == "extends":
-            self._refuse("`extends` cannot be set; files are merged before", self._segments[0][1], 0)
+            self._refuse("`extends` cannot be set; files are merged before", self._segments[0][1])
         return self._replace(root, 0)
 
     def _replace(self, node: SourceNode, depth: int) -> SourceNode:
@@ -270,11 +271,10 @@ class Assignment:
         return dotted(segment for segment, _ in self._segments[:depth])
 
     def _refuse(
-        self, message: str, span: TextSpan, depth: int, expected: str | None = None, suggestion: str | None = None
+        self, message: str, span: TextSpan, depth: int = 0, expected: str | None = None, suggestion: str | None = None
     ) -> NoReturn:
-        path = self.path[: depth + 1]
-        problem = self.source.problem("bad-set-path", message, span, path, expected=expected, suggestion=suggestion)
-        raise ScenarioError([problem])
+        path, line = dotted(self.path[: depth + 1]), self.source.line_text(span.line)
+        raise ScenarioError([Problem("bad-set-path", message, span, path, expected, suggestion, line)])
 
 
 def assigned(root: SourceNode, assignments: Iterable[Assignment], sources: dict[str, Source]) -> SourceNode:

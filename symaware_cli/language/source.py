@@ -171,21 +171,8 @@ class Source:
         suggestion: str | None = None,
     ) -> None:
         """Adds a problem."""
-        self.problems.append(self.problem(code, message, span, path, expected=expected, suggestion=suggestion))
-
-    def problem(
-        self,
-        code: str,
-        message: str,
-        span: TextSpan | None,
-        path: Sequence[str | int] = (),
-        *,
-        expected: str | None = None,
-        suggestion: str | None = None,
-    ) -> Problem:
-        """Returns a problem with a part of the text, without adding it."""
         line = self.line_text(span.line) if span else None
-        return Problem(code, message, span, dotted(path), expected, suggestion, line)
+        self.problems.append(Problem(code, message, span, dotted(path), expected, suggestion, line))
 
 
 def decode(name: str, raw: bytes) -> Source:

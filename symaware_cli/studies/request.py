@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from symaware_cli.language import Assignment, Changes, ScenarioError, SourceNode, assignments, dotted
+from symaware_cli.language import Assignment, Changes, ScenarioError, assignments, dotted
 from symaware_cli.studies.sweep_document import expanded, is_range
 
 Over = Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | Iterable[str | Assignment]
@@ -54,13 +54,7 @@ def _varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Assig
 
 
 def _parsed(text: str) -> Assignment:
-    if is_range(text.partition("=")[2]):
-        return Assignment.parse(text, "--over")
-    found = Assignment.parse(text, "--over", listed=True)
-    match found.value.value:
-        case [SourceNode(value=dict()) as distribution]:
-            return found.with_value(distribution)
-    return found
+    return Assignment.parse(text, "--over", listed=not is_range(text.partition("=")[2]))
 
 
 def alternatives(varying: Assignment) -> list[Assignment]:
@@ -69,16 +63,17 @@ def alternatives(varying: Assignment) -> list[Assignment]:
     Raises:
         ScenarioError: It is neither.
     """
-    source, span = varying.source, varying.value.span
+    source = varying.source.copy()
+    values: Any = None
+    if not source.problems:
+        expected, span = "values such as 1,2,5, or a range such as 0..1 by 0.1", varying.value.span
+        try:
+            values = expanded(varying.value.plain())
+        except ValueError as error:
+            source.report("invalid-value", str(error), span, varying.path)
+        else:
+            if not isinstance(values, list) or not values:
+                source.report("wrong-type", "this is no list of values", span, varying.path, expected=expected)
     if source.problems:
         raise ScenarioError(source.problems)
-    try:
-        values = expanded(varying.value.plain())
-    except ValueError as error:
-        raise ScenarioError([source.problem("invalid-value", str(error), span, varying.path)]) from None
-    if not isinstance(values, list) or not values:
-        expected = "values such as 1,2,5, or a range such as 0..1 by 0.1"
-        raise ScenarioError(
-            [source.problem("wrong-type", "this is no list of values", span, varying.path, expected=expected)]
-        )
     return [Assignment.of(dotted(varying.path), each) for each in values]

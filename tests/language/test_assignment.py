@@ -20,7 +20,7 @@ from symaware_cli.language.source import Source, SourceNode
 from symaware_cli.language.yaml_source import parse_yaml
 
 #: Texts that would mean something else without quotes.
-_AMBIGUOUS = ("1", "0.5", "1e3", "0x1f", "-.inf", ".nan", "~", "null", "", "true", "no", "1:30", "<<", "2026-01-01")
+_AMBIGUOUS: tuple[str, ...] = ("1", "0.5", "1e3", "0x1f", "-.inf", ".nan", "~", "null", "", "true", "no", "1:30", "<<", "2026-01-01")
 _AMBIGUOUS += (
     "a: b",
     "# a",
@@ -97,7 +97,8 @@ def test_a_python_value_means_what_it_means_in_a_yaml_file(value: Any) -> None:
 
 @given(_VALUE, st.booleans())
 def test_the_text_of_a_python_value_means_the_same_and_stands_at_the_same_places(value: Any, listed: bool) -> None:
-    value = [value] if listed else value
+    # As text, a list of a single mapping would be that mapping.
+    value = [value, 1] if listed else value
     one = Assignment.of("agents.robot.state[1]", value, listed=listed)
     other = Assignment.parse(str(one), listed=listed)
     assert not [*one.source.problems, *other.source.problems]
@@ -166,15 +167,17 @@ def test_an_assignment_can_be_applied_again_and_reports_a_problem_each_time_once
         assert [problem.code for problem in caught.value.problems] == ["bad-set-path"]
 
 
-def test_a_value_that_contains_itself_is_too_deep() -> None:
-    value: list[Any] = []
-    value.append(value)
-    assert [problem.code for problem in Assignment.of("a", value).source.problems] == ["too-deep"]
+def test_a_value_that_contains_itself_is_too_deep(scenario: Path) -> None:
+    endless: list[Any] = []
+    endless.append(endless)
     deepest: Any = 1
-    for _ in range(32):
+    for _ in range(31):
         deepest = [deepest]
-    assert not Assignment.of("a", deepest).source.problems
-    assert Assignment.of("a", [deepest]).source.problems
+    assert compose(scenario, {"parameters.x": deepest}).data["parameters"] == {"x": deepest}
+    for value in (endless, [deepest], {"a": endless}):
+        with pytest.raises(ScenarioError) as caught:
+            compose(scenario, {"parameters.x": value})
+        assert [problem.code for problem in caught.value.problems] == ["too-deep"]
 
 
 @pytest.mark.parametrize("path", ["a=b", "a\nb", "a..b", "", "a\0", "a[x]", "a\ud800"])
