@@ -30,10 +30,9 @@ _Segments = Sequence[tuple[str | int, TextSpan]]
 
 
 class Assignment:
-    """A value for a path, with the position of each segment and of the value; `str()` is its text, `path=value`.
+    """A value for a path, with the position of each part; `str()` is its text, `path=value`.
 
-    The value replaces what stands at the path, and null removes it. Mappings on the way are created where there are
-    none.
+    The value replaces what stands at the path, and null removes it. Missing mappings on the way are created.
 
     Attributes:
         source: The pseudo file `--set path=value`, whose only line is the text, with the problems of that; or the file
@@ -44,13 +43,9 @@ class Assignment:
     def __init__(
         self, source: Source, segments: _Segments = (), value: SourceNode | None = None, *, keeps_null: bool = False
     ) -> None:
-        """Takes the parts of an assignment; without segments it cannot be applied, which `source.problems` explain.
+        """Takes the parts of an assignment; without segments it does nothing, for reasons in `source.problems`.
 
-        Args:
-            source: See the attributes.
-            segments: The keys and indices of the path.
-            value: The value; null by default.
-            keeps_null: Whether null is a value like any other instead of removing what is there.
+        With `keeps_null`, null is a value like any other instead of removing what is there.
         """
         self.source = source
         self.value = value or SourceNode(None, source.at(0))
@@ -72,13 +67,9 @@ class Assignment:
             return cls(source)
         path, equals, value = source.text.partition("=")
         if not equals:
-            expected = "path=value,value, path=first..last by step or path={uniform: [low, high]}"
-            source.report(
-                "bad-set",
-                f"there is no `=` in {quoted(text)}",
-                _span(source, 0, len(source.lines[0])),
-                expected=expected if listed else "path=value",
-            )
+            line, several = len(source.lines[0]), ",value, path=first..last by step or path={uniform: [low, high]}"
+            expected = f"path=value{several if listed else ''}"
+            source.report("bad-set", f"there is no `=` in {quoted(text)}", _span(source, 0, line), expected=expected)
             return cls(source)
         segments = _segments(source, path)
         if source.problems:
@@ -92,13 +83,7 @@ class Assignment:
 
     @classmethod
     def of(cls, path: str, value: Any, option: str = "--set", *, listed: bool = False) -> Self:
-        """Takes a Python value, such as a NumPy array; positions are those in the text that would be typed for it.
-
-        Args:
-            path: The path.
-            value: The value.
-            option: As for `parse`.
-            listed: As for `parse`; the value is a list.
+        """Takes a Python value; positions are those in the text that would be typed for it, as `parse` describes it.
 
         Raises:
             TypeError: Scenarios have no such value.
@@ -132,9 +117,7 @@ class Assignment:
         return tuple(segment for segment, _ in self._segments)
 
     def inside(self, *keys: str, own: int = 0) -> Self:
-        """Returns the same for an entry of a mapping whose keys are paths, such as `over` of a sweep.
-
-        There, null is a value like any other.
+        """Returns the same for an entry of a mapping whose keys are paths, such as `over` of a sweep; null is kept.
 
         Args:
             keys: The keys of the mapping.

@@ -63,17 +63,15 @@ def alternatives(varying: Assignment) -> list[Assignment]:
     Raises:
         ScenarioError: It is neither.
     """
-    source = varying.source.copy()
+    source, span = varying.source.copy(), varying.value.span
     values: Any = None
-    if not source.problems:
-        expected, span = "values such as 1,2,5, or a range such as 0..1 by 0.1", varying.value.span
-        try:
-            values = expanded(varying.value.plain())
-        except ValueError as error:
-            source.report("invalid-value", str(error), span, varying.path)
-        else:
-            if not isinstance(values, list) or not values:
-                source.report("wrong-type", "this is no list of values", span, varying.path, expected=expected)
+    try:
+        values = expanded(varying.value.plain())
+    except ValueError as error:
+        source.report("invalid-value", str(error), span, varying.path)
+    if not (source.problems or (isinstance(values, list) and values)):
+        expected = "values such as 1,2,5, or a range such as 0..1 by 0.1"
+        source.report("wrong-type", "this is no list of values", span, varying.path, expected=expected)
     if source.problems:
         raise ScenarioError(source.problems)
     return [Assignment.of(dotted(varying.path), each) for each in values]
