@@ -10,7 +10,7 @@ from symaware_cli.language.assignment import Assignment
 
 FilePath = str | PathLike[str]
 
-Changes = Mapping[str, Any] | Iterable[str | Assignment]
+Changes = Mapping[str, Any] | Iterable[str] | Iterable[Assignment]
 """Values by their paths, such as ``{"agents.robot.count": 8}``, or texts such as ``agents.robot.count=8``."""
 
 
