@@ -20,8 +20,9 @@ from symaware_cli.language.source import Source, SourceNode
 from symaware_cli.language.yaml_source import parse_yaml
 
 #: Texts that would mean something else without quotes.
-_AMBIGUOUS: tuple[str, ...] = ("1", "0.5", "1e3", "0x1f", "-.inf", ".nan", "~", "null", "", "true", "no", "1:30", "<<", "2026-01-01")
+_AMBIGUOUS: tuple[str, ...] = ("1", "0.5", "1e3", "0x1f", "-.inf", ".nan", "~", "null", "", "true", "no", "1:30", "<<")
 _AMBIGUOUS += (
+    "2026-01-01",
     "a: b",
     "# a",
     "- a",
