@@ -134,7 +134,7 @@ def _sweep(folder: Path, scenario: Path, changes: Mapping[str, str], runs: int) 
         "set": {k: yaml.safe_load(v) for k, v in changes.items()},
     }
     source = _written(Path(tempfile.mkdtemp(dir=folder)), "sweep", document)
-    return SweepFolder.created(source.parent / "out", read_sweep(source, SweepRequest(options={"runs": str(runs)})))
+    return SweepFolder.created(source.parent / "out", read_sweep(source, SweepRequest(entries={"runs": runs})))
 
 
 def _print_speed(folder: Path, rounds: int, only: str) -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from symaware_cli import processor
 from symaware_cli.api.report import TextReport, listed, number
 from symaware_cli.api.result import RunResult, result_of
-from symaware_cli.language import Changes, FilePath, texts
+from symaware_cli.language import Changes, FilePath, assignments
 
 if TYPE_CHECKING:
     from symaware_cli.api.stepping import SteppedSimulation
@@ -153,16 +153,20 @@ class Scenario:
 
     Attributes:
         path: The file.
-        changes: Changes of values of the file, as ``path=value``.
         seed: The seed that replaces that of the file, if any.
         outline: The outline when it was loaded; None if it was not checked.
     """
 
     def __init__(self, path: FilePath, changes: Changes | None = None, *, seed: int | None = None) -> None:
         self.path = Path(path)
-        self.changes = texts(changes)
+        self._changes = assignments(changes)
         self.seed = seed
         self.outline: Outline | None = None
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """Changes of values of the file, as ``path=value``."""
+        return tuple(map(str, self._changes))
 
     def validate(
         self,
@@ -327,7 +331,7 @@ class Scenario:
             options["run.pace"] = None
         built = open_scenario(
             self.path,
-            (*self.changes, *texts(changes), *texts(options)),
+            (*self._changes, *assignments(changes), *assignments(options)),
             self.seed if seed is None else seed,
         )
         if built.options.turn_limit is not None and threading.current_thread() is not threading.main_thread():

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import secrets
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symaware_cli.language import Changes, FilePath, texts
+from symaware_cli.language import Changes, FilePath
 
 if TYPE_CHECKING:
     import pyarrow
 
     from symaware_cli.api.scenario import Scenario
     from symaware_cli.evidence import Level, SweepVerification
-    from symaware_cli.studies import SweepFolder, SweepPlan, SweepRequest
+    from symaware_cli.studies import Over, SweepFolder, SweepPlan, SweepRequest
 
 
 def sweep(
     scenario: FilePath,
     output: FilePath | None = None,
     *,
-    over: Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | None = None,
+    over: Over | None = None,
     design: str | None = None,
     changes: Changes | None = None,
     variants: Mapping[str, Mapping[str, Any]] | None = None,
@@ -75,24 +74,21 @@ def sweep(
     """
     from pyarrow import parquet
 
-    from symaware_cli.studies import TABLE, SweepRequest, conduct, execution_at, varied
+    from symaware_cli.studies import TABLE, SweepRequest, conduct, execution_at
 
-    options: dict[str, Any] = {
+    entries: dict[str, Any] = {
         "runs": runs,
         "seed": seed,
-        "paired": "true" if paired else None,
+        "paired": paired or None,
         "keep": keep,
         "timeout": timeout,
+        "design": design,
+        "until": until,
+        "claim": claim,
+        **{f"variants.{name}": each for name, each in (variants or {}).items()},
     }
-    options["design"] = None if design is None else json.dumps(design, ensure_ascii=False)
-    options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
-    options["claim"] = None if claim is None else json.dumps(claim, ensure_ascii=False)
-    request = SweepRequest(
-        over=[text for path, values in (over or {}).items() for text in varied(path, values)],
-        set=texts(changes),
-        variants=[(name, "; ".join(texts(each))) for name, each in (variants or {}).items()],
-        options={key: str(value) for key, value in options.items() if value is not None},
-    )
+    given = {key: value for key, value in entries.items() if value is not None}
+    request = SweepRequest(over or (), changes or (), given)
     execution_at(on)  # before a folder is made
     with tempfile.TemporaryDirectory() as temporary:
         folder = opened(Path(scenario), Path(temporary, "sweep") if output is None else Path(output), request)

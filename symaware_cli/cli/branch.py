@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,15 +24,7 @@ def branch(
         str, typer.Option(help="When the branch begins: a time in seconds, or an event as in `violated(safe) - 2.0`.")
     ],
     overrides: terminal.Overrides = None,
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over",
-            help="Make a branch for each of several values, such as `agents.robot.components.steer.with.speed=0.2..1 "
-            "by 0.2`; may be repeated.",
-            metavar="PATH=VALUES",
-        ),
-    ] = None,
+    over: terminal.Over = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -44,13 +36,14 @@ def branch(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Repeat a run up to an instant, and continue with something changed."""
+    """Repeat a run up to an instant, and continue with something changed; with --over, with each of several values."""
     with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
         from symaware_cli.evidence import branch as branched
         from symaware_cli.evidence import branch_rows, branches, write_branch_table
         from symaware_cli.language import unused_path
+        from symaware_cli.studies import alternatives, varied
 
-        points = _points(over or (), as_json=as_json)
+        points = [list(each) for each in product(*map(alternatives, varied(over or ())))]
         path = output or unused_path(f"{log.stem}-branch", suffix="" if over else ".mcap")
         with terminal.progress_shown("branches", not (quiet or as_json)) as shown:
             if over:
@@ -71,34 +64,6 @@ def branch(
     raise typer.Exit(
         terminal.FAILED if failed else terminal.VIOLATED if any(each.summary.falls_short for each in results) else 0
     )
-
-
-def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
-    """All combinations of the values of some parameters, as changes; one without changes if there are none."""
-    from symaware_cli.language import texts
-    from symaware_cli.studies import expanded, is_range
-
-    axes: list[list[str]] = []
-    for text in over:
-        path, equals, listed = text.partition("=")
-        try:
-            values: list[Any] = expanded(listed) if is_range(listed) else _listed(listed)
-        except ValueError as error:
-            terminal.fail(f"--over {text}: {error}", terminal.WRONG_INPUT, as_json)
-        if not equals or not values:
-            terminal.fail(f"--over takes PATH=VALUES, not {text}", terminal.WRONG_INPUT, as_json)
-        axes.append([texts({path: value})[0] for value in values])
-    return [list(each) for each in product(*axes)]
-
-
-def _listed(text: str) -> list[Any]:
-    import yaml
-
-    try:
-        found = yaml.safe_load(text if text.lstrip().startswith("[") else f"[{text}]")
-    except yaml.YAMLError as error:
-        raise ValueError("this is no list of values") from error
-    return found if isinstance(found, list) else []
 
 
 def _print(log: Path, result: BranchResult) -> None:

@@ -121,7 +121,7 @@ def _located(options: Mapping[str, str | None]) -> Iterator[None]:
             return problem
         for option, text in options.items():
             if text is not None:
-                stated = json.dumps(text)
+                stated = json.dumps(text, ensure_ascii=False)
                 start = line.rfind(stated, 0, span.column - 1 + len(stated))
                 if 0 <= start < span.column <= start + len(stated):
                     first, last = (min(max(at - start - 1, 1), len(text) + 1) for at in (span.column, span.end_column))

@@ -22,14 +22,7 @@ def falsify(
     specification: Annotated[
         str, typer.Option("--specification", help="The specification to violate.", metavar="NAME")
     ],
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--over",
-            help="What may vary: `PATH={uniform: [0, 1]}` or `PATH=1,2,5`; may be repeated.",
-            metavar="PATH=VALUES",
-        ),
-    ] = None,
+    over: terminal.Over = None,
     seeds: Annotated[
         int, typer.Option(min=0, help="Also vary the seed, from 0 to N - 1; by default it is that of the scenario.")
     ] = 0,

@@ -29,15 +29,6 @@ Target = Annotated[
     Path,
     typer.Argument(help="A scenario or a log of one, or a file of a sweep (`symaware-sweep: 1`).", metavar="SCENARIO"),
 ]
-Over = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--over",
-        help="Vary a value: `agents.robot.count=4,8,16` or `run.duration=1..5 by 0.5`; may be repeated: every "
-        "combination is run. Or draw it in each run: `PATH={uniform: [0, 1]}`.",
-        metavar="PATH=VALUES",
-    ),
-]
 Runs = Annotated[int | None, typer.Option(min=1, help="Runs of each combination; 1 by default.")]
 SweepSeed = Annotated[int | None, typer.Option("--seed", min=0, max=2**63 - 1, help="The seed of the sweep.")]
 Entries = Annotated[
@@ -82,7 +73,7 @@ def sweep(
             metavar="DIR",
         ),
     ] = None,
-    over: Over = None,
+    over: terminal.Over = None,
     overrides: terminal.Overrides = None,
     runs: Runs = None,
     seed: SweepSeed = None,
@@ -138,7 +129,7 @@ def resume(
 @in_help("check", 15)
 def plan(
     target: Target,
-    over: Over = None,
+    over: terminal.Over = None,
     overrides: terminal.Overrides = None,
     runs: Runs = None,
     seed: SweepSeed = None,
@@ -167,8 +158,8 @@ def _request(
 ) -> SweepRequest:
     from symaware_cli.studies import SweepRequest
 
-    options = {key: str(value) for key, value in (("runs", runs), ("seed", seed)) if value is not None}
-    return SweepRequest(over or (), overrides or (), options=options, entries=entries or ())
+    numbers = [f"{key}={value}" for key, value in (("runs", runs), ("seed", seed)) if value is not None]
+    return SweepRequest(over or (), overrides or (), [*numbers, *(entries or ())])
 
 
 def _conduct(

@@ -25,6 +25,15 @@ Overrides = Annotated[
         "--set", help="Change a value, such as `agents.robot.count=8`; may be repeated.", metavar="PATH=VALUE"
     ),
 ]
+Over = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--over",
+        help="Vary a value: `agents.robot.count=4,8,16` or `run.duration=1..5 by 0.5`; may be repeated: every "
+        "combination is one. Where values are drawn, also `PATH={uniform: [0, 1]}`.",
+        metavar="PATH=VALUES",
+    ),
+]
 Seed = Annotated[int | None, typer.Option(min=0, max=2**63 - 1, help="A seed that replaces the one of the scenario.")]
 Jobs = Annotated[
     int | None,

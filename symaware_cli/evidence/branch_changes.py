@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.language import Override, dotted, extracted, mapping, texts
+from symaware_cli.language import Assignment, assignments, dotted, extracted, mapping
 from symaware_cli.language.compose import compose
 from symaware_cli.log import LogError
 
@@ -23,13 +22,13 @@ class BranchError(LogError):
     """A branch cannot be made: there is no such instant, or the change is none that can begin at one."""
 
 
-def overrides_of(log: Path, instant: float, changes: Sequence[str]) -> Sequence[str]:
+def overrides_of(log: Path, instant: float, changes: Sequence[Assignment]) -> Sequence[Assignment]:
     """Translate changes of a scenario to changes of its faults, which begin at the instant.
 
     Args:
         log: The log.
         instant: The instant [s].
-        changes: The changes, in the form of ``--set``.
+        changes: The changes.
 
     Raises:
         BranchError: A change is none that can begin at an instant.
@@ -42,7 +41,7 @@ def overrides_of(log: Path, instant: float, changes: Sequence[str]) -> Sequence[
     direct: dict[str, Any] = {}
     faults: dict[tuple[str, str], dict[str, Any]] = {}
     for change in changes:
-        keys = list(Override.parse(change).path)
+        keys = list(change.path)
         match keys:
             case ["run", *_]:
                 direct[dotted(keys)] = _value(data, keys)
@@ -61,7 +60,7 @@ def overrides_of(log: Path, instant: float, changes: Sequence[str]) -> Sequence[
     numbers = (number for number in range(1, len(taken) + len(faults) + 2) if f"branch-{number}" not in taken)
     for (kind, of), content in _without_replaced(faults).items():
         direct[f"faults.branch-{next(numbers)}"] = {"at": instant, kind: {"of": of, **content}}
-    return texts(direct)
+    return assignments(direct)
 
 
 def _add(
@@ -69,7 +68,7 @@ def _add(
     of: str,
     group: Mapping[str, Any],
     rest: Sequence[str | int],
-    change: str,
+    change: Assignment,
 ) -> None:
     """Add the change of a part of a group, or of one of its agents."""
     match rest:
@@ -97,9 +96,12 @@ def _without_replaced(faults: dict[tuple[str, str], dict[str, Any]]) -> dict[tup
     return kept
 
 
-def _unindexed(change: str) -> str:
+def _unindexed(change: Assignment) -> Assignment:
     """A change of one agent as one of its group, to read its value."""
-    return re.sub(r"^(\s*agents\.[^.=\[]+)\[\s*\d+\s*\](?=\.)", r"\1", change)
+    match change.path:
+        case ["agents", str(), int(), _, *_]:
+            return change.without(2)
+    return change
 
 
 def _value(data: Mapping[str, Any], keys: Sequence[str | int]) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
@@ -18,7 +17,16 @@ from symaware_cli.engine import RunSummary
 from symaware_cli.evidence.branch_changes import BranchError, overrides_of
 from symaware_cli.evidence.message_comparison import MessageComparison
 from symaware_cli.evidence.shared_beginning import STEPS, SharedBeginning
-from symaware_cli.language import Changes, FilePath, check_output, open_scenario, prepared, texts
+from symaware_cli.language import (
+    Assignment,
+    Changes,
+    FilePath,
+    assignments,
+    check_output,
+    dotted,
+    open_scenario,
+    prepared,
+)
 from symaware_cli.language.build import Built
 from symaware_cli.log import Log, OutputError, open_log, reason
 from symaware_cli.log.logged_events import LoggedEvent
@@ -100,7 +108,8 @@ def branch(
     """
     log = Path(log)
     original = _opened(log)
-    made = _Branch(log, original, _instant(original, log, at), texts(changes), None if output is None else Path(output))
+    target = None if output is None else Path(output)
+    made = _Branch(log, original, _instant(original, log, at), assignments(changes), target)
     return made.result(None, on_progress)
 
 
@@ -137,7 +146,7 @@ def branches(
         Path(folder).mkdir(parents=True, exist_ok=True)
     # All are built before the first runs, so that a mistake is reported at once.
     made = [
-        _Branch(log, original, instant, texts(each), None if folder is None else Path(folder, f"{number}.mcap"))
+        _Branch(log, original, instant, assignments(each), None if folder is None else Path(folder, f"{number}.mcap"))
         for number, each in enumerate(changes)
     ]
     beginning = None
@@ -155,7 +164,9 @@ def branches(
 class _Branch:
     """One branch to be made."""
 
-    def __init__(self, log: Path, original: Log, instant: float, changes: Sequence[str], output: Path | None) -> None:
+    def __init__(
+        self, log: Path, original: Log, instant: float, changes: Sequence[Assignment], output: Path | None
+    ) -> None:
         self._log = log
         self._original = original
         self._instant = instant
@@ -205,7 +216,8 @@ class _Branch:
                 cause = "what is changed affects the run before the instant" if overrides else "the run does not repeat"
                 raise BranchError(f"there is no such branch: {where}; {cause}. See `symaware verify {log}`")
         way: Way = "repetition" if beginning is None else "capture"
-        return BranchResult(log, self._instant, comparison.count, overrides, run.summary, way, reason)
+        changes = tuple(map(str, overrides))
+        return BranchResult(log, self._instant, comparison.count, changes, run.summary, way, reason)
 
 
 def _opened(log: Path) -> Log:
@@ -249,18 +261,18 @@ TABLE = "branches.csv"
 Cell = str | int | float | None
 
 
-def branch_rows(results: Sequence[BranchResult], changes: Sequence[Sequence[str]]) -> list[dict[str, Cell]]:
+def branch_rows(results: Sequence[BranchResult], changes: Sequence[Sequence[Assignment]]) -> list[dict[str, Cell]]:
     """Return a row for each branch, whose keys are the same in all rows.
 
     Args:
         results: The branches of one run at one instant.
-        changes: What differs between them: the changes of each, in the form of ``--set``.
+        changes: What differs between them: the changes of each.
     """
-    paths = list(dict.fromkeys(each.partition("=")[0] for some in changes for each in some))
+    paths = list(dict.fromkeys(dotted(each.path) for some in changes for each in some))
     names = list(dict.fromkeys(each.name for result in results for each in result.summary.specifications))
     rows = []
     for number, (result, some) in enumerate(zip(results, changes, strict=True)):
-        values = {path: _unquoted(value) for path, _, value in (each.partition("=") for each in some)}
+        values = {dotted(each.path): _typed(each) for each in some}
         summary = result.summary
         outcomes = {each.name: each for each in summary.specifications}
         closest, risk = summary.minimum_separation, summary.highest_risk
@@ -308,9 +320,10 @@ def branch_lines(rows: Sequence[dict[str, Cell]]) -> list[str]:
     return ["  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True)) for line in cells]
 
 
-def _unquoted(value: str) -> str:
+def _typed(change: Assignment) -> str:
     """A text without its quotes, anything else as it is written."""
-    return str(json.loads(value)) if value.startswith('"') else value
+    value = change.value.value
+    return value if isinstance(value, str) else str(change).partition("=")[2]
 
 
 def _short(key: str) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 from symaware_cli.core import seconds
 from symaware_cli.engine import RunError, Specifications
 from symaware_cli.evidence.recorded_run import RecordedSpecifications
-from symaware_cli.language import open_scenario, prepared
+from symaware_cli.language import Changes, open_scenario, prepared
 from symaware_cli.log import LogError
 from symaware_cli.specification import Outcome
 
@@ -73,10 +72,10 @@ def check_log(
     """
     path = Path(path)
     statements = None if specifications is None or isinstance(specifications, Mapping) else Path(specifications)
-    overrides = [f"specifications={json.dumps(specifications)}"] if isinstance(specifications, Mapping) else []
+    changes = {"specifications": specifications} if isinstance(specifications, Mapping) else {}
     if again:
-        return _repeated(path, overrides, statements)
-    recorded = RecordedSpecifications(path, overrides, statements)
+        return _repeated(path, changes, statements)
+    recorded = RecordedSpecifications(path, changes, statements)
     log, simulation, period = recorded.log, recorded.simulation, recorded.period
     for each in recorded.specifications:
         if missing := recorded.missing(each):
@@ -109,9 +108,9 @@ def check_log(
     return CheckResult(path, simulation.name, simulation.seed, sampled, is_whole, monitors.outcomes(), damage)
 
 
-def _repeated(path: Path, overrides: Sequence[str], statements: Path | None) -> CheckResult:
+def _repeated(path: Path, changes: Changes, statements: Path | None) -> CheckResult:
     """Repeat the run of a log, and return its outcomes."""
-    built = open_scenario(path, overrides, statements=statements)
+    built = open_scenario(path, changes, statements=statements)
     with prepared(built, None, may_exit=False) as run:
         summary = run.execute()
     if run.failure is not None:

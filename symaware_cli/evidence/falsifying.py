@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,10 @@ from typing import Any
 from symaware_cli.evidence.falsification import SearchResult, search
 from symaware_cli.evidence.search_method import method_named
 from symaware_cli.evidence.search_space import SearchSpace
-from symaware_cli.language import Changes, FilePath, open_scenario, texts, write_log
+from symaware_cli.language import Changes, FilePath, open_scenario, write_log
 from symaware_cli.log import require_writable_folder, whole_folder
 from symaware_cli.specification import Outcome
-from symaware_cli.studies import SweepRequest, read_sweep, varied
+from symaware_cli.studies import Over, SweepRequest, read_sweep, varied
 
 #: What the files in the folder of a violation are called.
 COUNTEREXAMPLE, LOG, RESULT = "counterexample.yaml", "counterexample.mcap", "falsification.json"
@@ -93,7 +93,7 @@ def falsify(
     specification: str,
     output: FilePath | None = None,
     *,
-    over: Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | Sequence[str] = (),
+    over: Over = (),
     seeds: int = 0,
     changes: Changes | None = None,
     method: str = "differential-evolution",
@@ -128,8 +128,9 @@ def falsify(
         KeyboardInterrupt: A signal ended a run.
     """
     path = Path(scenario)
-    said = [t for name, each in over.items() for t in varied(name, each)] if isinstance(over, Mapping) else list(over)
-    source = read_sweep(path, SweepRequest(over=said, set=texts(changes)))
+    asked = varied(over)
+    said = tuple(map(str, asked))
+    source = read_sweep(path, SweepRequest(asked, changes or ()))
     if output is not None:
         require_writable_folder(output)
     space = SearchSpace(source, specification, seeds)

@@ -9,7 +9,7 @@ from typing import Any
 
 from symaware_cli.evidence.rare_event import EventKind, RareEvent
 from symaware_cli.evidence.splitting import Pilot, Repeat, RepeatWork, SplittingPlan, check, mean_of_repeats, pilot
-from symaware_cli.language import Changes, FilePath, texts
+from symaware_cli.language import Changes, FilePath, assignments
 from symaware_cli.studies import Blocks, IntervalEstimate, executor_of, signals_raised
 
 
@@ -117,7 +117,11 @@ def estimate(
     if trials < 1 or repeats < 2:
         raise ValueError(f"at least one trial and two repeats are needed, not {trials} and {repeats}")
     plan = SplittingPlan(
-        Path(scenario), texts(changes), RareEvent(specification, event, tuple(levels or ())), trials, seed
+        Path(scenario),
+        tuple(map(str, assignments(changes))),
+        RareEvent(specification, event, tuple(levels or ())),
+        trials,
+        seed,
     )
     with signals_raised():
         piloted = None

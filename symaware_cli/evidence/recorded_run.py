@@ -23,7 +23,7 @@ from symaware_cli.engine import (
     WorldScope,
 )
 from symaware_cli.geometry import Pose
-from symaware_cli.language import Catalogue, open_scenario
+from symaware_cli.language import Catalogue, Changes, open_scenario
 from symaware_cli.log import MEMBERSHIP, SHARED, Log, LogError, LogMessage, open_log, read_json
 from symaware_cli.log.logged_events import LoggedEvent, recurring_entries
 from symaware_cli.log.logged_events import contact as contact_entry
@@ -253,7 +253,7 @@ class RecordedSpecifications:
     def __init__(
         self,
         path: Path,
-        overrides: Sequence[str] = (),
+        changes: Changes = (),
         statements: Path | None = None,
         catalogue: Catalogue | None = None,
     ) -> None:
@@ -261,7 +261,7 @@ class RecordedSpecifications:
 
         Args:
             path: The log.
-            overrides: Changes of its scenario.
+            changes: Changes of its scenario.
             statements: A file of other specifications.
             catalogue: The installed plugins, if they were listed before.
 
@@ -270,7 +270,7 @@ class RecordedSpecifications:
             ScenarioError: A specification is invalid.
         """
         self.log = open_log(path)
-        built = open_scenario(path, overrides, None, RecordedEnvironment, statements, catalogue)
+        built = open_scenario(path, changes, None, RecordedEnvironment, statements, catalogue)
         self.simulation, self.options = built.simulation, built.options
         recording = built.document.recording
         omitted = recording.omit

@@ -26,7 +26,6 @@ from symaware_cli.studies import (
     SweepDocument,
     SweepError,
     SweepSource,
-    texts_of,
     unknown_specification,
 )
 
@@ -171,7 +170,7 @@ class SearchSpace:
             ScenarioError: They are not valid.
         """
         changes = [*self._shared, *(ParameterChange(path, value, ("over", path)) for path, value in values.items())]
-        composition = compose(self._scenario, texts_of(changes))
+        composition = compose(self._scenario, [each.assignment() for each in changes])
         return build_composition(composition, self._scenario.parent, None, self._catalogue)
 
     def outcome(self, values: Mapping[str, Any]) -> Outcome | None:

@@ -15,7 +15,7 @@ from symaware_cli.core.stateful import StateError
 from symaware_cli.engine import Fault, Run, SimulationState, capture, restore
 from symaware_cli.evidence.branch_changes import BranchError
 from symaware_cli.evidence.message_comparison import MessageComparison
-from symaware_cli.language import open_scenario, prepared
+from symaware_cli.language import Assignment, dotted, open_scenario, prepared
 from symaware_cli.language.build import Built
 from symaware_cli.log import TIMING, Log, LogWriter, Recorder
 from symaware_cli.version import __version__
@@ -84,7 +84,7 @@ class SharedBeginning:
                 self.obstacle = str(error)
             run.leave("the branches go on from here")
 
-    def obstacle_of(self, built: Built, overrides: Sequence[str]) -> str | None:
+    def obstacle_of(self, built: Built, overrides: Sequence[Assignment]) -> str | None:
         """Say why a branch cannot go on from the state; None if it can.
 
         Args:
@@ -94,8 +94,8 @@ class SharedBeginning:
         if self.state is None:
             return self.obstacle
         for each in overrides:
-            if each.startswith("run."):
-                return f"`{each.partition('=')[0]}` acts from the beginning of a run"
+            if each.path[0] == "run":
+                return f"`{dotted(each.path)}` acts from the beginning of a run"
         count = len(self._faults)
         if _sections(built)[:count] != self._sections:
             return "a fault of the log is changed"

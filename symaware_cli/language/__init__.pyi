@@ -1,10 +1,12 @@
 # What other rooms use of this one.
 
+from .assignment import Assignment as Assignment
+from .assignment import assigned as assigned
 from .catalogue import KINDS as KINDS
 from .catalogue import Catalogue as Catalogue
 from .changes import Changes as Changes
 from .changes import FilePath as FilePath
-from .changes import texts as texts
+from .changes import assignments as assignments
 from .description import Description as Description
 from .description import describe as describe
 from .diagnosis import Diagnosis as Diagnosis
@@ -17,7 +19,6 @@ from .files import open_scenario as open_scenario
 from .files import unused_path as unused_path
 from .json_schema import describe_plugins as describe_plugins
 from .json_schema import scenario_schema as scenario_schema
-from .overrides import Override as Override
 from .package_origin import ORIGIN as ORIGIN
 from .plugin_factory import mapping as mapping
 from .plugin_factory import words as words
@@ -39,9 +40,7 @@ from .scenario_section import SectionContext as SectionContext
 from .section import Identifier as Identifier
 from .section import Section as Section
 from .section import Use as Use
-from .source import MappingEntry as MappingEntry
 from .source import Path as Path
-from .source import Scalar as Scalar
 from .source import Source as Source
 from .source import SourceNode as SourceNode
 from .source import decode as decode

@@ -17,13 +17,13 @@ from symaware_cli.engine import ComponentEntry, Network, RunError, RunOptions, S
 from symaware_cli.language.assets import asset_folders, assets, check_assets
 from symaware_cli.language.body_check import check_bodies
 from symaware_cli.language.catalogue import Catalogue
+from symaware_cli.language.changes import Changes
 from symaware_cli.language.compose import Composition, CompositionError, compose
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument, TopologyUse, document_of
 from symaware_cli.language.fault_builder import FaultBuilder
 from symaware_cli.language.group_builder import GroupBuilder
 from symaware_cli.language.network_builder import NetworkBuilder
-from symaware_cli.language.overrides import Override
 from symaware_cli.language.parts import check_omitted
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, topologies, words
 from symaware_cli.language.presence_builder import PresenceBuilder
@@ -84,7 +84,7 @@ class Built:
 
 def build(
     path: FilePath,
-    overrides: Sequence[str | Override] = (),
+    changes: Changes | None = None,
     seed: int | None = None,
     catalogue: Catalogue | None = None,
     name: str | None = None,
@@ -95,7 +95,7 @@ def build(
 
     Args:
         path: The scenario file.
-        overrides: The arguments of ``--set``, as ``path=value`` or parsed.
+        changes: Values that replace those of the file, as for ``--set``.
         seed: A seed in place of the scenario's.
         catalogue: The installed plugins.
         name: The name of the file in messages; by default its path.
@@ -107,7 +107,7 @@ def build(
     """
     found: Sequence[Problem] = ()
     try:
-        composition = compose(path, overrides, name, statements)
+        composition = compose(path, changes, name, statements)
     except CompositionError as error:
         # The problems so far concern single values; the rest can be checked in the same pass.
         composition, found = error.partial, error.problems

@@ -4,13 +4,14 @@ All steps work on trees of nodes with positions, so that the file (or the `--set
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path as FilePath
 from pathlib import PurePath, PurePosixPath, PureWindowsPath
 from typing import Any, Self
 
 from symaware_cli.assets.asset import is_packaged
-from symaware_cli.language.overrides import Override
+from symaware_cli.language.assignment import assigned
+from symaware_cli.language.changes import Changes, assignments
 from symaware_cli.language.parameter_references import substitute
 from symaware_cli.language.problem import Problem, ScenarioError, TextSpan, dotted, quoted
 from symaware_cli.language.source import MappingEntry, Path, Source, SourceNode
@@ -43,7 +44,7 @@ class Composition:
 
     Attributes:
         name: The top file's name as the user typed it.
-        data: The document as plain data: bases merged, overrides applied, references replaced; without `extends`.
+        data: The document as plain data: bases merged, changes applied, references replaced; without `extends`.
         files: Each file as written, keyed by its path relative to the top file's folder; the top file comes first.
     """
 
@@ -64,7 +65,7 @@ class Composition:
 
     def has(self, path: Path) -> bool:
         """Returns whether a file or an override has a value at a path."""
-        return self._root.has(path)
+        return self._root.descendant(path) is not None
 
     def line_text(self, span: TextSpan) -> str | None:
         """Returns the whole line of a span."""
@@ -105,7 +106,7 @@ _STATEMENTS = ("specifications", "regions")
 
 def compose(
     path: FilePath,
-    overrides: Sequence[str | Override] = (),
+    changes: Changes | None = None,
     name: str | None = None,
     statements: FilePath | None = None,
 ) -> Composition:
@@ -116,7 +117,7 @@ def compose(
 
     Args:
         path: The scenario file.
-        overrides: The arguments of `--set`, as `path=value` or parsed.
+        changes: Values that replace those of the file, as for `--set`.
         name: The name of the file in messages; by default its path.
         statements: A file of specifications, with the regions that they need, to use in place of the scenario's.
 
@@ -125,21 +126,20 @@ def compose(
     """
     files = _Files(path, str(path) if name is None else name)
     root = files.compose_top()
-    parsed = [Override.parse(each) if isinstance(each, str) else each for each in overrides]
-    sources = files.sources | {override.source.name: override.source for override in parsed}
+    changed = assignments(changes)
+    sources = files.sources | {each.source.name: each.source.copy() for each in changed}
     stated = None if statements is None else read(statements, str(statements))
     if stated is not None:
         sources[stated.name] = stated
         _require_statements(stated)
-    # Overrides have no tree, so this concerns files only.
+    # Changes have no tree, so this concerns files only.
     if root is None or not _is_whole(sources) or any(each.root is None for each in files.sources.values()):
         raise ScenarioError(_problems(sources))
     if stated is not None:
         if stated.root is None:
             raise ScenarioError(_problems(sources))
         root = _with_statements(root, stated.root)
-    for override in parsed:
-        root = override.apply(root)
+    root = assigned(root, changed, sources)
     root = substitute(root, sources)
     if any(files.folders.values()):
         root = _with_relative_files(root, files.folders)
@@ -217,7 +217,10 @@ def _is_whole(sources: Mapping[str, Source]) -> bool:
 
 
 def merge(base: SourceNode, overlay: SourceNode) -> SourceNode:
-    """Returns a base with an overlay merged into it. Inherited keys keep their order, new ones follow."""
+    """Returns a base with an overlay merged into it, as `compose` describes it.
+
+    Inherited keys keep their order, new ones follow.
+    """
     if not isinstance(base.value, dict) or not isinstance(overlay.value, dict):
         return overlay
     entries = dict(base.value)

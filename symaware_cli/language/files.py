@@ -5,13 +5,14 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from symaware_cli.core import Environment
 from symaware_cli.language.build import Built, build
 from symaware_cli.language.catalogue import Catalogue
+from symaware_cli.language.changes import Changes
 
 #: The attachment of a log from which it is run again.
 RESOLVED = "resolved.yaml"
@@ -25,7 +26,7 @@ _NO_FILE = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno
 
 def open_scenario(
     path: Path,
-    overrides: Sequence[str] = (),
+    changes: Changes | None = None,
     seed: int | None = None,
     world: Callable[[Environment], Environment] | None = None,
     statements: Path | None = None,
@@ -35,7 +36,7 @@ def open_scenario(
 
     Args:
         path: The scenario or the log.
-        overrides: The arguments of ``--set``.
+        changes: Values that replace those of the file, as for ``--set``.
         seed: A seed in place of the scenario's.
         world: Returns an environment to use in place of the scenario's; None to use that one.
         statements: A file of specifications to use in place of the scenario's.
@@ -46,10 +47,10 @@ def open_scenario(
         LogError: The log cannot be read, or contains no scenario.
     """
     if path.suffix != ".mcap":
-        return build(path, overrides, seed, catalogue, world=world, statements=statements)
+        return build(path, changes, seed, catalogue, world=world, statements=statements)
     with tempfile.TemporaryDirectory() as folder:
         file, written = extracted(path, Path(folder))
-        built = build(file, overrides, seed, catalogue, f"{path}:{RESOLVED}", world, statements)
+        built = build(file, changes, seed, catalogue, f"{path}:{RESOLVED}", world, statements)
     return replace(built, files=written)
 
 

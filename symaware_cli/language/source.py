@@ -87,9 +87,10 @@ class SourceNode:
         *_, (node, key_span) = self._along(path)
         return key_span if key else node.span
 
-    def has(self, path: Path) -> bool:
-        """Whether there is a value at a path."""
-        return len(list(self._along(path))) > len(path)
+    def descendant(self, path: Path) -> "SourceNode | None":
+        """Returns the value at a path, or `None` if there is none."""
+        nodes = [node for node, _ in self._along(path)]
+        return nodes[-1] if len(nodes) > len(path) else None
 
     def _along(self, path: Path) -> "Iterator[tuple[SourceNode, TextSpan]]":
         """Yield this node and those along a path, as far as they exist, each with the position of its key."""
@@ -126,6 +127,12 @@ class Source:
         self.problems: list[Problem] = []
         self.root: SourceNode | None = None
 
+    def copy(self) -> "Source":
+        """Returns the same text with the same problems, to which others may be added."""
+        copied = Source(self.name, self.raw, self.text)
+        copied.problems += self.problems
+        return copied
+
     @property
     def data(self) -> dict[str, Any]:
         """The document as plain data; empty if the file could not be parsed."""
@@ -133,7 +140,7 @@ class Source:
 
     def span(self, path: Path, key: bool = False) -> TextSpan | None:
         """Returns the position of the value (or the key) at a path, or `None` if there is none."""
-        if self.root is None or not self.root.has(path):
+        if self.root is None or self.root.descendant(path) is None:
             return None
         return self.root.nearest_span(path, key=key)
 

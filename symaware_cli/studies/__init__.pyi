@@ -18,7 +18,9 @@ from .picture.paired_figure import PairedValues as PairedValues
 from .picture.paired_figure import draw_pairs as draw_pairs
 from .picture.sweep_picture import plot_paths as plot_paths
 from .picture.sweep_picture import plot_sweep as plot_sweep
+from .request import Over as Over
 from .request import SweepRequest as SweepRequest
+from .request import alternatives as alternatives
 from .request import varied as varied
 from .row import Row as Row
 from .runner import Runner as Runner
@@ -35,8 +37,6 @@ from .statistics.parameter_distribution import Choice as Choice
 from .statistics.parameter_distribution import ParameterDistribution as ParameterDistribution
 from .sweep_document import FORMAT as FORMAT
 from .sweep_document import SweepDocument as SweepDocument
-from .sweep_document import expanded as expanded
-from .sweep_document import is_range as is_range
 from .sweep_error import LostResultError as LostResultError
 from .sweep_error import SweepError as SweepError
 from .sweep_error import listed as listed
@@ -60,5 +60,4 @@ from .sweep_reading import read_shares as read_shares
 from .sweep_reading import require_pyarrow as require_pyarrow
 from .sweep_source import SweepSource as SweepSource
 from .sweep_source import read_sweep as read_sweep
-from .sweep_source import texts_of as texts_of
 from .worker_pool import executor_of as executor_of

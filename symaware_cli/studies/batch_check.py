@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from symaware_cli.engine import Run, RunSummary
+from symaware_cli.language import Changes
 from symaware_cli.language.build import build
 from symaware_cli.language.compose import compose
 from symaware_cli.studies.batch import Batch, refusal
@@ -17,12 +17,12 @@ from symaware_cli.studies.metrics import RunFigures, figures
 _SIZES, _ALONE = (1, 3, 7, 64), (0, 2, 6, 63)
 
 
-def differing_runs(path: Path, changes: Sequence[str] = ()) -> str | None:
+def differing_runs(path: Path, changes: Changes = ()) -> str | None:
     """Say which run of a batch differs from the same run made alone; None if none does.
 
     Args:
         path: The scenario file.
-        changes: Changes as ``path=value``.
+        changes: Values that replace those of the file, as for ``--set``.
 
     Raises:
         ScenarioError: The scenario has problems.
@@ -49,7 +49,7 @@ def differing_runs(path: Path, changes: Sequence[str] = ()) -> str | None:
     return None
 
 
-def _alone(path: Path, changes: Sequence[str], seed: int) -> tuple[dict[str, object], Run]:
+def _alone(path: Path, changes: Changes, seed: int) -> tuple[dict[str, object], Run]:
     built = build(path, changes, seed)
     run = Run(built.simulation, built.steps, None, None, replace(built.options, may_exit=False))
     measurement = Measurement(built.simulation)

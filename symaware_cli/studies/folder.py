@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from symaware_cli.engine import Simulation
-from symaware_cli.language import Catalogue, ScenarioError, open_scenario, write_log
+from symaware_cli.language import Assignment, Catalogue, ScenarioError, open_scenario, write_log
 from symaware_cli.language.versions import versions
 from symaware_cli.log import OutputError, reason
 from symaware_cli.studies.cell_stops import check_rule
@@ -26,7 +26,7 @@ from symaware_cli.studies.runner import Runner
 from symaware_cli.studies.sweep_error import SweepError, listed
 from symaware_cli.studies.sweep_files import IDENTITY, LOGS, SCENARIO, SWEEP, TABLE, WRITTEN, is_sweep
 from symaware_cli.studies.sweep_plan import SweepPlan
-from symaware_cli.studies.sweep_source import SweepSource, build_cells, read_sweep, texts_of, written_again
+from symaware_cli.studies.sweep_source import SweepSource, build_cells, read_sweep, written_again
 
 
 @dataclass(frozen=True)
@@ -79,15 +79,15 @@ class SweepFolder:
             raise OutputError(f"cannot create {path}: {reason(error)}") from error
         return cls.opened(path)
 
-    def changes(self, index: int) -> list[str]:
-        """Return what the scenario of a run changes in that of the sweep, as ``path=value``.
+    def changes(self, index: int) -> list[Assignment]:
+        """Return what the scenario of a run changes in that of the sweep.
 
         Raises:
             SweepError: There is no such run.
         """
         if not 0 <= index < self.plan.count:
             raise SweepError(f"{self.path} has no run {index}: they are numbered from 0 to {self.plan.count - 1}")
-        return texts_of(self.plan.changes(index))
+        return [each.assignment() for each in self.plan.changes(index)]
 
     def make_again(self, index: int, output: Path) -> None:
         """Make a run again, for its log.

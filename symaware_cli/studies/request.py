@@ -1,151 +1,77 @@
-"""What a person asks for on the command line or from Python, as the same tree that a file of a sweep is read to."""
+"""What a person asks for on the command line or from Python, as assignments to the document of a sweep."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from symaware_cli.language import MappingEntry, Source, SourceNode, TextSpan, decode, quoted, texts
-from symaware_cli.studies.sweep_document import is_range
+from symaware_cli.language import Assignment, Changes, ScenarioError, assignments, dotted
+from symaware_cli.studies.sweep_document import expanded, is_range
+
+Over = Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | Iterable[str] | Iterable[Assignment]
+"""What varies: lists, ranges or distributions by their paths, or texts as ``--over`` takes them."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """Options of a sweep; what is None or empty stays as the file says.
+    """Options of a sweep; what is not among them stays as the file says.
 
     Attributes:
-        over: What varies, as ``path=value,value``, ``path=first..last by step`` or ``path={uniform: [low, high]}``.
-        set: What all runs change, as ``path=value``.
-        variants: Names of variants, each with its changes as ``path=value; path=value``.
-        options: Further entries of the document by their keys, as text.
-        entries: Further entries, as ``key=value`` or ``key.name=value``.
+        over: What varies.
+        set: What all runs change.
+        entries: Further entries of the document, by ``key`` or ``key.name``.
     """
 
-    over: Sequence[str] = ()
-    set: Sequence[str] = ()
-    variants: Sequence[tuple[str, str]] = ()
-    options: Mapping[str, str] | None = None
-    entries: Sequence[str] = ()
+    over: Over = ()
+    set: Changes = ()
+    entries: Changes = ()
 
-    def overlays(self) -> Iterator[tuple[Source, SourceNode | None]]:
-        """Yield what each option adds to the document, with its pseudo file; None after a problem."""
-        for text in self.over:
-            yield _assigned("--over", text, ("over",), as_list=True)
-        for text in self.set:
-            yield _assigned("--set", text, ("set",))
-        for name, text in self.variants:
-            yield _variant(name, text)
-        for key, text in (self.options or {}).items():
-            yield _option(key, text)
-        for text in self.entries:
-            yield _assigned("--with", text, None)
+    def assignments(self) -> Iterator[Assignment]:
+        """Yield what each option replaces in the document, or adds to it."""
+        yield from (each.inside("over") for each in varied(self.over))
+        yield from (each.inside("set") for each in assignments(self.set))
+        yield from (each.inside(own=1) for each in assignments(self.entries, "--with"))
 
 
-def _option(key: str, text: str) -> tuple[Source, SourceNode | None]:
-    source = decode(
-        f"--{key}" if key in ("runs", "seed") else f"--with {key}={text}",
-        text.encode("utf-8", errors="surrogateescape"),
-    )
-    value = None if source.problems else _value(source, 0, source.text)
-    return source, None if value is None else _nested((key,), source.at(0), value)
+def varied(over: Over) -> tuple[Assignment, ...]:
+    """Return lists, ranges or distributions for the paths of what varies.
 
-
-def _assigned(
-    option: str, text: str, inside: tuple[str, ...] | None, *, as_list: bool = False
-) -> tuple[Source, SourceNode | None]:
-    source = decode(f"{option} {text}", text.encode("utf-8", errors="surrogateescape"))
-    return source, None if source.problems else _assignment(source, 0, len(source.text), inside, as_list=as_list)
-
-
-def _variant(name: str, text: str) -> tuple[Source, SourceNode | None]:
-    source = decode(f"variant {name}: {text}", text.encode("utf-8", errors="surrogateescape"))
-    if source.problems:
-        return source, None
-    content = source.text
-    root = _nested(("variants", name), _span(source, 0, len(content)), SourceNode({}, _span(source, 0, len(content))))
-    start = 0
-    for part in content.split(";"):
-        if part.strip():
-            one = _assignment(source, start, start + len(part), ("variants", name))
-            if one is None:
-                return source, None
-            root = merged(root, one)
-        start += len(part) + 1
-    return source, root
-
-
-def _assignment(
-    source: Source, start: int, end: int, inside: tuple[str, ...] | None, *, as_list: bool = False
-) -> SourceNode | None:
-    """Take ``path=value`` apart, which stands between two places of a one-line text.
-
-    Args:
-        source: The text.
-        start: The first place.
-        end: The place after the last one.
-        inside: The mapping of the document to which the path belongs; None if it begins with the name of one.
-        as_list: Whether commas separate values.
+    Raises:
+        TypeError: A value has a type that scenarios do not support.
     """
-    text = source.text[start:end]
-    path, equals, value = text.partition("=")
-    if not equals or not path.strip():
-        forms = "path=value, value or path=first..last by step or path={uniform: [low, high]}"
-        expected = forms if as_list else "path=value"
-        source.report("bad-set", f"{quoted(text.strip())} sets no value", _span(source, start, end), expected=expected)
-        return None
-    span = _span(source, start, start + len(path.rstrip()))
-    if as_list and not is_range(value):
-        # Commas separate values: what stands behind the path is the inside of a list.
-        node = _value(source, start + len(path), f"[{value}]")
-        if node is not None and isinstance(node.value, list) and len(node.value) == 1:
-            (only,) = node.value
-            # A mapping alone is a distribution.
-            node = only if isinstance(only.value, dict) else node
-    else:
-        node = _value(source, start + len(path) + 1, value)
-    keys = path.strip().split(".", 1) if inside is None else (*inside, path.strip())
-    return None if node is None else _nested(keys, span, node)
+    if isinstance(over, Mapping):
+        return tuple(_varied(path, values) for path, values in over.items())
+    return tuple(_parsed(each) if isinstance(each, str) else each for each in over)
 
 
-def _value(source: Source, start: int, text: str) -> SourceNode | None:
-    """Read a value as YAML, so that every column is where the user typed it."""
-    from symaware_cli.language import parse_yaml
-
-    blank = Source(source.name, b"", " " * start + text)
-    parse_yaml(blank)
-    for each in blank.problems:
-        source.report(each.code, each.message, each.span, expected=each.expected, suggestion=each.suggestion)
-    if blank.root is None and not source.problems:
-        return SourceNode(None, source.at(start))
-    return blank.root
-
-
-def _nested(path: Sequence[str], span: TextSpan, node: SourceNode) -> SourceNode:
-    for key in reversed(path):
-        node = SourceNode({key: MappingEntry(span, node)}, span)
-    return node
-
-
-def _span(source: Source, start: int, end: int) -> TextSpan:
-    return source.text_span(1, start + 1, 1, end + 1)
-
-
-def merged(base: SourceNode, overlay: SourceNode) -> SourceNode:
-    """Return a tree with another one laid over it: mappings merge, everything else replaces."""
-    if not isinstance(base.value, dict) or not isinstance(overlay.value, dict):
-        return overlay
-    entries = dict(base.value)
-    for key, entry in overlay.value.items():
-        known = entries.get(key)
-        entries[key] = MappingEntry(entry.key, merged(known.node, entry.node)) if known else entry
-    return SourceNode(entries, overlay.span)
-
-
-def varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Sequence[str]:
-    """Return what varies as ``--over`` takes it."""
+def _varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Assignment:
     if isinstance(values, str):
-        return (f"{path}={values}",)
+        return _parsed(f"{path}={values}")
     if isinstance(values, Mapping):
-        return texts({path: values})
-    return tuple(f"{path}={text.partition('=')[2][1:-1]}" for text in texts({path: list(values)}))
+        return Assignment.of(path, values, "--over")
+    return Assignment.of(path, list(values), "--over", listed=True)
+
+
+def _parsed(text: str) -> Assignment:
+    return Assignment.parse(text, "--over", listed=not is_range(text.partition("=")[2]))
+
+
+def alternatives(varying: Assignment) -> list[Assignment]:
+    """Return an assignment of each value of a list or a range.
+
+    Raises:
+        ScenarioError: It is neither.
+    """
+    source, span = varying.source.copy(), varying.value.span
+    values: Any = None
+    try:
+        values = expanded(varying.value.plain())
+    except ValueError as error:
+        source.report("invalid-value", str(error), span, varying.path)
+    if not (source.problems or (isinstance(values, list) and values)):
+        expected = "values such as 1,2,5, or a range such as 0..1 by 0.1"
+        source.report("wrong-type", "this is no list of values", span, varying.path, expected=expected)
+    if source.problems:
+        raise ScenarioError(source.problems)
+    return [Assignment.of(dotted(varying.path), each) for each in values]

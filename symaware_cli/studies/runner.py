@@ -32,7 +32,6 @@ from symaware_cli.studies.metrics import MetricDescription, RunFigures, agent_ve
 from symaware_cli.studies.row import Row
 from symaware_cli.studies.sweep_document import SweepDocument
 from symaware_cli.studies.sweep_plan import ParameterChange
-from symaware_cli.studies.sweep_source import texts_of
 
 #: How many scenarios are kept ready, and how many runs are looked at together to find those that can be batched.
 _MOST_READY = 256
@@ -90,7 +89,7 @@ class Runner:
         self._plan = plan
         self._scenario = scenario
         self._catalogue = Catalogue()
-        self._ready: OrderedDict[tuple[str, ...], tuple[Composition, str]] = OrderedDict()
+        self._ready: OrderedDict[tuple[tuple[str, str], ...], tuple[Composition, str]] = OrderedDict()
         self._custom = CustomMetrics(plan.document, self._catalogue)
         self._described = self._custom.descriptions()
 
@@ -268,14 +267,15 @@ class Runner:
             return f"run {index} cannot be composed"
 
     def _composed(self, index: int) -> tuple[Composition, str]:
-        texts = tuple(texts_of(self._plan.changes(index)))
-        found = self._ready.pop(texts, None)
+        changes = self._plan.changes(index)
+        key = tuple((each.target, json.dumps(each.value)) for each in changes)
+        found = self._ready.pop(key, None)
         if found is None:
-            composition = compose(self._scenario, texts)
+            composition = compose(self._scenario, [each.assignment() for each in changes])
             found = composition, _kind_of(composition)
             if len(self._ready) >= _MOST_READY:
                 self._ready.popitem(last=False)
-        self._ready[texts] = found
+        self._ready[key] = found
         return found
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from symaware_cli.language import Assignment
 from symaware_cli.studies.statistics.design import independent, latin_hypercube, sobol
 from symaware_cli.studies.statistics.interval_estimate import Array
 from symaware_cli.studies.sweep_document import SweepDocument
@@ -88,6 +89,10 @@ class ParameterChange:
     target: str
     value: Any
     place: tuple[str | int, ...]
+
+    def assignment(self) -> Assignment:
+        """Return it as what ``--set`` would say."""
+        return Assignment.of(self.target, self.value)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any
 
 from symaware_cli.language import (
     MAX_PROBLEMS,
+    Assignment,
     Catalogue,
-    MappingEntry,
-    Override,
     Path,
     Problem,
-    Scalar,
     ScenarioError,
     Source,
     SourceNode,
+    assigned,
     decode,
     dotted,
     dumped,
@@ -33,7 +30,7 @@ from symaware_cli.language import (
 from symaware_cli.language.build import Built, build
 from symaware_cli.language.compose import Composition
 from symaware_cli.studies.metrics import BUILT_IN, RESERVED
-from symaware_cli.studies.request import SweepRequest, merged
+from symaware_cli.studies.request import SweepRequest
 from symaware_cli.studies.sweep_document import FORMAT, MOST_CELLS, MOST_RUNS, SweepDocument
 from symaware_cli.studies.sweep_plan import ParameterChange, SweepPlan, cell_count
 
@@ -62,24 +59,24 @@ class SweepSource:
     _root: SourceNode
     _sources: dict[str, Source]
 
-    def overrides(self, changes: Sequence[ParameterChange]) -> list[Override]:
+    def assignments(self, changes: Sequence[ParameterChange]) -> list[Assignment]:
         """Return changes such that problems with them are located where the sweep says them."""
         # What is wrong with one run is reported with that alone.
-        sources = {name: Source(name, each.raw, each.text) for name, each in self._sources.items()}
-        return [self._override(change, sources) for change in changes]
+        sources = {name: each.copy() for name, each in self._sources.items()}
+        return [self._assignment(change, sources) for change in changes]
 
     def problem(self, code: str, message: str, path: Path) -> Problem:
         """Return a problem with a value of the sweep."""
         span = self._root.nearest_span(path)
         return Problem(code, message, span, dotted(path), source_line=self._sources[span.file].line_text(span.line))
 
-    def _override(self, change: ParameterChange, sources: dict[str, Source]) -> Override:
+    def _assignment(self, change: ParameterChange, sources: dict[str, Source]) -> Assignment:
         key = change.place[: change.place.index(change.target) + 1]
         span = self._root.nearest_span(key, key=True)
-        node = _node_at(self._root, change.place)
+        node = self._root.descendant(change.place)
         if node is None or node.plain() != change.value:
             node = SourceNode.of(change.value, self._root.nearest_span(change.place))
-        return Override.of(sources[span.file], change.target, span, node)
+        return Assignment.at(sources[span.file], change.target, span, node)
 
 
 def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSource:
@@ -100,10 +97,9 @@ def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSo
     else:
         written, root, source = None, *_implied(target)
     sources = {source.name: source}
-    for own, overlay in (request or SweepRequest()).overlays():
-        sources[own.name] = own
-        if overlay is not None:
-            root = merged(root, overlay)
+    asked = tuple((request or SweepRequest()).assignments())
+    sources |= {each.source.name: each.source.copy() for each in asked}
+    root = assigned(root, asked, sources)
     problems = [problem for each in sources.values() for problem in each.problems]
     if problems:
         raise ScenarioError(problems)
@@ -131,11 +127,7 @@ def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSo
 def _implied(scenario: FilePath) -> tuple[SourceNode, Source]:
     """Return the document of a sweep about a scenario that nothing more is said about."""
     source = decode("symaware sweep", scenario.name.encode())
-    span = source.at(0)
-    content: dict[str, Scalar] = {MARK: FORMAT, "scenario": scenario.name}
-    return SourceNode(
-        {key: MappingEntry(span, SourceNode(value, span)) for key, value in content.items()}, span
-    ), source
+    return SourceNode.of({MARK: FORMAT, "scenario": scenario.name}, source.at(0)), source
 
 
 def _faults(document: SweepDocument, composition: Composition) -> Iterator[Problem]:
@@ -217,7 +209,7 @@ def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
     problems: dict[Problem, None] = {}
 
     def built_with(changes: Sequence[ParameterChange], index: int) -> Built:
-        return build(source.scenario, source.overrides(changes), plan.seed(index), catalogue, source.name)
+        return build(source.scenario, source.assignments(changes), plan.seed(index), catalogue, source.name)
 
     for cell in plan.cells:
         try:
@@ -239,11 +231,6 @@ def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
         raise ScenarioError(problems)
 
 
-def texts_of(changes: Sequence[ParameterChange]) -> list[str]:
-    """Return changes as ``--set`` takes them."""
-    return [f"{each.target}={json.dumps(each.value, ensure_ascii=False)}" for each in changes]
-
-
 def written_again(document: SweepDocument, scenario: str, runs: int | None = None) -> bytes:
     """Write a document as a file of a sweep.
 
@@ -257,16 +244,3 @@ def written_again(document: SweepDocument, scenario: str, runs: int | None = Non
     if runs is not None:
         said["runs"] = runs
     return dumped(said)
-
-
-def _node_at(root: SourceNode, path: Path) -> SourceNode | None:
-    node: SourceNode = root
-    for part in path:
-        value: Any = node.value
-        if isinstance(value, dict) and part in value:
-            node = value[part].node
-        elif isinstance(value, list) and isinstance(part, int) and part < len(value):
-            node = value[part]
-        else:
-            return None
-    return node

@@ -194,7 +194,7 @@ def test_a_verdict_and_its_robustness_have_one_sign(log: Path) -> None:
 def test_an_honest_sweep_is_sound_whatever_its_specifications_say(tmp_path: Path) -> None:
     (tmp_path / "walls.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": SOME}))
     made = SweepFolder.created(
-        tmp_path / "out", read_sweep(tmp_path / "walls.yaml", SweepRequest(options={"runs": "1", "keep": "all"}))
+        tmp_path / "out", read_sweep(tmp_path / "walls.yaml", SweepRequest(entries={"runs": 1, "keep": "all"}))
     )
     conduct(made, 0)
     found = verify_sweep(made.path, "monitor")

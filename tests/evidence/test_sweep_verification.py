@@ -47,7 +47,7 @@ SCENARIO: dict[str, Any] = {
 def folder(tmp_path: Path) -> SweepFolder:
     """A finished sweep of 8 runs, all logs kept."""
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
-    request = SweepRequest(options={"runs": "8", "keep": "all"})
+    request = SweepRequest(entries={"runs": 8, "keep": "all"})
     made = SweepFolder.created(tmp_path / "out", read_sweep(tmp_path / "tiny.yaml", request))
     conduct(made, 0)
     return made
@@ -204,7 +204,7 @@ def test_an_agents_robustness_that_its_log_contradicts_is_found(folder: SweepFol
 )
 def test_specifications_that_logs_do_not_suffice_for_are_counted(tmp_path: Path, change: str, reason: str) -> None:
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
-    request = SweepRequest(set=[change], options={"runs": "2", "keep": "all"})
+    request = SweepRequest(set=[change], entries={"runs": 2, "keep": "all"})
     made = SweepFolder.created(tmp_path / "out", read_sweep(tmp_path / "tiny.yaml", request))
     conduct(made, 0)
     result = verified(made, "monitor")
@@ -220,7 +220,7 @@ def test_the_log_of_a_component_that_rolls_dice_is_told_apart_at_the_right_place
         "with": {"source": "random", "row": 1},
     }
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(scenario))
-    request = SweepRequest(options={"runs": "1", "keep": "all"})
+    request = SweepRequest(entries={"runs": 1, "keep": "all"})
     made = SweepFolder.created(tmp_path / "out", read_sweep(tmp_path / "tiny.yaml", request))
     conduct(made, 0)
     places = [each.column for each in verified(made, "all").findings if each.column.startswith("log, ")]

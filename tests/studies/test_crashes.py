@@ -25,9 +25,9 @@ from symaware_cli.studies.sweep_source import read_sweep
 _RUNS = 200
 
 
-def created(folder: Path, scenario: Path, runs: int, **options: str) -> Path:
+def created(folder: Path, scenario: Path, runs: int, **options: object) -> Path:
     """Make the folder of a sweep, of which nothing is run."""
-    request = SweepRequest(over=["agents.robot.count=1,2"], options={"runs": str(runs // 2), **options})
+    request = SweepRequest(over=["agents.robot.count=1,2"], entries={"runs": runs // 2, **options})
     return SweepFolder.created(folder, read_sweep(scenario, request)).path
 
 

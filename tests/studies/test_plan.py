@@ -2,11 +2,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sweeping import SCENARIO, tiny
 
 from symaware_cli.language.problem import ScenarioError
-from symaware_cli.studies.request import SweepRequest
+from symaware_cli.studies.request import SweepRequest, alternatives, varied
 from symaware_cli.studies.sweep_document import expanded
 from symaware_cli.studies.sweep_plan import SweepPlan
 from symaware_cli.studies.sweep_source import read_sweep, written_again
@@ -44,14 +45,14 @@ def test_a_range_has_the_values_that_a_person_would_write() -> None:
 
 def test_more_runs_change_neither_the_numbers_nor_the_seeds_of_those_before(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
-    few, many = (planned(scenario, over=["agents.robot.count=1,2"], options={"runs": runs}) for runs in ("3", "9"))
+    few, many = (planned(scenario, over=["agents.robot.count=1,2"], entries={"runs": runs}) for runs in (3, 9))
     assert [few.seed(index) for index in range(few.count)] == [many.seed(index) for index in range(few.count)]
     assert [few.cell(index).parameters for index in range(6)] == [many.cell(index).parameters for index in range(6)]
 
 
 def test_seeds_of_runs_and_of_sweeps_differ(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
-    plans = [planned(scenario, options={"runs": "1000", "seed": seed}) for seed in ("0", "1")]
+    plans = [planned(scenario, entries={"runs": 1000, "seed": seed}) for seed in (0, 1)]
     seeds = [plan.seed(index) for plan in plans for index in range(1000)]
     assert len({*seeds}) == 2000
     assert all(0 <= seed < 2**63 for seed in seeds)
@@ -59,14 +60,12 @@ def test_seeds_of_runs_and_of_sweeps_differ(tmp_path: Path) -> None:
 
 def test_paired_variants_share_the_seed_of_their_replicate_and_others_do_not(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
-    variants = [("slow", "run.duration=2"), ("fast", "run.duration=1")]
-    plan = planned(
-        scenario, over=["agents.robot.count=1,2"], variants=variants, options={"runs": "2", "paired": "true"}
-    )
+    variants = {"variants.slow": {"run.duration": 2}, "variants.fast": {"run.duration": 1}}
+    plan = planned(scenario, over=["agents.robot.count=1,2"], entries={**variants, "runs": 2, "paired": True})
     seeds = [plan.seed(index) for index in range(plan.count)]
     assert seeds[::2] == seeds[1::2]
     assert len({*seeds}) == 4
-    apart = planned(scenario, variants=variants, options={"runs": "2"})
+    apart = planned(scenario, entries={**variants, "runs": 2})
     assert len({apart.seed(index) for index in range(4)}) == 4
 
 
@@ -75,12 +74,82 @@ def test_a_document_that_is_written_again_is_the_same_plan(tmp_path: Path) -> No
     source = read_sweep(
         scenario,
         SweepRequest(
-            over=["run.duration=1..2 by 0.5"], variants=[("few", "agents.robot.count=1")], options={"keep": "worst:3"}
+            over=["run.duration=1..2 by 0.5"],
+            entries={"variants.few": {"agents.robot.count": 1}, "keep": "worst:3"},
         ),
     )
     again = scenario.with_name("again.yaml")
     again.write_bytes(written_again(source.plan.document, scenario.name))
     assert read_sweep(again).plan.cells == source.plan.cells
+
+
+def test_an_option_replaces_what_the_file_has_at_its_path(tmp_path: Path) -> None:
+    tiny(tmp_path)
+    sweep = tmp_path / "sweep.yaml"
+    sweep.write_text(
+        "symaware-sweep: 1\nscenario: tiny.yaml\nruns: 3\n"
+        "set: {run.duration: 1, specifications: {a: {formula: x > 0}}}\n"
+        "over: {agents.robot.count: {choice: [1, 2]}}\nmetrics: {low: min(lowest_separation)}\n"
+    )
+    changes = {"specifications": {"b": {"formula": "x > 1"}}, "run.duration": None}
+    entries = ["metrics.high=max(highest_risk)", "runs=4", "bounds.satisfied.b=[0, 1]"]
+    document = read_sweep(
+        sweep, SweepRequest({"agents.robot.count": {"uniform": (1, 3)}}, changes, entries)
+    ).plan.document
+    # Null is a value for the scenario, whose entry it removes.
+    assert document.set == changes
+    assert document.drawn["agents.robot.count"].uniform == (1.0, 3.0)
+    assert document.metrics == {"low": "min(lowest_separation)", "high": "max(highest_risk)"}
+    assert (document.runs, document.bounds) == (4, {"satisfied.b": (0.0, 1.0)})
+
+
+def test_values_from_python_and_from_options_are_the_same_plan(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    text = "a; b = c, d"
+    asked = SweepRequest(
+        {"run.duration": np.array([0.1, 0.30000000000000004]), "agents.robot.count": "1..2"},
+        {"name": text},
+        {"variants.one": {"description": text}, "runs": np.int64(2)},
+    )
+    typed = SweepRequest(
+        ["run.duration=0.1,0.30000000000000004", "agents.robot.count=1..2"],
+        [f"name={text}"],
+        [f"variants.one={{description: '{text}'}}", "runs=2"],
+    )
+    assert repr(read_sweep(scenario, asked).plan) == repr(read_sweep(scenario, typed).plan)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("a=1,x,null", [1, "x", None]),
+        ("a=no", ["no"]),
+        ("a=[3, 1]", [[3, 1]]),
+        ("a=[3, 1],[0]", [[3, 1], [0]]),
+        ("a=1..2 by 0.5", [1.0, 1.5, 2.0]),
+    ],
+)
+def test_each_value_of_what_varies_is_an_assignment(text: str, values: list[object]) -> None:
+    found = alternatives(varied([text])[0])
+    assert [each.value.plain() for each in found] == values
+    assert {each.path for each in found} == {("a",)}
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "said"),
+    [
+        ("a", 1, "there is no `=`"),
+        ("a=", 2, "no list of values"),
+        ("a={uniform: [0, 1]}", 3, "no list of values"),
+        ("a=2..1", 3, "never gets from 2 to 1"),
+        ("a=[1", 2, "is never closed"),
+    ],
+)
+def test_what_has_no_values_is_located(text: str, column: int, said: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        alternatives(varied([text])[0])
+    assert f"--over {text}:1:{column}: " in str(caught.value)
+    assert said in str(caught.value)
 
 
 @pytest.mark.parametrize(
