@@ -6,7 +6,7 @@ from symaware_cli.processes.transport import Port, Transport, TransportError
 
 
 class Memory(Transport):
-    """The whole run within one process: simulated messages, nothing to connect to. The default."""
+    """The whole run within one process: simulated messages, nothing to connect to."""
 
     def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
         """Refuse to listen."""

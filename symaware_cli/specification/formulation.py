@@ -141,7 +141,9 @@ class _Formulator:
                 return stl.Historically(first, last, operands[0])
             case "once":
                 return stl.Once(first, last, operands[0])
-        return stl.Eventually(first, last, operands[0])
+            case "eventually":
+                return stl.Eventually(first, last, operands[0])
+        raise AssertionError(f"`{node.operator}` has no formula")
 
     def _steps(self, node: Temporal) -> tuple[int, int | None]:
         """Return the window of an operator in steps."""
