@@ -76,7 +76,7 @@ def branch(
 def _points(over: Sequence[str], *, as_json: bool) -> Sequence[Sequence[str]]:
     """All combinations of the values of some parameters, as changes; one without changes if there are none."""
     from symaware_cli.language import texts
-    from symaware_cli.studies import expanded, is_range
+    from symaware_cli.world import expanded, is_range
 
     axes: list[list[str]] = []
     for text in over:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from symaware_cli.language import MappingEntry, Source, SourceNode, TextSpan, decode, quoted, texts
-from symaware_cli.studies.sweep_document import is_range
+from symaware_cli.world import is_range
 
 
 @dataclass(frozen=True, slots=True)
