@@ -27,8 +27,6 @@ _ALTERNATIVES: Mapping[str, Sequence[str]] = {
     "Shape": (),
     "RegionShape": (),
     "Region": ("around", "turns"),
-    "DelayDistribution": ("constant",),
-    "Drawn": (),
 }
 
 #: Lists with one number for each element of the state.
@@ -42,6 +40,7 @@ class Values:
         self._draft = draft
         self._grammar = grammar
         self._makers: Mapping[str, Callable[[], Any]] = {
+            "ProbabilityDistribution": self._distribution,
             "Polygon": lambda: {"vertices": self._corners()},
             "ScriptedPath": self._path,
             "Obstacle": self._obstacle,
@@ -59,6 +58,8 @@ class Values:
         """All required properties of a definition, and some of the others."""
         definition = self._draft.definitions[name]
         properties = definition.get("properties", {})
+        if name == "ProbabilityDistribution":
+            return {}  # all of it is made
         if name in _ALTERNATIVES:
             free = _ALTERNATIVES[name]
             chosen = [self._draft.chance.choice([each for each in properties if each not in free])]
@@ -167,6 +168,19 @@ class Values:
         return drawn if low < drawn < high else 0.5 * (least + most)
 
     # Values that hardly any draw would be
+
+    def _distribution(self) -> Tree:
+        """A distribution of durations."""
+        chance = self._draft.chance
+        first, second = sorted(round(chance.uniform(0.001, 0.5), 3) for _ in range(2))
+        form = chance.choice(["uniform", "normal", "lognormal", "loguniform", "exponential", "choice"])
+        made: Tree = {form: first if form == "exponential" else [first, second]}
+        if form == "choice":
+            return made | ({"weights": [1.0, 2.0]} if chance.random() < 0.3 else {})
+        made |= {"constant": round(chance.uniform(0, 0.1), 3)} if chance.random() < 0.3 else {}
+        made |= {"least": 0.0} if form == "normal" else {}
+        is_bounded = form in ("normal", "lognormal", "exponential") and chance.random() < 0.3
+        return made | ({"greatest": first + second} if is_bounded else {})
 
     def _corners(self) -> list[list[float]]:
         """The corners of a convex polygon: points of a circle, in order."""

@@ -92,7 +92,6 @@ if TYPE_CHECKING:
         Fault,
         FaultContext,
         FaultTargets,
-        Latency,
         Sensor,
         SensorParameters,
         SimulationState,
@@ -139,6 +138,7 @@ if TYPE_CHECKING:
     )
     from symaware_cli.processor import ProcessorWarning
     from symaware_cli.studies import SweepError
+    from symaware_cli.world import Latency
 
 __all__ = [
     "Agent",
@@ -315,13 +315,13 @@ _HOMES = {
         "FaultContext",
         "FaultTargets",
     ),
-    "symaware_cli.engine.runtime.latency": ("Latency",),
     "symaware_cli.engine.runtime.state.simulation_state": ("SimulationState",),
     "symaware_cli.processes.distribution_error": ("DistributionError",),
     "symaware_cli.processes.place": ("Place",),
     "symaware_cli.language.problem": ("ScenarioError",),
     "symaware_cli.language.scenario_section": ("ScenarioSection", "SectionContext"),
     "symaware_cli.studies.sweep_error": ("SweepError",),
+    "symaware_cli.world.probability_distribution": ("Latency",),
 }
 
 

@@ -124,9 +124,9 @@ def test_a_word_of_the_language_is_found_wherever_it_stands() -> None:
         schema,
     )
     assert words <= vocabulary(schema) | {"formula:zone"}
-    assert {"FaultUse.stop", "event:contact", "use:ring", "DelayDistribution.uniform", "formula:inside"} <= words
+    assert {"FaultUse.stop", "event:contact", "use:ring", "ProbabilityDistribution.uniform", "formula:inside"} <= words
     assert {"component:perception.range.range", "TopologyUse.connected=True", "PerAgent.each"} <= words
-    assert not {"FaultUse.freeze", "formula:until", "DelayDistribution.normal", "use:star"} & words
+    assert not {"FaultUse.freeze", "formula:until", "ProbabilityDistribution.normal", "use:star"} & words
 
 
 def test_a_second_run_that_differs_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

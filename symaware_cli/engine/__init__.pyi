@@ -54,10 +54,6 @@ from .runtime.fault import FaultContext as FaultContext
 from .runtime.fault import FaultTargets as FaultTargets
 from .runtime.interruption import Interrupted as Interrupted
 from .runtime.interruption import signals_handled as signals_handled
-from .runtime.latency import Drawn as Drawn
-from .runtime.latency import Latency as Latency
-from .runtime.latency import Seconds as Seconds
-from .runtime.latency import duration_of as duration_of
 from .runtime.membership import safe_input as safe_input
 from .runtime.options import RunOptions as RunOptions
 from .runtime.pacer import Pace as Pace
@@ -86,7 +82,6 @@ from .runtime.state.capture import restore as restore
 from .runtime.state.simulation_state import LARGEST_STATE as LARGEST_STATE
 from .runtime.state.simulation_state import SimulationState as SimulationState
 from .runtime.timing import Coast as Coast
-from .runtime.timing import Duration as Duration
 from .runtime.timing import Moment as Moment
 from .runtime.timing import OnFailure as OnFailure
 from .runtime.timing import PresenceInterval as PresenceInterval

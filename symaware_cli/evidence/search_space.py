@@ -17,10 +17,8 @@ from symaware_cli.studies import (
     FORMAT,
     Array,
     Block,
-    Choice,
     LostResultError,
     ParameterChange,
-    ParameterDistribution,
     Row,
     Runner,
     SweepDocument,
@@ -28,6 +26,7 @@ from symaware_cli.studies import (
     SweepSource,
     unknown_specification,
 )
+from symaware_cli.world import ProbabilityDistribution
 
 #: The path of the seed, which is not changed in the scenario, but given to its run.
 SEED = "seed"
@@ -135,13 +134,13 @@ class SearchSpace:
         self._shared = [ParameterChange(path, value, ("set", path)) for path, value in document.set.items()]
         self._catalogue = Catalogue()
         self.specification = specification
-        distributions: dict[str, ParameterDistribution] = {path: Choice(each) for path, each in document.listed.items()}
-        distributions.update({path: each.distribution for path, each in document.drawn.items()})
+        distributions = {path: ProbabilityDistribution(choice=tuple(each)) for path, each in document.listed.items()}
+        distributions.update(document.drawn)
         if seeds:
-            distributions[SEED] = Choice(range(seeds))
+            distributions[SEED] = ProbabilityDistribution(choice=tuple(range(seeds)))
         if not distributions:
             raise SweepError("there is nothing to vary: --over 'PATH={uniform: [0, 1]}', or --seeds 100")
-        self.distributions: Mapping[str, ParameterDistribution] = distributions
+        self.distributions: Mapping[str, ProbabilityDistribution] = distributions
         known = self.built({}).document.specifications
         if specification not in known:
             raise unknown_specification(specification, known)
@@ -157,7 +156,7 @@ class SearchSpace:
     def simpler(self, path: str, value: Any) -> Sequence[float]:
         """Return near numbers with fewer significant digits, the simplest first, that the distribution may give."""
         distribution = self.distributions[path]
-        if isinstance(distribution, Choice) or not isinstance(value, float):
+        if distribution.choice is not None or not isinstance(value, float):
             return ()
         low, high = distribution.values(np.array([2.0**-53, 1.0 - 2.0**-53]))
         found = [float(round(value)) + 0.0, *(float(f"{value:.{digits}g}") for digits in range(1, 7))]

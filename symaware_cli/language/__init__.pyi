@@ -32,7 +32,6 @@ from .problem import quoted as quoted
 from .problem import render as render
 from .problem import to_json as to_json
 from .resolved import dumped as dumped
-from .sampling import RANDOM as RANDOM
 from .sampling import Sampler as Sampler
 from .sampling import contains as contains
 from .scenario_section import ScenarioSection as ScenarioSection

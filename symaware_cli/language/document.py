@@ -13,12 +13,13 @@ from pydantic import ConfigDict, Field, WithJsonSchema, create_model, model_vali
 
 from symaware_cli.core import Entity, Obstacle
 from symaware_cli.core.identifiers import AGENTS, Name, Target
-from symaware_cli.engine import ChannelParameters, Drawn, Fault, Seconds
+from symaware_cli.engine import ChannelParameters, Fault
 from symaware_cli.geometry import Region
 from symaware_cli.language.fault_section import FaultUse, use_of
 from symaware_cli.language.scenario_section import ScenarioSection
 from symaware_cli.language.section import Condition, Identifier, Section, TriggerSection, Use
 from symaware_cli.language.specification_section import SpecificationUse
+from symaware_cli.world import Latency, Seconds
 
 #: The version of the format that this package reads.
 FORMAT = 1
@@ -26,7 +27,8 @@ FORMAT = 1
 
 _PER_AGENT = (
     "One value for all agents; a list of values, one for each; or a seeded distribution: "
-    "{uniform: [low, high]}, {normal: [mean, deviation]}, {grid: {...}}, {circle: {...}}. {own: {2: VALUE}, rest: ...} "
+    "{uniform: [low, high]}, {normal: [mean, deviation]}, {choice: [...]}, {grid: {...}}, {circle: {...}}. "
+    "{own: {2: VALUE}, rest: ...} "
     "gives some agents, by their numbers, values of their own."
 )
 PerAgent = Annotated[Any, WithJsonSchema({})]
@@ -58,11 +60,10 @@ class ComponentUse(Use):
         description="What the parts of awareness and the signals that it wrote are while its condition does not hold: "
         "their last values, or empty.",
     )
-    latency: Seconds | Drawn = Field(
+    latency: Latency = Field(
         0.0,
-        description="Duration of a computation [s], after which its update takes effect. A number, "
-        "or "
-        "{uniform: [least, greatest]} or {normal: [mean, deviation]}.",
+        description="Duration of a computation [s], after which its update takes effect: a number, or a distribution "
+        "such as {uniform: [0.02, 0.06]}.",
     )
     overrun: Literal["skip", "queue", "fail"] = Field(
         "skip",

@@ -12,10 +12,8 @@ from symaware_cli.engine import (
     Array,
     ComponentEntry,
     ComponentSelection,
-    Duration,
     Fault,
     FaultContext,
-    duration_of,
 )
 from symaware_cli.language.diagnosis import Diagnosis, ReportedError
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, words
@@ -24,6 +22,7 @@ from symaware_cli.language.sampling import Sampler
 from symaware_cli.language.source import Path
 from symaware_cli.language.substitute_builder import SubstituteBuilder
 from symaware_cli.language.target_finder import TargetFinder
+from symaware_cli.world import ProbabilityDistribution, duration_of
 
 
 class ScenarioContext(FaultContext):
@@ -82,7 +81,7 @@ class ScenarioContext(FaultContext):
         """A vector with one number for each element of the state of all groups; shape (nx,)."""
         return self._targets.vector(values, groups, (*self._path, *place))
 
-    def duration(self, latency: Any) -> Duration:
+    def duration(self, latency: Any) -> ProbabilityDistribution:
         """The duration that a `Latency` defines: constant, or drawn for each computation."""
         return duration_of(latency)
 

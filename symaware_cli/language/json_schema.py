@@ -15,6 +15,7 @@ from symaware_cli.language.fault_section import description_of
 from symaware_cli.language.parts import declared_by, omittable, signals_of
 from symaware_cli.language.placement import CirclePlacement, GridPlacement
 from symaware_cli.language.scenario_section import SECTION
+from symaware_cli.world import RANDOM, VectorDistribution
 
 _USES: Mapping[str, tuple[str, ...]] = {
     "component": ("ComponentUse",),
@@ -147,10 +148,12 @@ def _describe_values(schema: dict[str, Any]) -> None:
     definitions = schema["$defs"]
     for model in (GridPlacement, CirclePlacement):
         definitions[model.__name__] = model.model_json_schema()
-    pair = {"type": "array", "minItems": 2, "maxItems": 2}
+    # Numbers may be lists or references here.
+    drawn = {
+        name: {"description": f"{field.description} Each number may be a list of numbers, one for each element."}
+        for name, field in VectorDistribution.model_fields.items()
+    }
     forms = {
-        "uniform": {**pair, "description": "[low, high], each a number or a list of numbers."},
-        "normal": {**pair, "description": "[mean, standard deviation], each a number or a list of numbers."},
         "grid": {"$ref": "#/$defs/GridPlacement"},
         "circle": {"$ref": "#/$defs/CirclePlacement"},
         "each": {"type": "array", "description": "One value for each agent, in the order of their index."},
@@ -166,7 +169,13 @@ def _describe_values(schema: dict[str, Any]) -> None:
                 "maxProperties": 1,
                 "additionalProperties": False,
             },
-            {"type": "object", "not": {"anyOf": [{"required": [form]} for form in forms]}},
+            {
+                "type": "object",
+                "properties": drawn,
+                "oneOf": [{"required": [form]} for form in RANDOM],
+                "additionalProperties": False,
+            },
+            {"type": "object", "not": {"anyOf": [{"required": [form]} for form in (*RANDOM, *forms)]}},
         ]
     }
     agents = definitions["GroupSection"]["properties"]

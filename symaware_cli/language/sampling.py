@@ -21,13 +21,21 @@ from symaware_cli.language.placement import PLACEMENTS
 from symaware_cli.language.problem import Problem, dotted, nearest, quoted
 from symaware_cli.language.source import Path
 from symaware_cli.language.validation import a_number, said_of, validate
-from symaware_cli.world import FARTHEST, GroupChance, Seed, agent_numbers, is_within
+from symaware_cli.world import (
+    FARTHEST,
+    MODIFIERS,
+    RANDOM,
+    GroupChance,
+    Seed,
+    VectorDistribution,
+    agent_numbers,
+    is_within,
+)
 
 Array = NDArray[np.float64]
 
 
-#: Distributions that differ from run to run, and all that differ from agent to agent.
-RANDOM = ("uniform", "normal")
+#: Distributions that differ from agent to agent: those that are drawn, and placements.
 DISTRIBUTIONS = (*RANDOM, *PLACEMENTS)
 FORMS = (*DISTRIBUTIONS, "each", "all")
 
@@ -190,9 +198,10 @@ class Sampler:
     def _is_misshapen(self, value: Mapping[str, Any], path: Path, forms: Sequence[str], width: int | None) -> bool:
         """Report a mapping that is an invalid distribution; in knowledge, other mappings are ordinary values."""
         known = [name for name in value if name in forms]
-        if known and len(value) == 1:
+        beside_it = MODIFIERS if known and known[0] in RANDOM else ()
+        others = [name for name in value if name not in (*forms, *beside_it)]
+        if len(known) == 1 and not others:
             return False
-        others = [name for name in value if name not in forms]
         expected = f"exactly one of {', '.join(forms)}"
         if known:
             beside = f"{quoted((others or known[1:])[0])} cannot stand beside {quoted(known[0])}"
@@ -257,12 +266,16 @@ class Sampler:
         if path[-1] == "all" and width is None and not any(name in DISTRIBUTIONS for name in value):
             return copy.deepcopy(value)
         # One element of a state is a number, whereas grid and circle give positions.
-        forms = ("uniform", "normal") if width == 0 else DISTRIBUTIONS
+        forms = RANDOM if width == 0 else DISTRIBUTIONS
         if self._is_misshapen(value, path, forms, width):
             return None
-        if len(value) == 1 and next(iter(value)) in forms:
-            return self._draw(value, path, row, width)
-        return copy.deepcopy(value)
+        kind = _kind_of(value, forms)
+        if kind is None:
+            return copy.deepcopy(value)
+        if kind in RANDOM:
+            return self._random(value, kind, path, row, width)
+        placed = self._placed(kind, value[kind], (*path, kind), width)
+        return None if placed is None else placed[row % len(self._ids)].tolist()
 
     def _state(self, value: Any, path: Path) -> Any:
         model = self._model
@@ -291,26 +304,19 @@ class Sampler:
         names = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.state)
         return f"{len(model.state)} numbers: {names}"
 
-    def _draw(self, value: Mapping[str, Any], path: Path, row: int, width: int | None) -> Any:
-        kind, content = next(iter(value.items()))
-        inner = (*path, kind)
-        if kind in ("uniform", "normal"):
-            return self._random(kind, content, inner, row, width)
-        placed = self._placed(kind, content, inner, width)
-        return None if placed is None else placed[row % len(self._ids)].tolist()
-
-    def _random(self, kind: str, content: Any, path: Path, row: int, width: int | None) -> Any:
+    def _random(self, value: Mapping[str, Any], kind: str, path: Path, row: int, width: int | None) -> Any:
         if path not in self._known:
-            self._known[path] = self._distribution_bounds(kind, content, path)
-        if self._known[path] is None:
+            self._known[path] = self._distribution(value, kind, path)
+        distribution = self._known[path]
+        if distribution is None:
             return None
-        first, second = self._known[path]
-        size = max(first.size if first.ndim else 0, second.size if second.ndim else 0)
+        if distribution.choice is not None:
+            chosen = distribution.values(self._units(distribution, (*path, kind), row, 1))[0]
+            return copy.deepcopy(chosen)
         # A single number for a whole state applies to every element.
-        shape = size or width or 0
-        unit = self._units(kind, path, row, shape or 1)
-        drawn = _scaled(kind, first, second, unit)
-        return drawn.tolist() if shape else float(drawn[0])
+        count = distribution.elements or width or 0
+        drawn = _of_units(distribution, self._units(distribution, (*path, kind), row, count or 1))
+        return drawn.tolist() if count else float(drawn[0])
 
     def _columns(self, value: Any, path: Path) -> list[Any] | None:
         """Draw the values of all agents element by element, instead of agent by agent.
@@ -325,75 +331,43 @@ class Sampler:
             if _is_number(one) and abs(one) <= FARTHEST:
                 columns[:, number] = one
                 continue
-            kind = next(iter(one), "") if isinstance(one, Mapping) else ""
-            parameters = self._known.get((*path, number, kind))
-            if kind not in ("uniform", "normal") or parameters is None or parameters[0].ndim or parameters[1].ndim:
+            distribution = self._known.get((*path, number))
+            if not isinstance(distribution, VectorDistribution) or distribution.choice or distribution.elements:
                 return None
-            unit = self._shared_units(kind, (*path, number, kind), 1)[:, 0]
-            first, second = parameters
-            columns[:, number] = _scaled(kind, first, second, unit)
+            unit = self._shared_units(distribution, (*path, number, distribution.form), 1)
+            columns[:, number] = _of_units(distribution, unit)[:, 0]
         return columns.tolist()
 
-    def _units(self, kind: str, path: Path, row: int, count: int) -> Array:
-        """An agent's draws from the standard distribution; shape (count,)."""
-        drawn = self._shared_units(kind, path, count, row % len(self._ids) if self._is_each else None)
+    def _units(self, distribution: VectorDistribution, path: Path, row: int, count: int) -> Array:
+        """An agent's draws that a distribution is made of; shape (count,)."""
+        drawn = self._shared_units(distribution, path, count, row % len(self._ids) if self._is_each else None)
         own: Array = drawn[row // len(self._ids) if self._is_each else row]
         return own
 
-    def _shared_units(self, kind: str, path: Path, count: int, agent: int | None = None) -> Array:
+    def _shared_units(
+        self, distribution: VectorDistribution, path: Path, count: int, agent: int | None = None
+    ) -> Array:
         """The draws of all rows, or of one agent of each run to which a distribution belongs; shape (m, count)."""
         if path not in self._drawn:
             parts = (str(part) for place, part in enumerate(path) if place > 1 and path[: place + 1] not in self._rests)
             purpose = f"scenario {'.'.join(parts)}"
             numbers = self._numbers if agent is None else self._numbers[agent :: len(self._ids)]
-            self._drawn[path] = _unit(GroupChance(self._seed, purpose, numbers), kind, count)
+            chance = GroupChance(self._seed, purpose, numbers)
+            draw = chance.standard_normal if distribution.is_plain_normal else chance.uniform
+            self._drawn[path] = draw(count)
         return self._drawn[path]
 
-    def _distribution_bounds(self, kind: str, content: Any, path: Path) -> tuple[Array, Array] | None:
-        """Check and return the two parameters of a distribution; None after a problem."""
-        meaning = "[low, high]" if kind == "uniform" else "[mean, standard deviation]"
-        if not isinstance(content, list) or len(content) != 2:
-            message = f"{quoted(dotted(path))} is {said_of(content)}"
-            expected = f"{meaning}, each a number or a list of numbers"
-            self._report("bad-distribution", message, path, expected=expected)
+    def _distribution(self, value: Mapping[str, Any], kind: str, path: Path) -> VectorDistribution | None:
+        """Check a distribution; None after a problem."""
+        found = validate(VectorDistribution, value, self._composition, path)
+        if isinstance(found, list):
+            self.problems += [problem for problem in found if problem not in self.problems]
             return None
-        before = len(self.problems)
-        for part, one in enumerate(content):
-            if isinstance(one, list) and one:
-                for number, element in enumerate(one):
-                    self._expect_number(element, (*path, part, number), "a number")
-            else:
-                self._expect_number(one, (*path, part), f"{meaning}, each a number or a list of numbers")
-        if len(self.problems) > before:
+        if found.largest > LARGEST:
+            inner = (*path, kind)
+            self._report("out-of-range", "the distribution is too wide", inner, expected=f"at most {LARGEST:g}")
             return None
-        first, second = (np.array(one, float) for one in content)
-        if first.ndim and second.ndim and len(first) != len(second):
-            message = f"the two parts of {quoted(dotted(path))} have {len(first)} and {len(second)} elements"
-            self._report("wrong-length", message, path, expected="as many in both")
-            return None
-        low, high = np.broadcast_arrays(first, second)
-        for one, other in zip(low.ravel().tolist(), high.ravel().tolist(), strict=True):
-            if kind == "uniform" and one > other:
-                message = f"the low end {said_of(one)} lies above the high end {said_of(other)}"
-                self._report("out-of-range", message, path, expected=meaning)
-                return None
-            if kind == "normal" and other < 0:
-                message = f"the standard deviation is {said_of(other)}"
-                self._report("out-of-range", message, (*path, 1), expected="at least 0")
-                return None
-            if max(abs(one), abs(other)) > LARGEST:
-                self._report("out-of-range", "the distribution is too wide", path, expected=f"at most {LARGEST:g}")
-                return None
-        return first, second
-
-    def _expect_number(self, value: Any, path: Path, expected: str) -> None:
-        if not _is_number(value):
-            self._report(
-                "bad-distribution",
-                f"{quoted(dotted(path))} is {said_of(value)}",
-                path,
-                expected=a_number(value) if isinstance(value, str) or expected == "a number" else expected,
-            )
+        return found
 
     def _placed(self, kind: str, content: Any, path: Path, width: int | None) -> Array | None:
         """The values of all agents in a placement, computed once: states with zeros elsewhere, or positions."""
@@ -475,11 +449,11 @@ def _shape(value: Any) -> tuple[int, ...] | None:
     return (len(value), *next(shape for shape in shapes if shape is not None))
 
 
-def _scaled(kind: str, first: Array, second: Array, unit: Array) -> Array:
-    """Scale draws from the standard distribution to one with two parameters."""
-    return first + (second - first) * unit if kind == "uniform" else first + second * unit
+def _kind_of(value: Mapping[str, Any], forms: Sequence[str]) -> str | None:
+    """Return the form of a distribution; None if a mapping is none."""
+    return next((name for name in value if name in forms), None)
 
 
-def _unit(chance: GroupChance, kind: str, count: int) -> Array:
-    """Draw from the standard distribution for each agent; shape (n, count)."""
-    return chance.uniform(count) if kind == "uniform" else chance.standard_normal(count)
+def _of_units(distribution: VectorDistribution, units: Array) -> Array:
+    """Return what a distribution makes of standard normal numbers or, except for a normal one, of uniform ones."""
+    return distribution.scaled(units) if distribution.is_plain_normal else distribution.quantiles(units)

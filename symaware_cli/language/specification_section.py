@@ -7,8 +7,8 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from symaware_cli.core.identifiers import Name, Target
-from symaware_cli.engine import Seconds
 from symaware_cli.language.section import Identifier, Section, TriggerSection
+from symaware_cli.world import Seconds
 
 
 class OfferSection(Section):

@@ -11,13 +11,14 @@ from typing import Any
 from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Environment, nanoseconds
 from symaware_cli.core.component import BaseComponent, may_wait
 from symaware_cli.core.event import RECURRING, TURNS
-from symaware_cli.engine import ComponentEntry, ConditionScope, Timing, Trigger, duration_of, world_names
+from symaware_cli.engine import ComponentEntry, ConditionScope, Timing, Trigger, world_names
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ComponentUse, RunSection
 from symaware_cli.language.problem import nearest, quoted
 from symaware_cli.language.source import Path
 from symaware_cli.specification import Names
 from symaware_cli.specification.expression import Expression, ExpressionError
+from symaware_cli.world import duration_of
 
 #: Events of the targets of faults.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})

@@ -96,7 +96,10 @@ def _deduplicated(problems: Iterable[Problem]) -> list[Problem]:
         if known is None:
             first[key] = problem
         elif known.code == problem.code == "wrong-type" and problem.expected not in (None, known.expected):
-            first[key] = replace(known, expected=f"{known.expected} or {problem.expected}")
+            ways = (known.expected, problem.expected)
+            # What is said of quotes is about numbers only.
+            ways = ways[::-1] if known.expected and known.expected.endswith("quotes") else ways
+            first[key] = replace(known, expected=" or ".join(map(str, ways)))
         elif known.code == "wrong-type" and problem.code in ("invalid-value", "wrong-length"):
             # The branch of the right type has the more specific problem.
             first[key] = problem
@@ -152,7 +155,7 @@ class _ErrorTranslator:
             expected = f"{noun} {words} {_bound(context[key])}{self._unit(inner)}"
             return self._composition.problem("out-of-range", said, path, expected=expected)
         if kind in ("too_short", "too_long"):
-            return self._length(path, value, context)
+            return self._length(inner, value, context)
         if kind in ("literal_error", "enum"):
             return self._choice(path, value, str(context.get("expected", "")))
         if kind == "string_pattern_mismatch" and context.get("pattern", "").startswith("^[A-Za-z_]"):
@@ -233,20 +236,28 @@ class _ErrorTranslator:
                 expected += f" with {' and '.join(required)}"
         elif expected == "a mapping" and isinstance(value, list) and _element(annotation) is not None:
             expected += " that gives each a name"
+        elif expected == "a list":
+            expected = self._expected_length(inner) or expected
         return expected, None
 
-    def _length(self, path: Path, value: Any, context: Mapping[str, Any]) -> Problem:
+    def _length(self, inner: Path, value: Any, context: Mapping[str, Any]) -> Problem:
+        path = (*self._base, *inner)
         if isinstance(value, Mapping):
             return self._composition.problem("out-of-range", f"{_what(path)} is empty", path, expected="at least one")
         least, most = context.get("min_length"), context.get("max_length")
         bound = f"at least {least}" if most is None else f"at most {most}"
         said = f"{_what(path)} is {said_of(value)}"
-        return self._composition.problem("wrong-length", said, path, expected=f"a list of {bound}")
+        expected = self._expected_length(inner) or f"a list of {bound}"
+        return self._composition.problem("wrong-length", said, path, expected=expected)
 
     def _expected_length(self, inner: Path) -> str | None:
-        """Describe the expected length of a list of fixed length."""
+        """Describe the expected list of fixed length: as the description of its field begins, or by its length."""
         lists = [each for each in _branches(_annotation_at(self._model, inner)) if typing.get_origin(each) is tuple]
-        return f"a list of {len(typing.get_args(lists[0]))}" if lists else None
+        if not lists or Ellipsis in typing.get_args(lists[0]):
+            return None
+        field = _fields(_model_at(self._model, inner[:-1])).get(str(inner[-1])) if inner else None
+        found = re.match(r"\[[^\]]*,[^\]]*\]", field.description or "") if field else None
+        return found.group() if found else f"a list of {len(typing.get_args(lists[0]))}"
 
     def _choice(self, path: Path, value: Any, expected: str) -> Problem:
         written = [part.strip() for part in expected.replace(" or ", ", ").split(",") if part.strip()]

@@ -33,8 +33,6 @@ from .statistics.interval_estimate import IntervalEstimate as IntervalEstimate
 from .statistics.interval_estimate import error_probability as error_probability
 from .statistics.interval_estimate import variance as variance
 from .statistics.paired import compare as compare
-from .statistics.parameter_distribution import Choice as Choice
-from .statistics.parameter_distribution import ParameterDistribution as ParameterDistribution
 from .sweep_document import FORMAT as FORMAT
 from .sweep_document import SweepDocument as SweepDocument
 from .sweep_error import LostResultError as LostResultError

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, GroupComponent, seconds
 from symaware_cli.engine import ComponentEntry, Run, RunSummary, Simulation, Timing
-from symaware_cli.language import RANDOM, Diagnosis, Sampler, ScenarioError, SpecificationBuilder, TimingCheck, contains
+from symaware_cli.language import Diagnosis, Sampler, ScenarioError, SpecificationBuilder, TimingCheck, contains
 from symaware_cli.language.build import Built
 from symaware_cli.language.compose import Composition
 from symaware_cli.specification import AgentScope, Outcome, PairScope, Specification, outcome_of
 from symaware_cli.studies.batch_ends import BATCH_NAMES, BatchEnds
 from symaware_cli.studies.batch_observer import BatchObserver
 from symaware_cli.studies.measurement import Measurement
-from symaware_cli.world import Plugin
+from symaware_cli.world import RANDOM, Plugin
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from symaware_cli.language import Assignment, Changes, ScenarioError, assignments, dotted
-from symaware_cli.studies.sweep_document import expanded, is_range
+from symaware_cli.world import expanded, is_range
 
 Over = Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | Iterable[str] | Iterable[Assignment]
 """What varies: lists, ranges or distributions by their paths, or texts as ``--over`` takes them."""

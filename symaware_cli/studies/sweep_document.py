@@ -3,140 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from decimal import Decimal
-from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from symaware_cli.core.identifiers import Name
 from symaware_cli.language import Identifier, Section, Use
 from symaware_cli.studies.claim import Claim
-from symaware_cli.studies.statistics.parameter_distribution import (
-    Choice,
-    LogUniformDistribution,
-    NormalDistribution,
-    ParameterDistribution,
-    UniformDistribution,
-)
+from symaware_cli.world import LISTED, ProbabilityDistribution, expanded
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})(?:\s+by\s+({_NUMBER}))?\s*", re.ASCII)
-
-#: The longest text of a range, which bounds the time that the pattern takes [characters].
-_LONGEST = 200
-
-#: The most values of a range, its greatest number, and its least step.
-_MOST, _GREATEST, _LEAST_STEP = 100_000, Decimal("1e30"), Decimal("1e-30")
-
-
-def is_range(text: str) -> bool:
-    """Whether a text is a range, such as ``0..1 by 0.1``."""
-    return len(text) <= _LONGEST and ".." in text and _RANGE.fullmatch(text) is not None
-
-
-def expanded(value: Any) -> Any:
-    """Return the values of a range, with both ends; anything else as it is.
-
-    The values are those that a person would write: ``0..1 by 0.1`` has 0.3, not 0.30000000000000004.
-
-    Raises:
-        ValueError: The range is empty, endless or too long, or has neither a step nor whole numbers at its ends.
-    """
-    found = _RANGE.fullmatch(value) if isinstance(value, str) and is_range(value) else None
-    if found is None:
-        return value
-    if found[3] is None and not all(re.fullmatch(r"[-+]?\d+", text) for text in (found[1], found[2])):
-        ends = f"{found[1]}..{found[2]}"
-        raise ValueError(
-            f"the range {ends} has no step: write `{ends} by STEP` for values that far apart, or "
-            f"{{uniform: [{found[1]}, {found[2]}]}} to draw from between them"
-        )
-    first, last, step = (Decimal(text) for text in (found[1], found[2], found[3] or "1"))
-    if max(each.copy_abs() for each in (first, last, step)) > _GREATEST or 0 < step.copy_abs() < _LEAST_STEP:
-        raise ValueError(f"numbers of a range are at most {_GREATEST:g}, and its step is at least {_LEAST_STEP:g}")
-    if step == 0 or (last - first) / step < 0:
-        raise ValueError(f"the range never gets from {first} to {last} by {step}")
-    count = int((last - first) / step) + 1
-    if count > _MOST:
-        raise ValueError(f"the range has {count:,} values; at most {_MOST:,} make sense")
-    is_whole = all(re.fullmatch(r"[-+]?\d+", text) for text in (found[1], found[3] or "1"))
-    return [int(first + step * k) if is_whole else float(first + step * k) for k in range(count)]
-
-
-_LISTED = {
-    "anyOf": [{"type": "array", "minItems": 1}, {"type": "string", "pattern": r"\.\."}],
-    "description": "A list of values, or a range such as `0..1 by 0.1`, with both ends.",
-}
-Values = Annotated[list[Any], BeforeValidator(expanded), Field(min_length=1), WithJsonSchema(_LISTED)]
-
-#: What is an end of an interval, up to rounding: where the probability to lie beyond is 2^-40.
-_ENDS = (2.0**-40, 1.0 - 2.0**-40)
-
-
-def _sound(kind: type[Any]) -> AfterValidator:
-    """Make sure that two numbers make a distribution, so that a problem is shown where they stand."""
-
-    def check(numbers: tuple[float, float]) -> tuple[float, float]:
-        kind(*numbers)
-        return numbers
-
-    return AfterValidator(check)
-
-
-Pair = tuple[float, float]
-
-
-class DrawnValues(Section):
-    """A distribution from which each run draws a value: exactly one of `uniform`, `normal`, `log_uniform`, `choice`."""
-
-    uniform: Annotated[Pair, _sound(UniformDistribution)] | None = Field(
-        None, description="[low, high]: all numbers between them are equally likely."
-    )
-    normal: Annotated[Pair, _sound(NormalDistribution)] | None = Field(None, description="[mean, standard deviation].")
-    log_uniform: Annotated[Pair, _sound(LogUniformDistribution)] | None = Field(
-        None, description="[low, high], greater than 0: numbers whose logarithm is uniform."
-    )
-    choice: Values | None = Field(None, description="One of these values, or of a range such as `1..8`.")
-    weights: list[float] | None = Field(
-        None, description="How likely each value of `choice` is, in any common unit; by default all are equally likely."
-    )
-
-    @model_validator(mode="after")
-    def _one_of_them(self) -> Self:
-        if len(self.model_fields_set - {"weights"}) != 1 or self._said is None:
-            raise ValueError("say exactly one of uniform, normal, log_uniform and choice")
-        if self.weights is not None and self.choice is None:
-            raise ValueError("weights go with `choice`")
-        if self.choice is not None:
-            Choice(self.choice, self.weights)
-        return self
-
-    @property
-    def _said(self) -> str | None:
-        return next((name for name in ("uniform", "normal", "log_uniform", "choice") if getattr(self, name)), None)
-
-    @cached_property
-    def distribution(self) -> ParameterDistribution:
-        """The distribution, which turns numbers between 0 and 1 into values."""
-        if self.choice is not None:
-            return Choice(self.choice, self.weights)
-        if self.uniform is not None:
-            return UniformDistribution(*self.uniform)
-        if self.log_uniform is not None:
-            return LogUniformDistribution(*self.log_uniform)
-        assert self.normal is not None
-        return NormalDistribution(*self.normal)
-
-    @property
-    def landmarks(self) -> Sequence[Any]:
-        """Values that stand for all: every option of a choice, both ends of an interval, or the mean."""
-        if self.choice is not None:
-            return self.choice
-        return self.distribution.values(np.array(_ENDS if self.normal is None else (0.5,)))
-
+Values = Annotated[list[Any], BeforeValidator(expanded), Field(min_length=1), WithJsonSchema(LISTED)]
 
 #: The version of the format that this package reads.
 FORMAT = 1
@@ -182,7 +58,7 @@ class SweepDocument(Section):
     seed: int = Field(0, ge=0, lt=2**63, description="Seed of the sweep, from which the seed of each run is derived.")
     runs: int = Field(1, ge=1, le=MOST_RUNS, description="Runs of each combination of parameters and variant.")
     set: Changes = Field(default_factory=dict, description="Values that all runs share, by their paths.")
-    over: dict[Target, Values | DrawnValues] = Field(
+    over: dict[Target, Values | ProbabilityDistribution] = Field(
         default_factory=dict,
         description="What varies, by the paths of its values in the scenario: lists, of which every combination is "
         "run, and distributions such as {uniform: [0, 1]}, from which each run draws.",
@@ -243,9 +119,9 @@ class SweepDocument(Section):
         return {path: each for path, each in self.over.items() if isinstance(each, list)}
 
     @property
-    def drawn(self) -> dict[str, DrawnValues]:
+    def drawn(self) -> dict[str, ProbabilityDistribution]:
         """What each run draws, by its path."""
-        return {path: each for path, each in self.over.items() if isinstance(each, DrawnValues)}
+        return {path: each for path, each in self.over.items() if isinstance(each, ProbabilityDistribution)}
 
     @property
     def claimed(self) -> Claim | None:

@@ -56,7 +56,7 @@ class Samples:
         block, place = divmod(number, _AT_ONCE)
         if self._block[0] != block:
             columns = [
-                each.distribution.values(points)
+                each.values(points)
                 for each, points in zip(self._document.drawn.values(), self._points(block).T, strict=True)
             ]
             self._block = (block, list(zip(*columns, strict=True)))

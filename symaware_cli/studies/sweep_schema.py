@@ -6,8 +6,7 @@ from typing import Any
 
 from symaware_cli.language import Catalogue, describe_plugins
 from symaware_cli.studies.sweep_document import SweepDocument
-
-_FORMS = ("uniform", "normal", "log_uniform", "choice")
+from symaware_cli.world import MODIFIERS, RANDOM
 
 
 def sweep_schema(
@@ -28,13 +27,14 @@ def sweep_schema(
     describe_plugins("metric", ("MetricUse",), definitions, broken, catalogue or Catalogue(), built_in_only)
     # Most metrics are those of plugins, which need not be installed where a file is written.
     definitions["MetricUse"]["properties"]["use"]["anyOf"].append({"type": "string"})
-    drawn = definitions["DrawnValues"]
-    for name in (*_FORMS, "weights"):
-        # What is left out is not null.
+    drawn = definitions["ProbabilityDistribution"]
+    for name in (*RANDOM, *MODIFIERS):
         described = drawn["properties"][name]
-        drawn["properties"][name] = {**described.pop("anyOf")[0], **described}
-        drawn["properties"][name].pop("default")
-    drawn["oneOf"] = [{"required": [name]} for name in _FORMS]
+        if "anyOf" in described:
+            # What is left out is not null.
+            drawn["properties"][name] = {**described.pop("anyOf")[0], **described}
+            drawn["properties"][name].pop("default")
+    drawn["oneOf"] = [{"required": [name]} for name in RANDOM]
     drawn["dependentRequired"] = {"weights": ["choice"]}
     for entry in schema["properties"].values():
         if "patternProperties" in entry:

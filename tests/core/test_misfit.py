@@ -17,7 +17,8 @@ from symaware_cli import (
     UncertaintyEstimator,
 )
 from symaware_cli.engine.runtime.options import RunOptions
-from symaware_cli.engine.runtime.timing import Duration, Timing
+from symaware_cli.engine.runtime.timing import Timing
+from symaware_cli.world import always
 
 CONTROL = r"a controller returns its control input, 2 numbers \(velocity_x, velocity_y\), and its intent, a TimeSeries"
 GOOD = np.zeros(2)
@@ -41,7 +42,7 @@ WRONG = {
 }
 WAYS = {
     "synchronous": (Timing(), RunOptions()),
-    "with a latency": (Timing(latency=Duration("constant", STEP / 1e9)), RunOptions()),
+    "with a latency": (Timing(latency=always(STEP / 1e9)), RunOptions()),
     "asynchronous": (Timing(period=STEP), RunOptions(mode="asynchronous")),
 }
 

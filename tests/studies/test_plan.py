@@ -8,9 +8,9 @@ from sweeping import SCENARIO, tiny
 
 from symaware_cli.language.problem import ScenarioError
 from symaware_cli.studies.request import SweepRequest, alternatives, varied
-from symaware_cli.studies.sweep_document import expanded
 from symaware_cli.studies.sweep_plan import SweepPlan
 from symaware_cli.studies.sweep_source import read_sweep, written_again
+from symaware_cli.world import expanded
 
 
 def planned(scenario: Path, **options: object) -> SweepPlan:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from sweeping import symaware, tiny
 
-from symaware_cli.studies.sweep_document import expanded, is_range
+from symaware_cli.world import expanded, is_range
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,8 @@ ordered = st.tuples(numbers, numbers).map(sorted)
 distributions = st.one_of(
     st.fixed_dictionaries({"uniform": ordered}),
     st.fixed_dictionaries({"normal": st.tuples(numbers, numbers.map(abs)).map(list)}),
-    st.fixed_dictionaries({"log_uniform": st.tuples(numbers.map(abs), numbers.map(abs)).map(sorted)}).filter(
-        lambda each: each["log_uniform"][0] > 0
+    st.fixed_dictionaries({"loguniform": st.tuples(numbers.map(abs), numbers.map(abs)).map(sorted)}).filter(
+        lambda each: each["loguniform"][0] > 0
     ),
     st.fixed_dictionaries({"choice": st.lists(st.one_of(numbers, st.booleans(), st.text("ab")), min_size=1)}),
 )
@@ -91,7 +91,7 @@ def test_a_sample_depends_on_its_number_and_not_on_what_was_drawn_before(order: 
         assert mixed.of(number) == Samples(said).of(number)
 
 
-words = st.sampled_from(["uniform", "normal", "log_uniform", "choice", "weights", "unifrom", "1..3", "3..1 by 1", ""])
+words = st.sampled_from(["uniform", "normal", "loguniform", "choice", "weights", "unifrom", "1..3", "3..1 by 1", ""])
 anything = st.recursive(
     st.one_of(st.none(), st.booleans(), st.integers(-3, 3), st.floats(-2, 2), words),
     lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(words, inner, max_size=2)),

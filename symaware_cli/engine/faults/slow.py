@@ -10,8 +10,7 @@ from symaware_cli import core
 from symaware_cli.core.identifiers import ComponentPattern
 from symaware_cli.engine.faults.component_fault import ComponentFault
 from symaware_cli.engine.runtime.fault import FaultContext, FaultTargets
-from symaware_cli.engine.runtime.latency import Latency
-from symaware_cli.engine.runtime.timing import Duration
+from symaware_cli.world import Latency, ProbabilityDistribution
 
 
 class Slow(ComponentFault):
@@ -25,7 +24,7 @@ class Slow(ComponentFault):
             description="Duration of a computation during the fault [s]; see the `latency` of a component."
         )
 
-    duration: Duration
+    duration: ProbabilityDistribution
 
     @property
     def text(self) -> str:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from symaware_cli.engine.runtime.scheduler import TurnScheduler
     from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
     from symaware_cli.engine.runtime.supervision import Disturb
-    from symaware_cli.engine.runtime.timing import Duration, Trigger
+    from symaware_cli.engine.runtime.timing import Trigger
+    from symaware_cli.world import ProbabilityDistribution
 
 Array = NDArray[np.float64]
 
@@ -185,7 +186,7 @@ class FaultContext(ABC):
         """A vector with one number for each element of the state of all groups; shape (nx,)."""
 
     @abstractmethod
-    def duration(self, latency: Any) -> Duration:
+    def duration(self, latency: Any) -> ProbabilityDistribution:
         """The duration that a `Latency` defines: constant, or drawn for each computation."""
 
     @abstractmethod
@@ -323,11 +324,11 @@ class FaultTargets:
         for row in components.rows:
             self.scheduler(components).release(row)
 
-    def slow_down(self, components: ComponentSelection, duration: Duration) -> None:
+    def slow_down(self, components: ComponentSelection, duration: ProbabilityDistribution) -> None:
         """Impose a latency on computations; of several, the longest applies."""
         self.scheduler(components).supervision.slow_down(components.rows, duration)
 
-    def speed_up(self, components: ComponentSelection, duration: Duration) -> None:
+    def speed_up(self, components: ComponentSelection, duration: ProbabilityDistribution) -> None:
         """Undo `slow_down`."""
         self.scheduler(components).supervision.speed_up(components.rows, duration)
 

@@ -12,8 +12,7 @@ import numpy as np
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.engine.runtime.protected_rows import ProtectedRows
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.engine.runtime.timing import Duration
-from symaware_cli.world import Turn, fraction
+from symaware_cli.world import LONGEST, ProbabilityDistribution, Turn, fraction, nanoseconds
 
 _NONE = nullcontext()
 
@@ -85,7 +84,7 @@ class Supervision:
         self._entry = entry
         self._is_group = isinstance(entry.components[0], GroupComponent)
         #: The latencies that faults impose on each row, with their counts.
-        self._slowness: dict[int, Counter[Duration]] = {}
+        self._slowness: dict[int, Counter[ProbabilityDistribution]] = {}
         self._changed = changed
         #: What `held` returned last.
         self._muted: HeldRows | None = None
@@ -138,13 +137,13 @@ class Supervision:
         self.disturbances.remove(disturbance)
         self._changed()
 
-    def slow_down(self, agents: Sequence[int], duration: Duration) -> None:
+    def slow_down(self, agents: Sequence[int], duration: ProbabilityDistribution) -> None:
         """Impose a latency on the computations for some agents, instead of that of the scenario."""
         for row in self._rows(agents):
             self._slowness.setdefault(row, Counter())[duration] += 1
         self._changed()
 
-    def speed_up(self, agents: Sequence[int], duration: Duration) -> None:
+    def speed_up(self, agents: Sequence[int], duration: ProbabilityDistribution) -> None:
         """Undo one call of `slow_down`."""
         for row in self._rows(agents):
             self._slowness[row] -= Counter([duration])
@@ -162,7 +161,7 @@ class Supervision:
         if any(duration.is_drawn for duration in durations):
             # One draw for all imposed latencies, so that faults do not change other draws.
             drawn = fraction(self._simulation.seed, self._entry.components[row].path, "latency", *turn)
-        return max(duration.at(drawn) for duration in durations)
+        return max(nanoseconds(min(duration.quantile(drawn), LONGEST)) for duration in durations)
 
     def supervised(self) -> AbstractContextManager[None]:
         """A context for a turn: on exit, the rows of suspended agents are restored and disturbances are applied."""

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
-from statistics import NormalDist
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from symaware_cli.core import Contact, Event, nanoseconds
+from symaware_cli.core import Contact, Event
 from symaware_cli.specification.expression import Expression
-from symaware_cli.world import uniform
+from symaware_cli.world import ProbabilityDistribution, always, uniform
 
 Overrun = Literal["skip", "queue", "fail"]
 OnFailure = Literal["stop", "isolate", "restart"]
@@ -23,7 +22,8 @@ WhenOff = Literal["hold", "clear"]
 #: The number of delays that are drawn at once.
 _BLOCK = 64
 
-_NORMAL = NormalDist()
+#: The latency of what takes no time.
+NO_TIME = always(0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,39 +40,6 @@ class Trigger:
     event: str
     component: str | None = None
     source: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Duration:
-    """A duration: constant, or drawn from a distribution each time.
-
-    Attributes:
-        kind: ``constant``, ``uniform`` or ``normal``.
-        first: The constant, the least value, or the mean [s].
-        second: The greatest value, or the standard deviation [s].
-    """
-
-    kind: Literal["constant", "uniform", "normal"] = "constant"
-    first: float = 0.0
-    second: float = 0.0
-
-    @property
-    def is_zero(self) -> bool:
-        """Whether the duration is always zero."""
-        return self.kind == "constant" and nanoseconds(self.first) == 0
-
-    @property
-    def is_drawn(self) -> bool:
-        """Whether the duration is random."""
-        return self.kind != "constant"
-
-    def at(self, fraction: float) -> int:
-        """The quantile of the duration at a fraction in (0, 1), in nanoseconds; never negative."""
-        if self.kind == "constant":
-            return nanoseconds(self.first)
-        if self.kind == "uniform":
-            return nanoseconds(self.first + (self.second - self.first) * fraction)
-        return max(0, nanoseconds(self.first + self.second * _NORMAL.inv_cdf(fraction)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +69,7 @@ class Timing:
     trigger: Trigger | None = None
     condition: Expression | None = None
     when_off: WhenOff = "hold"
-    latency: Duration = field(default_factory=Duration)
+    latency: ProbabilityDistribution = NO_TIME
     overrun: Overrun = "skip"
     on_failure: OnFailure = "stop"
     tries: int = 3

@@ -296,7 +296,7 @@ def _drawn(plan: SweepPlan, rows: Sequence[Row]) -> Iterator[DrawnParameter]:
     for path, drawn in plan.document.drawn.items():
         values = [sample[path] for sample in samples]
         if drawn.choice is None:
-            yield DrawnParameter(path, np.array(values, float), None, drawn.log_uniform is not None)
+            yield DrawnParameter(path, np.array(values, float), None, drawn.loguniform is not None)
         else:
             places = {json.dumps(option): place for place, option in enumerate(drawn.choice)}
             numbers = [places[json.dumps(value)] for value in values]

@@ -21,7 +21,7 @@ from symaware_cli.engine.models.integrator import SingleIntegrator
 from symaware_cli.engine.models.quadrotor import Quadrotor
 from symaware_cli.engine.models.unicycle import Unicycle
 from symaware_cli.engine.runtime.options import RunOptions
-from symaware_cli.engine.runtime.timing import STEADY, Duration, Timing
+from symaware_cli.engine.runtime.timing import STEADY, Timing
 from symaware_cli.geometry.region import Region
 from symaware_cli.knowledge.abstraction.grid_cells import GridCells
 from symaware_cli.language.catalogue import Catalogue
@@ -29,6 +29,7 @@ from symaware_cli.specification.formulation import formulate
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.scope import AgentScope
 from symaware_cli.specification.specification import Specification
+from symaware_cli.world import always
 from symaware_cli.world.chance import AgentChance, GroupChance
 from symaware_cli.world.reading import Scan
 
@@ -277,7 +278,7 @@ def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, An
         knowledge=[case.knowledge] * 2,
         model=case.model,
         entity=DISC,
-        timings={"it": Timing(PERIOD * STEP, latency=Duration("constant", latency * STEP / 1e9))},
+        timings={"it": Timing(PERIOD * STEP, latency=always(latency * STEP / 1e9))},
     )
     other = Team(
         {"drive": Drive, **{name.replace(".", "-"): make(name, each) for name, each in case.others.items()}},
@@ -328,6 +329,6 @@ def test_a_component_knows_when_it_computed_what_it_is_to_write() -> None:
         def _update(self, value: int) -> None:
             noted.append((value == self.computed_at, self.now - self.computed_at))
 
-    for timing in (STEADY, Timing(latency=Duration("constant", LATENCY * STEP / 1e9), period=PERIOD * STEP)):
+    for timing in (STEADY, Timing(latency=always(LATENCY * STEP / 1e9), period=PERIOD * STEP)):
         execute(simulation({"robot": Team({"note": Notes}, timings={"note": timing})}), 4)
     assert noted == [(True, 0)] * 4 + [(True, LATENCY * STEP)]

@@ -53,12 +53,12 @@ def delays(**parameters: Any) -> NDArray[np.float64]:
     ("delay", "distribution"),
     [
         ({"uniform": [0.1, 0.3]}, stats.uniform(0.1, 0.2)),
-        ({"normal": [0.2, 0.02]}, stats.norm(0.2, 0.02)),
-        ({"normal": [0.05, 0.1]}, stats.truncnorm(-0.5, np.inf, 0.05, 0.1)),
+        ({"normal": [0.2, 0.02], "least": 0}, stats.norm(0.2, 0.02)),
+        ({"normal": [0.05, 0.1], "least": 0}, stats.truncnorm(-0.5, np.inf, 0.05, 0.1)),
         ({"lognormal": [0.1, 0.5]}, stats.lognorm(0.5, scale=0.1)),
         ({"exponential": 0.05}, stats.expon(scale=0.05)),
         ({"constant": 0.02, "exponential": 0.05}, stats.expon(0.02, 0.05)),
-        ({"constant": 0.02, "normal": [0.05, 0.1]}, stats.truncnorm(-0.5, np.inf, 0.07, 0.1)),
+        ({"constant": 0.02, "normal": [0.05, 0.1], "least": 0}, stats.truncnorm(-0.5, np.inf, 0.07, 0.1)),
     ],
     ids=["uniform", "normal", "truncated normal", "lognormal", "exponential", "shifted", "shifted truncated"],
 )

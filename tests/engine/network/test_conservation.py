@@ -23,7 +23,7 @@ MILLISECOND = 1_000_000
 probability = st.sampled_from([0.0, 0.1, 0.5, 1.0])
 delay = st.one_of(
     st.sampled_from([0.0, 0.003, 0.05, 0.2]),
-    st.sampled_from([{"exponential": 0.05}, {"normal": [0.05, 0.05]}, {"lognormal": [0.05, 1.0]}]),
+    st.sampled_from([{"exponential": 0.05}, {"normal": [0.05, 0.05], "least": 0}, {"lognormal": [0.05, 1.0]}]),
 )
 loss = st.one_of(probability, st.just({"enter": 0.2, "leave": 0.4}))
 channels = st.builds(

@@ -31,12 +31,13 @@ from symaware_cli import (
 from symaware_cli.engine.faults.stop import Stop
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.run_summary import RunSummary
-from symaware_cli.engine.runtime.timing import Duration, Overrun, Timing, Trigger
+from symaware_cli.engine.runtime.timing import Overrun, Timing, Trigger
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute as execute_built
 from symaware_cli.log.digest import digest
 from symaware_cli.specification.expression import Expression
 from symaware_cli.testing import assert_repeatable
+from symaware_cli.world import ProbabilityDistribution, always
 
 ASYNCHRONOUS = RunOptions(mode="asynchronous")
 MILLISECOND = 1_000_000
@@ -226,11 +227,11 @@ def latent(
 
 
 def test_an_update_lands_a_latency_later_with_the_data_of_its_start() -> None:
-    found, summary = latent(Timing(latency=Duration("constant", 0.03)))
+    found, summary = latent(Timing(latency=always(0.03)))
     assert found == [(0, 30), (50, 80), (100, 130), (150, 180)]
     assert summary.overruns == 0
     # At step granularity, it lands at the next step.
-    assert latent(Timing(latency=Duration("constant", 0.03)), options=RunOptions())[0] == [
+    assert latent(Timing(latency=always(0.03)), options=RunOptions())[0] == [
         (0, 50),
         (50, 100),
         (100, 150),
@@ -238,7 +239,7 @@ def test_an_update_lands_a_latency_later_with_the_data_of_its_start() -> None:
 
 
 def test_a_latency_of_exactly_one_period_lands_before_the_next_turn_begins() -> None:
-    found, summary = latent(Timing(latency=Duration("constant", 0.05)))
+    found, summary = latent(Timing(latency=always(0.05)))
     assert found == [(0, 50), (50, 100), (100, 150)]
     assert summary.overruns == 0
 
@@ -253,14 +254,14 @@ def test_a_latency_of_exactly_one_period_lands_before_the_next_turn_begins() -> 
 def test_a_turn_that_is_due_too_early_is_skipped_or_queued(
     overrun: Overrun, expected: list[tuple[int, int]], overruns: int
 ) -> None:
-    found, summary = latent(Timing(latency=Duration("constant", 0.08), overrun=overrun), steps=6)
+    found, summary = latent(Timing(latency=always(0.08), overrun=overrun), steps=6)
     assert found == expected
     assert summary.overruns == overruns
 
 
 def test_or_it_is_a_failure(tmp_path: Path) -> None:
     kind = type("Slow", (Slow,), {"log": []})
-    timing = Timing(latency=Duration("constant", 0.08), overrun="fail")
+    timing = Timing(latency=always(0.08), overrun="fail")
     summary = simulate({"a": Team({"it": kind}, timings={"it": timing})}, 6, tmp_path / "run.mcap", ASYNCHRONOUS)
     assert summary.status == "failed"
     assert "a turn was due while the one before still computed" in present(summary.failure)
@@ -268,14 +269,16 @@ def test_or_it_is_a_failure(tmp_path: Path) -> None:
     assert names == ["started", "overrun", "failed"]
 
 
-@pytest.mark.parametrize("duration", [Duration("uniform", 0.01, 0.04), Duration("normal", 0.03, 0.02)])
-def test_a_drawn_latency_is_seeded_and_never_negative(duration: Duration) -> None:
+@pytest.mark.parametrize(
+    "duration", [ProbabilityDistribution(uniform=(0.01, 0.04)), ProbabilityDistribution(normal=(0.03, 0.02), least=0)]
+)
+def test_a_drawn_latency_is_seeded_and_never_negative(duration: ProbabilityDistribution) -> None:
     found, _ = latent(Timing(period=100 * MILLISECOND, latency=duration), steps=40)
     assert latent(Timing(period=100 * MILLISECOND, latency=duration), steps=40)[0] == found
     taken = [landed - begun for begun, landed in found]
     assert min(taken) >= 0
     assert len(set(taken)) > 10
-    if duration.kind == "uniform":
+    if duration.uniform:
         assert 10 <= min(taken) <= max(taken) <= 40
 
 
@@ -283,7 +286,8 @@ def test_turns_begin_at_the_same_instants_with_and_without_latency() -> None:
     """Jitter and latencies are drawn for different purposes."""
     timing = Timing(period=100 * MILLISECOND, jitter=40 * MILLISECOND)
     slow, quick = (
-        latent(replace(timing, latency=each), steps=40)[0] for each in (Duration("uniform", 0.01, 0.04), Duration())
+        latent(replace(timing, latency=each), steps=40)[0]
+        for each in (ProbabilityDistribution(uniform=(0.01, 0.04)), always(0.0))
     )
     assert [begun for begun, _ in slow[:15]] == [begun for begun, _ in quick[:15]]
     late = [begun % 100 / 40 for begun, _ in slow[:15]]
@@ -564,7 +568,7 @@ def test_the_latency_lies_between_the_halves_of_a_turn_that_awaits() -> None:
         async def _async_update(self, value: float) -> None:
             told.append((value, self.now / MILLISECOND))
 
-    timing = Timing(period=100 * MILLISECOND, latency=Duration("constant", 0.02))
+    timing = Timing(period=100 * MILLISECOND, latency=always(0.02))
     simulate({"a": Team({"it": Both}, timings={"it": timing})}, 4, options=ASYNCHRONOUS)
     assert told == [(10, 30), (110, 130)]
 
@@ -712,7 +716,7 @@ def test_whatever_fails_wherever_and_whenever_ends_the_run_with_its_log_finished
             super().initialise_component(agent, awareness, knowledge)
             self.subscribe("tick", lambda event: self._trouble("subscriber"))
 
-    timing = Timing(latency=Duration("constant", latency))
+    timing = Timing(latency=always(latency))
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "run.mcap"
         team = Team({"it": Fails}, count=3, timings={"it": timing})
@@ -751,7 +755,12 @@ agents:
         period: 0.03
         jitter: 0.02
       believe: {use: uncertainty.gaussian, period: 0.02, offset: 0.007}
-      paper: {use: doubles.paper, period: 0.015, jitter: 0.01, latency: {normal: [0.01, 0.01]}, overrun: queue}
+      paper:
+        use: doubles.paper
+        period: 0.015
+        jitter: 0.01
+        latency: {normal: [0.01, 0.01], least: 0}
+        overrun: queue
       steer:
         use: control.go-to-goal
         trigger: {event: updated, of: paper}
@@ -775,7 +784,9 @@ class Follows(Controller):
 @given(order=st.permutations(["a", "b", "c"]))
 def test_the_order_of_groups_changes_nothing_about_them(order: list[str]) -> None:
     def outcome(order: list[str]) -> dict[str, bytes]:
-        timing = Timing(period=17 * MILLISECOND, jitter=9 * MILLISECOND, latency=Duration("uniform", 0.0, 0.03))
+        timing = Timing(
+            period=17 * MILLISECOND, jitter=9 * MILLISECOND, latency=ProbabilityDistribution(uniform=(0.0, 0.03))
+        )
         ready = simulation({name: Team({"go": Follows}, 2, timings={"go": timing}) for name in order})
         execute(ready, 5, options=ASYNCHRONOUS)
         return {group.name: ready.environment.state(group).tobytes() for group in ready.groups}

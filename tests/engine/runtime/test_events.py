@@ -23,10 +23,11 @@ from symaware_cli.core.event import CHANNELS, RECURRING
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.run import run
 from symaware_cli.engine.runtime.simulation import Simulation
-from symaware_cli.engine.runtime.timing import Duration, Timing, Trigger
+from symaware_cli.engine.runtime.timing import Timing, Trigger
 from symaware_cli.log.manifest import manifest_of
 from symaware_cli.log.recorder import EventKinds, Recorder
 from symaware_cli.log.writer import LogWriter
+from symaware_cli.world import always
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 
@@ -251,7 +252,7 @@ def test_events_of_turns_that_take_time_know_as_much(latency: float) -> None:
 
     cases: list[tuple[Mode, str]] = [("synchronous", "computed"), ("asynchronous", "waited")]
     for mode, value in cases:
-        timing = Timing(latency=Duration("constant", latency))
+        timing = Timing(latency=always(latency))
         ready = simulation({"a": Team({"slow": Slow}, timings={"slow": timing})})
         ready.events.subscribe("computed", lambda event: seen.append((event.agent, event.value)))
         run(ready, 3, options=RunOptions(mode=mode))

@@ -23,7 +23,8 @@ from symaware_cli.engine.models.unicycle import Unicycle
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.run_summary import RunSummary
 from symaware_cli.engine.runtime.simulation import Simulation
-from symaware_cli.engine.runtime.timing import Duration, Timing
+from symaware_cli.engine.runtime.timing import Timing
+from symaware_cli.world import always
 
 MODES = pytest.mark.parametrize(
     "options", [RunOptions(), RunOptions(mode="asynchronous")], ids=["synchronous", "asynchronous"]
@@ -202,7 +203,7 @@ def test_a_failure_that_does_not_end_the_run_drops_what_was_under_way(tmp_path: 
             landed.append((self._agent.row, value // STEP))
 
     timings = {
-        "think": Timing(period=2 * STEP, latency=Duration("constant", 0.075)),
+        "think": Timing(period=2 * STEP, latency=always(0.075)),
         "drive": Timing(on_failure="isolate"),
     }
     team = Team({"think": Thinks, "drive": Drives}, count=2, timings=timings)

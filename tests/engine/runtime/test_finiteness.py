@@ -22,8 +22,9 @@ from symaware_cli.core import (
     TimeSeries,
 )
 from symaware_cli.engine.runtime.options import RunOptions
-from symaware_cli.engine.runtime.timing import Duration, Timing
+from symaware_cli.engine.runtime.timing import Timing
 from symaware_cli.log.reader import open_log
+from symaware_cli.world import always
 
 COLUMNS = (Quantity("one", "m"), Quantity("other", "m"))
 ATTENTION = Part("attention", "vector", COLUMNS)
@@ -196,11 +197,11 @@ def groups(of: Team) -> Any:
 KINDS: Mapping[str, tuple[type, RunOptions, Timing | None, int]] = {
     "single": (Writer, RunOptions(), None, BAD),
     "single, asynchronous": (Writer, RunOptions(mode="asynchronous"), None, BAD),
-    "single, with a latency": (Writer, RunOptions(), Timing(latency=Duration(first=STEP / 1e9)), BAD + STEP),
+    "single, with a latency": (Writer, RunOptions(), Timing(latency=always(STEP / 1e9)), BAD + STEP),
     "coroutine": (Waiter, RunOptions(mode="asynchronous"), None, BAD + 10_000_000),
     "group": (Writers, RunOptions(), None, BAD),
     "group, asynchronous": (Writers, RunOptions(mode="asynchronous"), None, BAD),
-    "group, with a latency": (Writers, RunOptions(), Timing(latency=Duration(first=STEP / 1e9)), BAD + STEP),
+    "group, with a latency": (Writers, RunOptions(), Timing(latency=always(STEP / 1e9)), BAD + STEP),
 }
 
 

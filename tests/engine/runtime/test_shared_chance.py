@@ -21,8 +21,9 @@ from symaware_cli.engine.faults.stop import Stop
 from symaware_cli.engine.models.integrator import SingleIntegrator
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.simulation import Simulation
-from symaware_cli.engine.runtime.timing import Duration, Timing, Trigger
+from symaware_cli.engine.runtime.timing import Timing, Trigger
 from symaware_cli.language.build import build
+from symaware_cli.world import ProbabilityDistribution, always
 from symaware_cli.world.chance import Turn
 
 Teams = dict[str, Team]
@@ -303,7 +304,7 @@ def latencies(
         def _update(self, value: Any) -> None:
             landed[self.agent.id, value] = self.now - value
 
-    timing = Timing(latency=Duration("uniform", 0.0, 0.04), period=STEP, jitter=10 * MILLISECOND)
+    timing = Timing(latency=ProbabilityDistribution(uniform=(0.0, 0.04)), period=STEP, jitter=10 * MILLISECOND)
     members = {name: Team({"slow": Slowly}, 3, timings={"slow": timing}) for name in ("a", "b")}
     ready = simulation(change(members))
     execute(ready, STEPS, options=replace(options or RunOptions("asynchronous"), faults=tuple(faults(ready))))
@@ -318,7 +319,7 @@ def test_latency_and_jitter_are_those_of_the_agent_and_the_turn() -> None:
 
     def slower(ready: Simulation) -> list[Fault]:
         rows = ComponentSelection(ready.entries[0], [1])
-        written, duration = {"of": "*", "latency": 0.02}, Duration("normal", 0.02, 0.005)
+        written, duration = {"of": "*", "latency": 0.02}, ProbabilityDistribution(normal=(0.02, 0.005), least=0)
         return [fault(Slow, written, 2, 3, components=[rows], duration=duration)]
 
     faulty = latencies(faults=slower)
@@ -362,7 +363,7 @@ def test_turns_at_one_instant_draw_different_numbers() -> None:
 
 def test_what_an_update_draws_belongs_to_the_turn_however_late_it_lands() -> None:
     def drawn(latency: float) -> list[Any]:
-        timing = Timing(period=4 * STEP, latency=Duration("constant", latency))
+        timing = Timing(period=4 * STEP, latency=always(latency))
         found = run(lambda teams, notes: {"car": team(notes, 3, timings={"draw": timing})}, steps=16).own_draws
         return [found[key] for key in sorted(found)]
 

@@ -1,15 +1,12 @@
 """When turns are due, as declared."""
 
-from typing import Any
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 from simulating import present
 
-from symaware_cli.engine.runtime.timing import Duration, Timetable, Timing
+from symaware_cli.engine.runtime.timing import Timetable, Timing
 
 STEP = 50
 
@@ -81,32 +78,3 @@ def test_who_takes_one_turn_a_step_is_steady() -> None:
     assert not Timing(period=STEP, jitter=1).is_steady(STEP)
     assert not Timing(period=2 * STEP).is_steady(STEP)
     assert not Timing(period=0).is_steady(STEP)
-
-
-@pytest.mark.parametrize(
-    ("duration", "least", "most"),
-    [
-        (Duration("constant", 0.25), 0.25, 0.25),
-        (Duration("uniform", 0.1, 0.2), 0.1, 0.2),
-        (Duration("normal", 0.1, 0.2), 0.0, 2.0),
-    ],
-)
-def test_a_duration_stays_within_its_bounds(duration: Duration, least: float, most: float) -> None:
-    fractions = np.linspace(0.0005, 0.9995, 1000)
-    drawn = [duration.at(fraction) / 1e9 for fraction in fractions]
-    assert least <= min(drawn) <= max(drawn) <= most
-    assert drawn == sorted(drawn)
-    assert duration.is_drawn == (len(set(drawn)) > 1)
-    quantiles: dict[str, Any] = {
-        "constant": drawn,
-        "uniform": 0.1 + 0.1 * fractions,
-        "normal": stats.norm(0.1, 0.2).ppf(fractions),
-    }
-    assert drawn == pytest.approx(np.maximum(quantiles[duration.kind], 0.0), abs=1e-9)
-
-
-def test_only_a_constant_of_nothing_is_zero() -> None:
-    assert Duration().is_zero
-    assert Duration("constant", 1e-12).is_zero
-    assert not Duration("constant", 1e-9).is_zero
-    assert not Duration("uniform", 0.0, 0.0).is_zero

@@ -11,8 +11,9 @@ from simulating import Team, execute, simulation
 import symaware_cli as sa
 from symaware_cli.core import Component, GroupComponent, Quantity, Signal, TimeSeries
 from symaware_cli.engine.runtime.options import RunOptions
-from symaware_cli.engine.runtime.timing import Duration, Timing
+from symaware_cli.engine.runtime.timing import Timing
 from symaware_cli.specification.expression import Expression
+from symaware_cli.world import always
 
 COLUMNS = (Quantity("one", "m"),)
 SIGNALS = tuple(Signal(kind, kind, COLUMNS) for kind in ("vector", "series", "table"))
@@ -64,7 +65,7 @@ def test_values_are_held_or_cleared_while_the_condition_is_false(
     kind: type, latency: float, when_off: Literal["hold", "clear"], options: RunOptions
 ) -> None:
     condition = Expression("time < 0.12 or time > 0.38", {"time"})
-    timing = Timing(condition=condition, when_off=when_off, latency=Duration(first=latency))
+    timing = Timing(condition=condition, when_off=when_off, latency=always(latency))
     ready = simulation({"a": Team({"it": kind}, count=2, timings={"it": timing})})
     execute(ready, 7, options=options)
     (group,) = ready.groups

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import nanoseconds
 from symaware_cli.core.message import Indices, Times
-from symaware_cli.engine.network.channel.channel_parameters import Bursts, ChannelParameters, DelayDistribution
+from symaware_cli.engine.network.channel.channel_parameters import Bursts, ChannelParameters
 from symaware_cli.engine.network.channel.link_states import FOREVER, LinkStates
-from symaware_cli.world import Array, message_fractions
+from symaware_cli.world import Array, ProbabilityDistribution, message_fractions
 
 #: The reasons why messages are dropped, by their numbers in `Fates.reason`; the first means not dropped.
 REASONS = ("", "loss", "queue-full", "too-old", "no-link", "absent")
@@ -206,7 +206,7 @@ class Channel:
         if self._constant is not None:
             return np.full(len(delay), self._constant, np.int64)
         given = self.parameters.delay
-        seconds = given.quantiles(delay) if isinstance(given, DelayDistribution) else np.full(len(delay), given)
+        seconds = given.quantiles(delay) if isinstance(given, ProbabilityDistribution) else np.full(len(delay), given)
         if self.parameters.jitter:
             seconds = seconds + self.parameters.jitter * jitter
         return np.rint(np.minimum(seconds, 1e9) * 1e9).astype(np.int64)

@@ -2,62 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from symaware_cli.core import Parameters
 from symaware_cli.engine.network.size import HEADER
+from symaware_cli.world import Latency, Seconds
 
-Seconds = Annotated[float, Field(ge=0, le=1e9)]
 Probability = Annotated[float, Field(ge=0, le=1)]
-
-
-class DelayDistribution(Parameters):
-    """A delay that is drawn for each message; never less than 0."""
-
-    uniform: tuple[Seconds, Seconds] | None = Field(
-        None, description="Drawn evenly between the least and greatest [s]."
-    )
-    normal: tuple[Seconds, Seconds] | None = Field(
-        None, description="Drawn from the normal distribution of a mean and deviation, truncated at 0 [s]."
-    )
-    lognormal: tuple[Seconds, Annotated[float, Field(ge=0, le=10)]] | None = Field(
-        None,
-        description="Drawn from the lognormal distribution: its median [s], and the deviation of the logarithm.",
-    )
-    exponential: Seconds | None = Field(None, description="Drawn from the exponential distribution of a mean [s].")
-    constant: Seconds = Field(0.0, description="What every message takes besides what is drawn [s].")
-
-    @model_validator(mode="after")
-    def _is_one(self) -> Self:
-        if sum(value is not None for value in (self.uniform, self.normal, self.lognormal, self.exponential)) != 1:
-            raise ValueError("give exactly one of `uniform`, `normal`, `lognormal` and `exponential`")
-        if self.uniform is not None and self.uniform[0] > self.uniform[1]:
-            raise ValueError("the least delay comes first")
-        return self
-
-    def quantiles(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the delays that are not exceeded with given probabilities in (0, 1) [s]; shape (m,)."""
-        if self.uniform is not None:
-            least, greatest = self.uniform
-            return self.constant + (least + (greatest - least) * shares)
-        if self.exponential is not None:
-            return self.constant - self.exponential * np.log1p(-shares)
-        from scipy.special import ndtr, ndtri
-
-        if self.lognormal is not None:
-            median, deviation = self.lognormal
-            return self.constant + median * np.exp(deviation * ndtri(shares))
-        assert self.normal is not None
-        mean, deviation = self.normal
-        if deviation == 0.0:
-            return np.full(len(shares), self.constant + mean)
-        # Truncated at 0: only quantiles of delays above it are used.
-        below = ndtr(-mean / deviation)
-        return self.constant + np.maximum(mean + deviation * ndtri(below + (1.0 - below) * shares), 0.0)
 
 
 class Bursts(Parameters):
@@ -76,11 +29,9 @@ class Bursts(Parameters):
 class ChannelParameters(Parameters):
     """Parameters of a link's channel."""
 
-    delay: Seconds | DelayDistribution = Field(
+    delay: Latency = Field(
         0.0,
-        description="How long a message travels [s]: a number, or {uniform: [least, greatest]}, "
-        "{normal: [mean, deviation]}, {lognormal: [median, deviation of the logarithm]} or {exponential: mean}, "
-        "to each of which a `constant` may be added: {constant: least, exponential: mean}. "
+        description="How long a message travels [s]: a number, or a distribution such as {lognormal: [0.02, 0.5]}. "
         "What takes no time is readable at the next step of the world.",
     )
     jitter: Seconds = Field(0.0, description="How much longer it may take, drawn evenly [s].")
