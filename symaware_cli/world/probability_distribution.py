@@ -301,7 +301,8 @@ class Distribution(Parameters, Generic[Part]):
         """The ends of these parts."""
         assert self.choice is not None
         weights = np.ones(len(self.choice)) if self.weights is None else np.array(self.weights, float)
-        return np.cumsum(weights) / weights.sum()
+        ends: Array = np.cumsum(weights) / weights.sum()
+        return ends
 
 
 class ProbabilityDistribution(Distribution[float]):

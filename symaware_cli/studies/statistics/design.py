@@ -1,4 +1,7 @@
-"""Designs: points between 0 and 1 for the parameters of runs, which distributions turn into values."""
+"""Designs: points between 0 and 1 for the parameters of runs, which distributions turn into values.
+
+Reasons: docs/decisions/0033-drawn-parameters.md
+"""
 
 from __future__ import annotations
 
