@@ -57,7 +57,7 @@ def slow_latencies(built: Built, _: Path) -> NDArray[np.float64]:
     entry = next(each for each in built.simulation.entries if each.name == "steer")
     supervision = Supervision(built.simulation, entry, lambda: None)
     (fault,) = built.options.faults
-    supervision.slow_down([0], fault.duration  # type: ignore[attr-defined])
+    supervision.slow_down([0], fault.duration)  # type: ignore[attr-defined]
     return np.array([supervision.latency(0, Turn(number)) for number in range(MANY)]) / 1e9
 
 
