@@ -1,4 +1,7 @@
-"""What a file of a sweep may say: which scenario, what varies, how many runs, and what is kept."""
+"""What a file of a sweep may say: which scenario, what varies, how many runs, and what is kept.
+
+Reasons: docs/decisions/0033-drawn-parameters.md
+"""
 
 from __future__ import annotations
 
