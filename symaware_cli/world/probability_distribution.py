@@ -281,7 +281,7 @@ class Distribution(Parameters, Generic[Part]):
     def lowest(self) -> float:
         """The number that none is below; negative infinity for a normal distribution without bounds."""
         if self.choice is not None:
-            return min(self.choice)
+            return float(min(self.choice))
         ends = {"normal": -math.inf, "lognormal": 0.0, "exponential": 0.0}
         lowest = ends[self.form] if self.form in ends else float(self._parts[0].min())
         return self.constant + (lowest if self.least is None else max(self.least, lowest))
