@@ -96,10 +96,10 @@ def _deduplicated(problems: Iterable[Problem]) -> list[Problem]:
         if known is None:
             first[key] = problem
         elif known.code == problem.code == "wrong-type" and problem.expected not in (None, known.expected):
-            ways = (known.expected, problem.expected)
-            # What is said of quotes is about numbers only.
-            ways = ways[::-1] if known.expected and known.expected.endswith("quotes") else ways
-            first[key] = replace(known, expected=" or ".join(map(str, ways)))
+            ways = [f"{known.expected}", f"{problem.expected}"]
+            # What is said of quotes is about numbers only, so it comes last.
+            ways.sort(key=lambda way: way.endswith("quotes"))
+            first[key] = replace(known, expected=" or ".join(ways))
         elif known.code == "wrong-type" and problem.code in ("invalid-value", "wrong-length"):
             # The branch of the right type has the more specific problem.
             first[key] = problem

@@ -281,7 +281,7 @@ class Distribution(Parameters, Generic[Part]):
     def lowest(self) -> float:
         """The number that none is below; negative infinity for a normal distribution without bounds."""
         if self.choice is not None:
-            return min(self.choice)
+            return float(min(self.choice))
         ends = {"normal": -math.inf, "lognormal": 0.0, "exponential": 0.0}
         lowest = ends[self.form] if self.form in ends else float(self._parts[0].min())
         return self.constant + (lowest if self.least is None else max(self.least, lowest))
@@ -301,7 +301,8 @@ class Distribution(Parameters, Generic[Part]):
         """The ends of these parts."""
         assert self.choice is not None
         weights = np.ones(len(self.choice)) if self.weights is None else np.array(self.weights, float)
-        return np.cumsum(weights) / weights.sum()
+        ends: Array = np.cumsum(weights) / weights.sum()
+        return ends
 
 
 class ProbabilityDistribution(Distribution[float]):
