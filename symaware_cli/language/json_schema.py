@@ -149,9 +149,11 @@ def _describe_values(schema: dict[str, Any]) -> None:
     for model in (GridPlacement, CirclePlacement):
         definitions[model.__name__] = model.model_json_schema()
     # Numbers may be lists or references here.
+    pair = {"type": "array", "minItems": 2, "maxItems": 2}
     drawn = {
-        name: {"description": f"{field.description} Each number may be a list of numbers, one for each element."}
+        name: {**(pair if field.description.startswith("[") else {}), "description": field.description}
         for name, field in VectorDistribution.model_fields.items()
+        if field.description
     }
     forms = {
         "grid": {"$ref": "#/$defs/GridPlacement"},

@@ -170,7 +170,7 @@ def test_problems_of_every_part_are_reported_in_one_pass(problems: Problems, sou
         ("unknown-key", "extra"),
         ("out-of-range", "agents.robot.model.with.max_speed"),
         ("wrong-length", "agents.robot.state"),
-        ("out-of-range", "agents.robot.knowledge.goal.uniform"),
+        ("invalid-value", "agents.robot.knowledge.goal.uniform"),
         ("unknown-plugin", "agents.robot.components.a.use"),
         ("broken-plugin", "agents.robot.components.b.use"),
         ("missing-field", "agents.robot.components.c"),

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from symaware_cli.language.build import Built, build
 from symaware_cli.language.problem import ScenarioError, render, to_json
+from symaware_cli.world import MODIFIERS, RANDOM
 
 pytestmark = pytest.mark.usefixtures("known_plugins")
 
@@ -86,7 +87,7 @@ VALUES = st.recursive(
     max_leaves=6,
 )
 DISTRIBUTIONS = st.dictionaries(
-    st.sampled_from(["uniform", "normal", "grid", "circle", "each", "all", "unifrom"]), VALUES, min_size=1, max_size=2
+    st.sampled_from([*RANDOM, *MODIFIERS, "grid", "circle", "each", "all", "unifrom"]), VALUES, min_size=1, max_size=2
 )
 
 
