@@ -22,7 +22,7 @@ MODELS = [
     for each in metadata.entry_points(group="symaware.models")
     if each.dist and each.dist.name == "symaware-cli"
 ]
-# Those that need parameters are put to the same tests, and more, in tests/models.
+# Those that need parameters are put to the same tests, and more, in tests/engine/models.
 MODELS = [kind for kind in MODELS if not any(field.is_required() for field in kind.Parameters.model_fields.values())]
 
 
