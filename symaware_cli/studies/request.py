@@ -1,4 +1,4 @@
-"""What a person asks for on the command line or from Python, as the same tree that a file of a sweep is read to."""
+"""Requests for sweeps from the command line or Python, converted to the same tree as the file of a sweep."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from symaware_cli.studies.sweep_document import is_range
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """Options of a sweep; what is None or empty stays as the file says.
+    """Options of a sweep; those that are None or empty leave the value of the file unchanged.
 
     Attributes:
-        over: What varies, as ``path=value,value``, ``path=first..last by step`` or ``path={uniform: [low, high]}``.
-        set: What all runs change, as ``path=value``.
-        variants: Names of variants, each with its changes as ``path=value; path=value``.
+        over: The varied parameters, as ``path=value,value``, ``path=first..last by step`` or ``path={uniform: [low,
+            high]}``.
+        set: The changes to all runs, as ``path=value``.
+        variants: The names of variants, each with its changes as ``path=value; path=value``.
         options: Further entries of the document by their keys, as text.
         entries: Further entries, as ``key=value`` or ``key.name=value``.
     """
@@ -29,7 +30,7 @@ class SweepRequest:
     entries: Sequence[str] = ()
 
     def overlays(self) -> Iterator[tuple[Source, SourceNode | None]]:
-        """Yield what each option adds to the document, with its pseudo file; None after a problem."""
+        """Yield each option as a pseudo source file with its tree; the tree is None if the option is invalid."""
         for text in self.over:
             yield _assigned("--over", text, ("over",), as_list=True)
         for text in self.set:
@@ -78,13 +79,13 @@ def _variant(name: str, text: str) -> tuple[Source, SourceNode | None]:
 def _assignment(
     source: Source, start: int, end: int, inside: tuple[str, ...] | None, *, as_list: bool = False
 ) -> SourceNode | None:
-    """Take ``path=value`` apart, which stands between two places of a one-line text.
+    """Parse ``path=value`` between two positions of a one-line text.
 
     Args:
         source: The text.
-        start: The first place.
-        end: The place after the last one.
-        inside: The mapping of the document to which the path belongs; None if it begins with the name of one.
+        start: The first position.
+        end: The position after the last.
+        inside: The mapping of the document that contains the path; None if the path begins with its name.
         as_list: Whether commas separate values.
     """
     text = source.text[start:end]
@@ -96,11 +97,11 @@ def _assignment(
         return None
     span = _span(source, start, start + len(path.rstrip()))
     if as_list and not is_range(value):
-        # Commas separate values: what stands behind the path is the inside of a list.
+        # Commas separate values: the text after the path is the inside of a list.
         node = _value(source, start + len(path), f"[{value}]")
         if node is not None and isinstance(node.value, list) and len(node.value) == 1:
             (only,) = node.value
-            # A mapping alone is a distribution.
+            # A single mapping is a distribution.
             node = only if isinstance(only.value, dict) else node
     else:
         node = _value(source, start + len(path) + 1, value)
@@ -109,7 +110,7 @@ def _assignment(
 
 
 def _value(source: Source, start: int, text: str) -> SourceNode | None:
-    """Read a value as YAML, so that every column is where the user typed it."""
+    """Read a value as YAML, with columns that match the text that the user typed."""
     from symaware_cli.language import parse_yaml
 
     blank = Source(source.name, b"", " " * start + text)
@@ -132,7 +133,7 @@ def _span(source: Source, start: int, end: int) -> TextSpan:
 
 
 def merged(base: SourceNode, overlay: SourceNode) -> SourceNode:
-    """Return a tree with another one laid over it: mappings merge, everything else replaces."""
+    """Return a tree merged with an overlay: mappings merge, everything else is replaced."""
     if not isinstance(base.value, dict) or not isinstance(overlay.value, dict):
         return overlay
     entries = dict(base.value)
@@ -143,7 +144,7 @@ def merged(base: SourceNode, overlay: SourceNode) -> SourceNode:
 
 
 def varied(path: str, values: Iterable[Any] | Mapping[str, Any] | str) -> Sequence[str]:
-    """Return what varies as ``--over`` takes it."""
+    """Return a varied parameter in the syntax of ``--over``."""
     if isinstance(values, str):
         return (f"{path}={values}",)
     if isinstance(values, Mapping):

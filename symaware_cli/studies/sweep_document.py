@@ -1,4 +1,4 @@
-"""What a file of a sweep may say: which scenario, what varies, how many runs, and what is kept."""
+"""The format of sweep files: scenario, varied parameters, number of runs, and logs to keep."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ from symaware_cli.studies.statistics.parameter_distribution import (
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*\.\.\s*({_NUMBER})(?:\s+by\s+({_NUMBER}))?\s*", re.ASCII)
 
-#: The longest text of a range, which bounds the time that the pattern takes [characters].
+#: The maximum length of a range, which bounds the matching time of the pattern [characters].
 _LONGEST = 200
 
-#: The most values of a range, its greatest number, and its least step.
+#: The maximum number of values of a range, its greatest number, and its least step.
 _MOST, _GREATEST, _LEAST_STEP = 100_000, Decimal("1e30"), Decimal("1e-30")
 
 
 def is_range(text: str) -> bool:
-    """Whether a text is a range, such as ``0..1 by 0.1``."""
+    """Return whether a text is a range, such as ``0..1 by 0.1``."""
     return len(text) <= _LONGEST and ".." in text and _RANGE.fullmatch(text) is not None
 
 
 def expanded(value: Any) -> Any:
-    """Return the values of a range, with both ends; anything else as it is.
+    """Return the values of a range, including both ends; other values are returned unchanged.
 
-    The values are those that a person would write: ``0..1 by 0.1`` has 0.3, not 0.30000000000000004.
+    The values are rounded as a person would write them: ``0..1 by 0.1`` contains 0.3, not 0.30000000000000004.
 
     Raises:
-        ValueError: The range is empty, endless or too long, or has neither a step nor whole numbers at its ends.
+        ValueError: The range is empty, infinite or too long, or has neither a step nor integer ends.
     """
     found = _RANGE.fullmatch(value) if isinstance(value, str) and is_range(value) else None
     if found is None:
@@ -72,12 +72,12 @@ _LISTED = {
 }
 Values = Annotated[list[Any], BeforeValidator(expanded), Field(min_length=1), WithJsonSchema(_LISTED)]
 
-#: What is an end of an interval, up to rounding: where the probability to lie beyond is 2^-40.
+#: The probabilities of the ends of an interval, up to rounding: those of lying beyond are 2^-40.
 _ENDS = (2.0**-40, 1.0 - 2.0**-40)
 
 
 def _sound(kind: type[Any]) -> AfterValidator:
-    """Make sure that two numbers make a distribution, so that a problem is shown where they stand."""
+    """Validate that two numbers define a distribution, so that a problem is located at them."""
 
     def check(numbers: tuple[float, float]) -> tuple[float, float]:
         kind(*numbers)
@@ -120,7 +120,7 @@ class DrawnValues(Section):
 
     @cached_property
     def distribution(self) -> ParameterDistribution:
-        """The distribution, which turns numbers between 0 and 1 into values."""
+        """The distribution, which maps numbers between 0 and 1 to values."""
         if self.choice is not None:
             return Choice(self.choice, self.weights)
         if self.uniform is not None:
@@ -132,7 +132,7 @@ class DrawnValues(Section):
 
     @property
     def landmarks(self) -> Sequence[Any]:
-        """Values that stand for all: every option of a choice, both ends of an interval, or the mean."""
+        """Representative values: every option of a choice, both ends of an interval, or the mean."""
         if self.choice is not None:
             return self.choice
         return self.distribution.values(np.array(_ENDS if self.normal is None else (0.5,)))
@@ -141,7 +141,7 @@ class DrawnValues(Section):
 #: The version of the format that this package reads.
 FORMAT = 1
 
-#: The most runs of a sweep, and the most combinations of parameters.
+#: The maximum numbers of runs of a sweep and of combinations of parameters.
 MOST_RUNS, MOST_CELLS = 10_000_000, 100_000
 
 Target = Annotated[str, Field(min_length=1, max_length=500)]
@@ -154,7 +154,7 @@ def _kept(text: str) -> str:
     return text
 
 
-#: What editors know of a claim; the rest is checked by `Claim.parse`.
+#: The pattern of a claim in the schema, for editors; `Claim.parse` checks the rest.
 _CLAIM = {"type": "string", "maxLength": 500, "pattern": r"^\s*P\(.+\)\s*>"}
 
 
@@ -163,7 +163,7 @@ def _claim(text: str) -> str:
 
 
 def _stated(text: object) -> object:
-    """A claim, or what takes one away that the file of the sweep states: `none` on a command line."""
+    """Return a claim, or None for `none`, which removes the claim of the file from the command line."""
     return None if text == "none" else text
 
 
@@ -239,22 +239,22 @@ class SweepDocument(Section):
 
     @property
     def listed(self) -> dict[str, list[Any]]:
-        """What varies over lists, by its path."""
+        """The listed parameters, by path."""
         return {path: each for path, each in self.over.items() if isinstance(each, list)}
 
     @property
     def drawn(self) -> dict[str, DrawnValues]:
-        """What each run draws, by its path."""
+        """The drawn parameters, by path."""
         return {path: each for path, each in self.over.items() if isinstance(each, DrawnValues)}
 
     @property
     def claimed(self) -> Claim | None:
-        """The claim."""
+        """The parsed claim; None without one."""
         return None if self.claim is None else Claim.parse(self.claim)
 
     @property
     def may_stop(self) -> bool:
-        """Whether the runs of a combination may end before all of them were made, because of what they showed."""
+        """Whether a combination may end before all planned runs are executed, depending on their results."""
         return self.until is not None or (self.claimed is not None and self.claimed.rule == "sequential")
 
     @property

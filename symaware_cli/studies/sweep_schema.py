@@ -26,11 +26,11 @@ def sweep_schema(
     definitions = schema["$defs"]
     broken: list[str] = []
     describe_plugins("metric", ("MetricUse",), definitions, broken, catalogue or Catalogue(), built_in_only)
-    # Most metrics are those of plugins, which need not be installed where a file is written.
+    # Names are open: most metrics come from plugins, which need not be installed where a file is written.
     definitions["MetricUse"]["properties"]["use"]["anyOf"].append({"type": "string"})
     drawn = definitions["DrawnValues"]
     for name in (*_FORMS, "weights"):
-        # What is left out is not null.
+        # An omitted entry is absent, not null.
         described = drawn["properties"][name]
         drawn["properties"][name] = {**described.pop("anyOf")[0], **described}
         drawn["properties"][name].pop("default")

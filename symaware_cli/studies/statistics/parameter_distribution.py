@@ -1,4 +1,4 @@
-"""Distributions of parameters, as functions of a number between 0 and 1.
+"""Distributions of parameters, given by their quantile functions.
 
 Reasons: docs/decisions/0033-drawn-parameters.md
 """
@@ -16,7 +16,7 @@ from symaware_cli.studies.statistics.interval_estimate import Array
 
 
 class ParameterDistribution(Protocol):
-    """A distribution by its quantile function, so that every design of points between 0 and 1 can be drawn from it."""
+    """A distribution with a quantile function, which maps any design of points between 0 and 1 to values."""
 
     def values(self, points: Array) -> Sequence[Any]:
         """Return the quantiles at points of the open interval from 0 to 1; shape (n,)."""
@@ -24,11 +24,11 @@ class ParameterDistribution(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class UniformDistribution:
-    """All numbers between two are equally likely.
+    """The uniform distribution on an interval.
 
     Attributes:
-        low: The least, in the parameter's unit.
-        high: The greatest.
+        low: The least value, in the parameter's unit.
+        high: The greatest value, likewise.
     """
 
     low: float
@@ -59,7 +59,7 @@ class NormalDistribution:
             raise ValueError("a normal distribution has a finite mean and a standard deviation of at least 0")
 
     def values(self, points: Array) -> Sequence[float]:
-        """Return the mean and so many standard deviations as the standard normal quantile of each point says."""
+        """Return mean + deviation z for the standard normal quantile z of each point."""
         from scipy.special import ndtri
 
         return _listed(self.mean + self.deviation * ndtri(points))
@@ -67,11 +67,11 @@ class NormalDistribution:
 
 @dataclass(frozen=True, slots=True)
 class LogUniformDistribution:
-    """Numbers whose logarithm is uniform, such as gains or noise levels of unknown magnitude.
+    """The log-uniform distribution, such as for gains or noise levels of unknown magnitude.
 
     Attributes:
-        low: The least, greater than 0, in the parameter's unit.
-        high: The greatest.
+        low: The least value, greater than 0, in the parameter's unit.
+        high: The greatest value, likewise.
     """
 
     low: float
@@ -90,11 +90,11 @@ class LogUniformDistribution:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One of some values, of any kind.
+    """A discrete distribution over values of any type.
 
     Attributes:
         options: The values.
-        weights: How likely each is, in any common unit; without them all are equally likely.
+        weights: The relative probabilities of the values; None if all are equally likely.
     """
 
     options: Sequence[Any]
@@ -112,7 +112,7 @@ class Choice:
         object.__setattr__(self, "_ends", np.cumsum(weights) / weights.sum())
 
     def values(self, points: Array) -> Sequence[Any]:
-        """Return the option in whose part of the interval from 0 to 1 each point lies, in their order."""
+        """Return the option for each point: options, in order, occupy parts of the interval from 0 to 1."""
         last = int(np.flatnonzero(np.diff(self._ends, prepend=0.0))[-1])
         places = np.minimum(np.searchsorted(self._ends, points, side="right"), last)
         return [self.options[place] for place in places.tolist()]
