@@ -31,7 +31,7 @@ class Result(Protocol):
         """The wall time spent on it [s]."""
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ class VerdictShare:
     interval: IntervalEstimate
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {
             **_of_cell(self.cell),
             "specification": self.specification,
@@ -60,7 +60,7 @@ class VariantDifference:
     comparison: PairedComparison
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {**_of_cell(self.cell), "against": self.against, **asdict(self.comparison)}
 
 

@@ -132,7 +132,7 @@ class SweepFolder:
             raise SweepError(f"{file} is damaged: {error}") from error
 
     def scenario_files(self) -> Mapping[str, bytes]:
-        """The files of the scenario, its bases and its assets, by path in the folder, sorted."""
+        """Return the files of the scenario, its bases and its assets, by path in the folder, sorted."""
         files = sorted(each for each in (self.path / SCENARIO).rglob("*") if each.is_file())
         return {each.relative_to(self.path).as_posix(): each.read_bytes() for each in files}
 

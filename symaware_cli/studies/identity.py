@@ -61,7 +61,7 @@ class SweepIdentity:
         return cls(**content)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return asdict(self)
 
     def of_run(self, plan: SweepPlan, index: int) -> str:
@@ -139,7 +139,7 @@ class CodeIdentity:
         return cls(versions, _imported(), processor.variables())
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data, from which it can be made again."""
+        """Return the object as plain data, from which it can be recreated."""
         return asdict(self)
 
     def differences(self, found: CodeIdentity) -> list[str]:

@@ -40,5 +40,5 @@ class Row:
     log: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data, from which it can be made again."""
+        """Return the object as plain data, from which it can be recreated."""
         return asdict(self)

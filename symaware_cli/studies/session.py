@@ -85,7 +85,7 @@ class SweepOutcome:
     one_by_one: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {
             "folder": str(self.folder),
             "table": str(self.folder / TABLE),
@@ -209,7 +209,7 @@ class _Session:
         self._journal.drop(index for index in range(plan.count) if not self.stops.wants(index))
 
     def _least(self) -> int:
-        """The minimum number of runs per block: enough for a batch of each cell, if runs can be batched.
+        """Return the minimum number of runs per block: enough for a batch of each cell, if runs can be batched.
 
         Otherwise runs that take long individually would never be batched, although that is many times as fast.
         """

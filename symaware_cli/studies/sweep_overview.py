@@ -38,7 +38,7 @@ class SweepOverview:
     columns: Sequence[str]
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data for JSON."""
+        """Return the object as plain data for JSON."""
         return asdict(self)
 
 
