@@ -1,4 +1,4 @@
-"""What a run or a sweep shows: checks, repetitions, comparisons, branches, claims, counterexamples, reports."""
+"""Evidence from runs and sweeps: checks, repetitions, comparisons, branches, claims, counterexamples, reports."""
 
 from symaware_cli.interface import interface_of
 

@@ -1,4 +1,4 @@
-"""Changes of a run at an instant: each becomes a fault of the branch's scenario, which begins then."""
+"""Changes to a run at an instant, converted to faults of the branch's scenario that begin at that instant."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _CAN_CHANGE = (
 
 
 class BranchError(LogError):
-    """A branch cannot be made: there is no such instant, or the change is none that can begin at one."""
+    """A branch cannot be created: the instant does not exist, or the change cannot begin at an instant."""
 
 
 def overrides_of(log: Path, instant: float, changes: Sequence[Assignment]) -> Sequence[Assignment]:
@@ -31,8 +31,8 @@ def overrides_of(log: Path, instant: float, changes: Sequence[Assignment]) -> Se
         changes: The changes.
 
     Raises:
-        BranchError: A change is none that can begin at an instant.
-        ScenarioError: A change names what the scenario does not have.
+        BranchError: A change cannot begin at an instant.
+        ScenarioError: A change names something that the scenario does not contain.
     """
     with tempfile.TemporaryDirectory() as folder:
         file, _ = extracted(log, Path(folder))
@@ -70,7 +70,7 @@ def _add(
     rest: Sequence[str | int],
     change: Assignment,
 ) -> None:
-    """Add the change of a part of a group, or of one of its agents."""
+    """Add the change to a part of a group or of one of its agents."""
     match rest:
         case ["components", name] if {"use"} <= {*mapping(_value(group, rest))} <= {"use", "with"}:
             faults["replace", f"{of}.{name}"] = {**_value(group, rest)}
@@ -88,7 +88,7 @@ def _add(
 
 
 def _without_replaced(faults: dict[tuple[str, str], dict[str, Any]]) -> dict[tuple[str, str], dict[str, Any]]:
-    """Let parameters of a component that is replaced be those of the new one, which has none of the old one's."""
+    """Apply changed parameters of a replaced component to its replacement, which inherits no parameters."""
     kept = dict(faults)
     for kind, of in faults:
         if kind == "replace" and (changed := kept.pop(("reconfigure", of), None)) is not None:

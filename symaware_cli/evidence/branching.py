@@ -1,4 +1,4 @@
-"""Branches: the run of a log up to an instant, and from there on with something changed."""
+"""Branches of a run: repetitions of the run of a log up to an instant, with changes from that instant on."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from symaware_cli.log.logged_events import LoggedEvent
 _EVENT = re.compile(r"\s*(?P<name>[\w-]+)\((?P<of>[^()]*)\)\s*(?P<shift>[+-]\s*[\d.]+)?\s*")
 
 Way = Literal["capture", "repetition"]
-"""How a branch comes to its instant: from a state captured there, or by repeating the run from its beginning."""
+"""How a branch reaches its instant: from a state captured there, or by repeating the run from its beginning."""
 
 Instant: TypeAlias = float | str | Event | LoggedEvent
-"""When a branch begins."""
+"""The instant or event at which a branch begins."""
 
 Progress = Callable[[int, int], object]
-"""Called with the number of steps that were made, and that of all."""
+"""Called with the number of completed steps and the total."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +48,13 @@ class BranchResult:
     """A branch of a run.
 
     Attributes:
-        log: The log that it was made from.
-        at: The instant from which on it may differ [s].
-        equal: How many messages before it are equal to those of the log: all.
-        changes: What was changed, in the form of ``--set``.
-        summary: The figures of the branch, with the path of its own log.
-        way: How it came to the instant.
-        reason: Why by repetition, if a state was wanted.
+        log: The log that it branches from.
+        at: The instant from which it may differ [s].
+        equal: The number of messages before the instant, all of which are equal to those of the log.
+        changes: The changes, in the form of ``--set``.
+        summary: The summary of the branch, with the path of its own log.
+        way: How the instant was reached.
+        reason: Why the instant was reached by repetition, if a captured state was requested.
     """
 
     log: Path
@@ -85,25 +85,25 @@ def branch(
     output: FilePath | None = None,
     on_progress: Progress | None = None,
 ) -> BranchResult:
-    """Repeat the run of a log up to an instant, and let it continue with something changed.
+    """Repeat the run of a log up to an instant, and continue it with changes.
 
-    What is changed becomes a fault of the branch's scenario (docs/time.md, "Faults") that begins at the instant, so the
-    branch is a run like any other: its log can be verified, compared and branched again. Without a change it is the
-    same run.
+    Each change becomes a fault of the branch's scenario (docs/time.md, "Faults") that begins at the instant, so the
+    branch is a run like any other: its log can be verified, compared and branched again. Without changes it equals the
+    original run.
 
     Args:
         log: The log.
-        at: The instant [s]; or an event: one of ``log.events()``, or of the run, or its description with a shift, such
-            as ``violated(safe) - 2.0``.
-        changes: What changes then, by the paths of the scenario: components, their parameters, knowledge, a state;
-            faults, which begin then unless they say when; values under ``run``.
-        output: The log of the branch; None for none.
-        on_progress: Called from time to time.
+        at: The instant [s]; or an event of ``log.events()`` or of the run; or the description of an event with a shift,
+            such as ``violated(safe) - 2.0``.
+        changes: The changes at the instant, by path in the scenario: components, their parameters, knowledge, states;
+            faults, which begin at the instant unless they specify a time; values under ``run``.
+        output: The log of the branch; None to write none.
+        on_progress: Called periodically.
 
     Raises:
         LogError: The log cannot be read or written.
-        BranchError: There is no such instant, it cannot be changed then, or the change affects what was before.
-        ScenarioError: The scenario with the change has problems.
+        BranchError: There is no such instant, the change cannot begin at it, or the change affects the run before it.
+        ScenarioError: The changed scenario is invalid.
         KeyboardInterrupt: A signal ended the run.
     """
     log = Path(log)
@@ -121,30 +121,30 @@ def branches(
     way: Way | None = None,
     on_progress: Progress | None = None,
 ) -> list[BranchResult]:
-    """Make several branches of a log at an instant; see `branch`.
+    """Create several branches of a log at one instant; see `branch`.
 
-    What they have in common is made once: the run is repeated to the instant, where its state is captured, and each
-    branch continues from it. Its log is the same as by repetition. A branch for which that is impossible is made by
-    repetition, and says why.
+    The common beginning is executed once: the run is repeated to the instant, its state is captured, and each branch
+    continues from it, with the same log as by repetition. Branches for which this is impossible repeat the run from its
+    beginning, and give the reason.
 
     Args:
         log: The log.
         at: The instant, as for `branch`.
         changes: The changes of each branch.
-        folder: The folder of the logs, ``0.mcap`` and so on, which is created; None for no logs.
-        way: How all branches come to the instant; None for the state where that is possible and shared.
-        on_progress: Called from time to time.
+        folder: The folder for the logs, ``0.mcap`` and so on, which is created; None to write none.
+        way: How all branches reach the instant; None to use a captured state where possible and shared.
+        on_progress: Called periodically.
 
     Raises:
-        StateError: ``way`` is "capture", and one of the branches cannot be made in this way.
-        LogError: As for `branch`, with all other exceptions.
+        StateError: ``way`` is "capture", and a branch cannot continue from a captured state.
+        LogError: As for `branch`, as are all further exceptions.
     """
     log = Path(log)
     original = _opened(log)
     instant = _instant(original, log, at)
     if folder is not None:
         Path(folder).mkdir(parents=True, exist_ok=True)
-    # All are built before the first runs, so that a mistake is reported at once.
+    # All branches are built before the first one runs, so that mistakes are reported immediately.
     made = [
         _Branch(log, original, instant, assignments(each), None if folder is None else Path(folder, f"{number}.mcap"))
         for number, each in enumerate(changes)
@@ -162,7 +162,7 @@ def branches(
 
 
 class _Branch:
-    """One branch to be made."""
+    """A branch to be executed."""
 
     def __init__(
         self, log: Path, original: Log, instant: float, changes: Sequence[Assignment], output: Path | None
@@ -180,7 +180,7 @@ class _Branch:
         return open_scenario(self._log, self._overrides)
 
     def result(self, beginning: SharedBeginning | None, on_progress: Progress | None) -> BranchResult:
-        """Make the branch: from the state of a beginning if there is one and that is possible, else by repetition."""
+        """Execute the branch: from the state of a shared beginning if possible, otherwise by repetition."""
         built, self._built = self._built or self._build(), None
         reason = ""
         if beginning is not None:
@@ -228,7 +228,7 @@ def _opened(log: Path) -> Log:
 
 
 def _instant(original: Log, log: Path, at: Instant) -> float:
-    """The instant of a branch [s], within the run."""
+    """Return the instant of a branch [s], within the run."""
     end = (original.end_time or 0) / 1e9
     if isinstance(at, Event | LoggedEvent):
         at = at.seconds
@@ -255,7 +255,7 @@ def _described(original: Log, log: Path, at: str) -> float:
     raise BranchError(f"there is no event {name}({of}) in {log}; {there}")
 
 
-#: The file in the folder of the branches.
+#: The name of the table in the folder of the branches.
 TABLE = "branches.csv"
 
 Cell = str | int | float | None
@@ -296,7 +296,7 @@ def branch_rows(results: Sequence[BranchResult], changes: Sequence[Sequence[Assi
 
 
 def write_branch_table(rows: Sequence[dict[str, Cell]], folder: Path) -> Path:
-    """Write the rows as CSV to the folder of the branches, and return the path; numbers with all their digits.
+    """Write the rows as CSV, with all digits of numbers, to the folder of the branches, and return the path.
 
     Raises:
         OutputError: The file cannot be written.
@@ -313,7 +313,7 @@ def write_branch_table(rows: Sequence[dict[str, Cell]], folder: Path) -> Path:
 
 
 def branch_lines(rows: Sequence[dict[str, Cell]]) -> list[str]:
-    """Format the rows for people: columns in which all cells are empty are left out, and so are the logs' names."""
+    """Format the rows as text, without the names of logs and without empty columns."""
     shown = [key for key in rows[0] if key != "log" and any(row[key] is not None for row in rows)]
     cells = [[_short(key) for key in shown], *([_text(row[key]) for key in shown] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -327,7 +327,7 @@ def _typed(change: Assignment) -> str:
 
 
 def _short(key: str) -> str:
-    """The last part of a path, which is enough to tell columns apart."""
+    """Return the last part of a path, which suffices to distinguish columns."""
     return key.rpartition(".")[2]
 
 

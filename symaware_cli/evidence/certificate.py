@@ -1,6 +1,6 @@
-"""What a certificate says of a sweep: the claim, what its probability is over, what decided it, and what to check.
+"""The statement of a certificate: the claim, its probability space, the evidence, and data for checks.
 
-The statement is made from the folder of the sweep alone, so it can be made again and compared.
+The statement depends only on the folder of the sweep, so it can be regenerated and compared.
 
 Reasons: docs/decisions/0058-evidence-that-agrees.md
 """
@@ -44,19 +44,19 @@ _METHODS = {
 }
 _HASH = "Merkle tree of RFC 6962 (SHA-256) over the rows in order of their index, each in canonical JSON (RFC 8785)"
 
-#: Greater whole numbers are text in canonical JSON, as in RFC 7493.
+#: Larger integers are written as text in canonical JSON, as RFC 7493 recommends.
 _MOST_INTEGER = 2**53 - 1
 
 
 def statement(folder: SweepFolder, post_hoc: Claim | None = None) -> dict[str, Any]:
-    """Return the statement of in-toto about the claim of a sweep, whether or not it is established.
+    """Return the in-toto statement about the claim of a sweep, whether or not the claim is established.
 
     Args:
         folder: The folder of a finished sweep.
-        post_hoc: A claim that is not in the plan; None for the one that is.
+        post_hoc: A claim that is not in the plan; None for the claim of the plan.
 
     Raises:
-        SweepError: The plan has no claim, the runs are not independent, or there are runs to be made.
+        SweepError: The plan has no claim, the runs are not independent, or the sweep is unfinished.
     """
     plan, names = folder.plan, folder.specifications
     claim = post_hoc or plan.document.claimed
@@ -121,14 +121,14 @@ def statement(folder: SweepFolder, post_hoc: Claim | None = None) -> dict[str, A
 
 
 def leaves(folder: SweepFolder) -> Iterator[tuple[int, str]]:
-    """Yield the index of each row and the hash of its leaf, in hexadecimal."""
+    """Yield the index of each row and its leaf hash, in hexadecimal."""
     with SweepJournal(folder.path / JOURNAL) as journal:
         for record in journal.records():
             yield record.index, leaf_of(record).hex()
 
 
 def leaf_of(record: JournalRecord) -> bytes:
-    """Return the hash of the leaf of a row: all that the table has of it; wall times and logs are not part of it."""
+    """Return the leaf hash of a row: of all its columns in the table, without wall time and log."""
     texts = ("parameters", "verdicts", "robustness", "metrics")
     fields = record._asdict()
     content = {name: json.loads(each) if name in texts else each for name, each in fields.items()}
@@ -137,7 +137,7 @@ def leaf_of(record: JournalRecord) -> bytes:
 
 
 def _outcome(row: Row, claim: Claim) -> str:
-    """What a run counts as."""
+    """Return the category in which a run is counted."""
     if row.state != "done":
         return row.state
     return row.verdicts.get(claim.specification) or "undecided"
@@ -155,7 +155,7 @@ def _of_cell(folder: SweepFolder, claim: Claim, number: int, counts: Counter[str
         "runs": runs,
         "satisfied": counts["satisfied"],
         "against": {name: counts[name] for name in ("violated", "undecided", "failed", "lost")},
-        # Rounded, so that another library for the beta function says the same.
+        # Rounded, so that other implementations of the beta function give the same value.
         "evidence": float(f"{min(evidence, 1e300):.9g}"),
         "needed": float(f"{1.0 / claim.alpha(cells):.9g}"),
         "runs_needed": claim.runs_needed(failures, cells),
@@ -178,14 +178,14 @@ def _probability_over(folder: SweepFolder) -> str:
 
 
 def _formula(folder: SweepFolder, claim: Claim) -> dict[str, Any]:
-    """The specification, as the resolved scenario of the first combination says it."""
+    """Return the specification as stated in the resolved scenario of the first combination."""
     stated = folder.identity.resolved.get("specifications")
     found = stated.get(claim.specification) if isinstance(stated, Mapping) else None
     return {"specification": _plain(found)}
 
 
 def _plain(value: Any) -> Any:
-    """Make values that JSON does not have, or not exactly, into text."""
+    """Convert values that JSON cannot represent exactly to text."""
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
@@ -207,7 +207,7 @@ def _leaf_hash(content: bytes) -> bytes:
 
 
 def _root_hash(leaves: Iterable[bytes]) -> bytes:
-    """Return the hash of the tree over the hashes of its leaves, in constant memory but for its depth."""
+    """Return the root hash of the tree over its leaf hashes, in memory proportional to its depth."""
     # Complete subtrees from left to right, each larger than the next, as (height, hash).
     subtrees: list[tuple[int, bytes]] = []
     for each in leaves:

@@ -1,4 +1,4 @@
-"""Checks a certificate against the folder of its sweep: its signature, its statement, its page and its row hashes."""
+"""Checks of a certificate against the folder of its sweep: signature, statement, page and row hashes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from symaware_cli.evidence.signed_statement import SignedStatement, fingerprint,
 from symaware_cli.log import LogError, reason
 from symaware_cli.studies import IDENTITY, Claim, SweepError, SweepFolder
 
-#: What a certificate is called in the folder of its sweep.
+#: The name of a certificate in the folder of its sweep.
 CERTIFICATE = "certificate.json"
 
 
 def certificates(folder: SweepFolder) -> list[Path]:
-    """Return the certificates in a folder: `CERTIFICATE`, and what else of JSON says that it is one; sorted."""
+    """Return the certificates in a folder, sorted: `CERTIFICATE`, and other JSON files that declare to be one."""
     found = sorted(each for each in folder.path.glob("*.json") if each.name != IDENTITY and each.is_file())
     return [each for each in found if each.name == CERTIFICATE or _is_statement(each)]
 
@@ -35,7 +35,7 @@ def opened(path: Path) -> SignedStatement:
     """Read a certificate.
 
     Raises:
-        LogError: It cannot be read, or it is none.
+        LogError: The file cannot be read, or is not a certificate.
     """
     try:
         return read_statement(path.read_bytes())
@@ -48,13 +48,13 @@ def opened(path: Path) -> SignedStatement:
 def certificate_findings(
     folder: SweepFolder, path: Path, read: SignedStatement, wanted: str | None = None
 ) -> Iterator[Finding]:
-    """Yield what in a certificate, or beside it, contradicts the folder.
+    """Yield contradictions between the folder and a certificate or the files that accompany it.
 
     Args:
         folder: The folder of its sweep.
         path: The certificate.
-        read: What it says.
-        wanted: The key that it has to be signed with, raw, in hexadecimal; None for any.
+        read: Its statement and signature.
+        wanted: The required raw public key, in hexadecimal; None for any.
     """
     yield from _of_signature(read, wanted)
     yield from _of_statement(folder, read)
@@ -63,7 +63,7 @@ def certificate_findings(
 
 
 def _of_page(read: SignedStatement, path: Path) -> Iterator[Finding]:
-    """Whether the page to print says something else."""
+    """Yield a finding if the printable page does not match the statement."""
     file = path.with_suffix(".html")
     try:
         if file.is_file() and file.read_bytes() != page(read.content, read.public_key).encode():
@@ -73,7 +73,7 @@ def _of_page(read: SignedStatement, path: Path) -> Iterator[Finding]:
 
 
 def _of_signature(read: SignedStatement, wanted: str | None) -> Iterator[Finding]:
-    """What is wrong with the signature."""
+    """Yield the faults of the signature."""
     if read.public_key is None:
         if wanted is not None:
             yield Finding(None, "signature", "none", f"one by the key {fingerprint(wanted)}")
@@ -85,7 +85,7 @@ def _of_signature(read: SignedStatement, wanted: str | None) -> Iterator[Finding
 
 
 def _of_statement(folder: SweepFolder, read: SignedStatement) -> Iterator[Finding]:
-    """What the statement says otherwise than the folder."""
+    """Yield the contradictions between the statement and the folder."""
     said = read.content["predicate"].get("claim", {})
     post_hoc = None
     if isinstance(said, dict) and said.get("stated") == POST_HOC:
@@ -103,7 +103,7 @@ def _of_statement(folder: SweepFolder, read: SignedStatement) -> Iterator[Findin
 
 
 def _of_rows(folder: SweepFolder, path: Path) -> Iterator[Finding]:
-    """Which rows are others than those that were certified, as far as the hashes beside the certificate say."""
+    """Yield the rows that differ from the certified ones according to the hashes that accompany the certificate."""
     file = path.with_suffix(".leaves")
     if not file.is_file():
         return
@@ -118,7 +118,7 @@ def _of_rows(folder: SweepFolder, path: Path) -> Iterator[Finding]:
 
 
 def _differences(place: str, found: Any, expected: Any) -> Iterator[Finding]:
-    """Where two trees of plain data differ."""
+    """Yield the values in which two trees of plain data differ."""
     if isinstance(found, Mapping) and isinstance(expected, Mapping):
         for name in dict.fromkeys([*expected, *found]):
             yield from _differences(f"{place}.{name}".strip("."), found.get(name), expected.get(name))

@@ -1,4 +1,4 @@
-"""A certificate as a page to print, and as a part of other pages."""
+"""A certificate as a printable page, and as a part of other pages."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from symaware_cli.evidence.certificate import POST_HOC
 from symaware_cli.evidence.signed_statement import fingerprint
 from symaware_cli.views import rendered
 
-#: The most combinations that are listed.
+#: The maximum number of combinations listed.
 _MOST = 200
 
 
 def page(statement: Mapping[str, Any], public_key: str | None) -> str:
-    """Return the page: one file of HTML.
+    """Return the page as one HTML file.
 
-    The same statement gives the same bytes, by which `symaware verify` recognises the page.
+    The same statement gives the same bytes, which lets `symaware verify` check the page.
 
     Args:
         statement: The statement.
-        public_key: What it is signed with, raw, in hexadecimal; None if it is not.
+        public_key: The raw public key of its signature, in hexadecimal; None if it is unsigned.
     """
     page = str(rendered("certificate.html", content=content(statement, public_key)))
-    # As pages of earlier versions have them; nothing but a quotation mark of the content is written like this.
+    # Escaped as in pages of earlier versions; only quotation marks of the content are written like this.
     return page.replace("&#39;", "&#x27;").replace("&#34;", "&quot;")
 
 
 def content(statement: Mapping[str, Any], public_key: str | None) -> dict[str, Any]:
-    """Return what the template shows.
+    """Return the variables of the template.
 
     Raises:
-        LookupError: The statement lacks something; likewise TypeError, ValueError, AttributeError.
+        LookupError: The statement is incomplete or malformed; likewise TypeError, ValueError, AttributeError.
     """
     said = statement["predicate"]
     claim = said["claim"]

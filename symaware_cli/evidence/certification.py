@@ -1,4 +1,4 @@
-"""Certificates of sweeps: made from the folder of one, and verified against it."""
+"""Certification of sweeps: certificates are created from the folder of a sweep and verified against it."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from symaware_cli.studies import Claim, SweepError, SweepFolder, is_sweep, liste
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What the runs of a sweep say about a claim.
+    """The decision on the claim of a sweep, and its files if written.
 
     Attributes:
-        statement: The statement, of in-toto.
+        statement: The in-toto statement.
         path: The certificate; None if none was written.
-        page: The page to print; None likewise.
-        public_key: What it is signed with, raw, in hexadecimal; None if it is not.
+        page: The printable page; None if none was written.
+        public_key: The raw public key of its signature, in hexadecimal; None if it is unsigned.
     """
 
     statement: Mapping[str, Any]
@@ -37,7 +37,7 @@ class Certificate:
 
     @property
     def is_established(self) -> bool:
-        """Whether the claim is established, for all combinations."""
+        """Whether the claim is established for all combinations."""
         return bool(self.statement["predicate"]["established"])
 
     @property
@@ -46,7 +46,7 @@ class Certificate:
         return bool(self.statement["predicate"]["claim"]["stated"] == POST_HOC)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {
             "established": self.is_established,
             "post_hoc": self.is_post_hoc,
@@ -59,14 +59,14 @@ class Certificate:
 
 @dataclass(frozen=True, slots=True)
 class CertificateVerification:
-    """What was found in a certificate.
+    """The result of verifying a certificate.
 
     Attributes:
         path: The certificate.
-        public_key: The key of its signature, raw, in hexadecimal; None if it has none.
-        is_known_signer: Whether it is the key that was asked for, and the signature is valid.
-        findings: What in the certificate is not as the folder says.
-        sweep: What was found in the folder.
+        public_key: The raw public key of its signature, in hexadecimal; None if it is unsigned.
+        is_known_signer: Whether the signature is valid under the requested key.
+        findings: The contradictions between the certificate and the folder.
+        sweep: The verification of the folder.
     """
 
     path: Path
@@ -77,7 +77,7 @@ class CertificateVerification:
 
     @property
     def is_sound(self) -> bool:
-        """Whether all is as it has to be."""
+        """Whether there are no findings."""
         return not self.findings and self.sweep.is_sound
 
     def to_json(self) -> dict[str, Any]:
@@ -97,19 +97,19 @@ def certify(
 ) -> Certificate:
     """Decide the claim of a sweep, and write a certificate if it is established for any combination.
 
-    Beside the certificate are a page to print (``.html``) and the hashes of the rows (``.leaves``).
+    Next to the certificate, a printable page (``.html``) and the hashes of the rows (``.leaves``) are written.
 
     Args:
         folder: The folder of a finished sweep.
-        claim: A claim that is not in its plan: looked at post hoc, and neither signed nor written but to an `output`.
-        key: A file with an unencrypted private key of Ed25519 in PEM, to sign with.
-        output: Where the certificate is to be; by default ``certificate.json`` in the folder.
+        claim: A claim that is not in its plan: evaluated post hoc, never signed, and written only if `output` is given.
+        key: A file with an unencrypted Ed25519 private key in PEM format, for the signature.
+        output: The path of the certificate; by default ``certificate.json`` in the folder.
 
     Raises:
-        SweepError: There is no sweep, no claim, or no end yet; or its table contradicts its plan.
-        LogError: The key is none, or a package is missing.
+        SweepError: The sweep does not exist, has no claim or is unfinished, or its table contradicts its plan.
+        LogError: The key is invalid, or a package is missing.
         OutputError: The certificate cannot be written.
-        ValueError: The claim is not valid.
+        ValueError: The claim is invalid.
     """
     require_pyarrow()
     sweep = SweepFolder.opened(folder)
@@ -151,16 +151,16 @@ def verify_certificate(
     seed: int | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> CertificateVerification:
-    """Verify a certificate: its signature, its statement against the folder of its sweep, and that folder.
+    """Verify the signature of a certificate, its statement against the folder of its sweep, and that folder.
 
     Args:
         path: The certificate.
-        level: How much of the folder is verified, see `verify_sweep`.
-        key: A file with the key that it has to be signed with, in PEM.
+        level: The extent of the folder's verification; see `verify_sweep`.
+        key: A file with the required key in PEM format; None for any key.
         folder: The folder of the sweep; by default that of the certificate.
-        rows: See `verify_sweep`, as for the next two.
-        seed: See there.
-        on_progress: See there.
+        rows: See `verify_sweep`.
+        seed: See `verify_sweep`.
+        on_progress: See `verify_sweep`.
 
     Raises:
         SweepError: There is no sweep.

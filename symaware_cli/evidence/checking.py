@@ -1,4 +1,4 @@
-"""Evaluates specifications on a log: those of its scenario, or new ones."""
+"""Evaluation of specifications on a log: those of its scenario, or new ones."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class CheckResult:
         sampled: Time between two recorded steps [s], if not every step was recorded; None otherwise.
         is_whole: Whether the run reached its declared end; otherwise open verdicts remain undecided.
         specifications: The outcome of each specification.
-        damage: What of the log could not be read, and so is not part of the outcomes; None if nothing.
+        damage: The part of the log that could not be read and is missing from the outcomes; None if undamaged.
     """
 
     log: Path
@@ -68,7 +68,7 @@ def check_log(
     Raises:
         LogError: The log cannot be read, or lacks data that the specifications need.
         ScenarioError: A specification is invalid.
-        RunError: A specification has no value, by which the run has not failed.
+        RunError: A specification has no value, and this is not how the run itself failed.
     """
     path = Path(path)
     statements = None if specifications is None or isinstance(specifications, Mapping) else Path(specifications)
@@ -99,7 +99,7 @@ def check_log(
             except RunError:
                 if outcome.get("status") != "failed" or now != outcome.get("time"):
                     raise
-                # The run failed by this.
+                # The run itself failed because of this.
     is_whole = outcome.get("status") == "finished" or bool(outcome.get("complete"))
     if is_whole:
         monitors.finish(simulation.clock.now)

@@ -1,4 +1,4 @@
-"""Compares two logs or two scenarios: what differs, and from when on the runs do, in whom and by how much."""
+"""Comparison of two logs or two scenarios: the differences, and when, where and by how much the runs diverge."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class ScenarioChange:
 
     Attributes:
         path: The path of the value.
-        values: The value in each, as plain data; None where it has none.
-        places: Where each has it, as ``file:line``; "" where it has none.
+        values: The value in each scenario, as plain data; None if missing.
+        places: The position of each value, as ``file:line``; "" if missing.
     """
 
     path: str
@@ -43,16 +43,16 @@ class ScenarioChange:
 
 @dataclass(frozen=True, slots=True)
 class ComparisonResult:
-    """How two logs, or two scenarios, differ.
+    """The differences between two logs or two scenarios.
 
     Attributes:
-        paths: Both.
-        scenario: The values of the scenario that differ, in the order of the first.
-        first: The first message that differs; None for scenarios, and if none does.
-        channels: How each channel differs, the earliest first.
-        attachments: How attachments, the outcome and what channels say of their columns differ.
-        events: How often each event occurred in each log, where that differs.
-        versions: What differs in versions and machine.
+        paths: The paths of both.
+        scenario: The differing values of the scenarios, in the order of the first.
+        first: The first differing message; None for scenarios and for equal logs.
+        channels: The differences of channels, the earliest first.
+        attachments: The differences in attachments, outcome and channel metadata about columns.
+        events: The numbers of occurrences in each log of events for which they differ.
+        versions: The differences in versions and machine.
     """
 
     paths: tuple[Path, Path]
@@ -65,7 +65,7 @@ class ComparisonResult:
 
     @property
     def is_equal(self) -> bool:
-        """Whether they are equal, whatever the versions."""
+        """Whether they are equal, regardless of versions."""
         return not (self.scenario or self.first or self.attachments)
 
     def to_json(self) -> dict[str, Any]:
@@ -76,15 +76,15 @@ class ComparisonResult:
 def compare(
     one: str | os.PathLike[str], other: str | os.PathLike[str], plot: str | os.PathLike[str] | None = None
 ) -> ComparisonResult:
-    """Compare two logs, or two scenarios; of a log and a scenario, the scenarios.
+    """Compare two logs or two scenarios; for a log and a scenario, their scenarios.
 
     Args:
         one: A log or a scenario.
-        other: Another one.
-        plot: Of two logs, a file for a figure of both; None for none.
+        other: Another log or scenario.
+        plot: A file for a figure of two logs; None for no figure.
 
     Raises:
-        LogError: A log cannot be read or plotted, or a figure is asked for of what are not two logs.
+        LogError: A log cannot be read or plotted, or a figure is requested for anything but two logs.
         OutputError: The figure cannot be written.
         ScenarioError: A scenario cannot be read.
     """
@@ -128,7 +128,7 @@ def _changes(one: Composition, other: Composition) -> Iterator[ScenarioChange]:
 def differing_values(
     one: Any, other: Any, path: tuple[str | int, ...]
 ) -> Iterator[tuple[tuple[str | int, ...], tuple[Any, Any]]]:
-    """Yield the deepest values in which plain data differ, with their paths."""
+    """Yield the paths and values of the innermost differences between plain data."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         for key in dict.fromkeys([*one, *other]):
             yield from differing_values(one.get(key), other.get(key), (*path, key))

@@ -1,4 +1,4 @@
-"""Searches for a violation of a specification, and makes what it finds as simple as possible.
+"""Search for a violation of a specification, and simplification of the violation found.
 
 Reasons: docs/decisions/0047-falsification.md
 """
@@ -18,23 +18,23 @@ from symaware_cli.evidence.search_space import CandidateWork, SearchSpace
 from symaware_cli.specification import Outcome
 from symaware_cli.studies import Array, Blocks, Executor, Row, SweepError, executor_of, signals_raised
 
-#: What stands for the robustness of a run that failed; methods take finite numbers, and square them.
+#: The substitute for the robustness of a failed run; methods need finite values and square them.
 _WORST = 1e100
 
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """What a search found.
+    """The result of a search.
 
     Attributes:
-        runs: How many runs there are up to the first violation, or in all; further ones of its batch do not count.
-        failed: How many of them failed, or had values that the scenario refuses.
-        failure: Why the first of these failed.
-        shrinking: How many further runs it took to make the violation simple.
-        values: The values of the violation, or those of the least robustness without one, by their paths.
-        found: The values of the violation before it was made simple; None without one.
-        outcome: What became of the specification with these values; None if every run failed.
-        one_by_one: Why the runs of a batch were made one by one; None if they were made together as arrays.
+        runs: The number of runs up to the first violation, or in total; later runs of the same batch do not count.
+        failed: The number of runs that failed or had values rejected by the scenario.
+        failure: The reason of the first failure; None if no run failed.
+        shrinking: The number of further runs for simplifying the violation.
+        values: The values of the violation, or of the least robust run if there is no violation, by path.
+        found: The values of the violation before simplification; None without a violation.
+        outcome: The outcome of the specification for `values`; None if every run failed.
+        one_by_one: Why runs were executed one by one; None if they were batched as arrays.
     """
 
     runs: int
@@ -48,19 +48,19 @@ class SearchResult:
 
 
 class _SearchOverError(Exception):
-    """Ends a search."""
+    """The search is over."""
 
 
 class _Search:
-    """Has runs made, keeps the best, and ends with the first violation or the last run that is allowed.
+    """The state of a search: executes runs, keeps the best, and ends at the first violation or the last allowed run.
 
     Attributes:
-        runs: How many runs count.
-        failed: How many of them failed.
-        failure: Why the first of these failed.
-        values: The values of the violation, or of the least robustness so far; None before a run succeeded.
-        merit: What the search minimises there.
-        is_violated: Whether that is a violation.
+        runs: The number of runs that count.
+        failed: The number of these that failed.
+        failure: The reason of the first failure; None if no run failed.
+        values: The values of the violation, or of the least robust run so far; None before a run succeeded.
+        merit: The value of the objective there.
+        is_violated: Whether `values` are a violation.
         one_by_one: See `SearchResult`.
     """
 
@@ -87,10 +87,10 @@ class _Search:
         self._run_time: float | None = None
 
     def look(self, points: Array) -> Array:
-        """Have the runs at some points made, and return what is to be minimised; shapes (n, d) and (n,).
+        """Execute the runs at points (n, d), and return the values of the objective (n,).
 
         Raises:
-            _SearchOverError: One is a violation, or no more are allowed.
+            _SearchOverError: A run is a violation, or no further runs are allowed.
         """
         begin = self.runs
         values = dict(enumerate(map(self._space.values, points[: self._most - begin]), start=begin))
@@ -114,7 +114,7 @@ class _Search:
         return np.array([min(self._space.merit(row), _WORST) for row in rows.values()])
 
     def _made(self, values: Mapping[int, Mapping[str, Any]]) -> dict[int, Row]:
-        """The rows of all runs, in their order; of those before and with the first violation, if there is one."""
+        """Return the rows of the runs in order, up to and including the first violation if there is one."""
         rows: dict[int, Row] = {}
         first, reached = max(values), min(values)
         blocks = Blocks(values, len(values), run_time=self._run_time, values=values)
@@ -144,13 +144,13 @@ def search(
     """Search for a violation.
 
     Args:
-        space: What varies, and the specification.
+        space: The varied values and the specification.
         method: The name of the search method.
-        runs: How many runs at most, besides those that make the violation simple.
-        seed: What the search draws from.
-        jobs: How many worker processes make the runs of a batch; 0 for this process. The result is the same.
-        batch: How many are made together at most, where that is possible; 1 for none. The result is the same.
-        on_progress: Called after each run with how many were made, and how many at most.
+        runs: The maximum number of runs, apart from those for simplification.
+        seed: The seed of the search.
+        jobs: The number of worker processes for the runs of a batch; 0 for this process. It does not affect the result.
+        batch: The maximum number of runs batched as arrays; 1 for none. It does not affect the result.
+        on_progress: Called after each run with the number of completed runs and the maximum.
 
     Raises:
         SweepError: There is no such method, it needs a module that is not installed, or a worker process died.
@@ -160,7 +160,7 @@ def search(
     with signals_raised():
         state = _searched(space, space.work(batch), chosen, runs, seed, jobs, on_progress)
         known = (state.runs, state.failed, state.failure)
-        # The runs of a batch have no reasons, so this one is made again by itself.
+        # Outcomes of batched runs carry no reasons, so this run is repeated alone.
         outcome = None if state.values is None else space.outcome(state.values)
         values = state.values or {}
         if not state.is_violated:
@@ -182,7 +182,7 @@ def _searched(
     jobs: int,
     on_progress: Callable[[int, int], object] | None,
 ) -> _Search:
-    """Look until there is a violation, or all runs are made."""
+    """Search until there is a violation or all runs are used."""
     with executor_of(work, min(jobs, runs)) as executor:
         state = _Search(space, executor, work, runs, on_progress)
         with suppress(_SearchOverError):
@@ -191,7 +191,7 @@ def _searched(
 
 
 class _Shrinking:
-    """Makes a violation simple: fewest changes first, then the simplest values."""
+    """Simplifies a violation: first to the fewest changes, then to the simplest values."""
 
     def __init__(self, space: SearchSpace, values: dict[str, Any], outcome: Outcome | None) -> None:
         self.space = space
@@ -201,7 +201,7 @@ class _Shrinking:
 
     def shrink(self) -> None:
         """Try simpler values until none of them violates the specification."""
-        # A change may be needed only because of another one, so all are tried again after each success.
+        # A change may be needed only because of another one, so all removals are tried again after each success.
         while any(self._try(values) for values in self._without_one()):
             pass
         for path, value in self.values.items():

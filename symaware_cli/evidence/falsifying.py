@@ -1,4 +1,4 @@
-"""Searches for a violation of a specification, and writes it as a scenario with its log."""
+"""Falsification of a specification: a violation is searched for and written as a scenario with its log."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from symaware_cli.log import require_writable_folder, whole_folder
 from symaware_cli.specification import Outcome
 from symaware_cli.studies import Over, SweepRequest, read_sweep, varied
 
-#: What the files in the folder of a violation are called.
+#: The names of the files in the folder of a violation.
 COUNTEREXAMPLE, LOG, RESULT = "counterexample.yaml", "counterexample.mcap", "falsification.json"
 
 
 @dataclass(frozen=True, slots=True)
 class Falsification:
-    """What a search for a violation came to.
+    """The result of a search for a violation.
 
     Attributes:
         scenario: The scenario.
         specification: The name of the specification.
-        method: How it was searched for.
-        seed: What the search drew from.
-        over: What varied, by its path, as it was said.
-        result: What was found.
-        folder: The folder with the counterexample and its log; None if there is none.
+        method: The name of the search method.
+        seed: The seed of the search.
+        over: The varied parameters, as requested.
+        result: The result of the search.
+        folder: The folder with the counterexample and its log; None if none was written.
     """
 
     scenario: Path
@@ -50,15 +50,15 @@ class Falsification:
 
     @property
     def outcome(self) -> Outcome | None:
-        """What became of the specification in the violation, or in the least robust run."""
+        """The outcome of the specification in the violation, or in the least robust run."""
         return self.result.outcome
 
     @property
     def bound(self) -> float | None:
-        """How probable a violation is at most, with confidence 0.95, where independent draws found none; else None.
+        """Upper bound of the violation probability, with confidence 0.95, if independent draws found none; else None.
 
-        It is about the distributions that were drawn from: the upper end of Clopper and Pearson's interval without
-        successes.
+        The probability refers to the distributions of the draws. The bound is the upper end of the Clopper-Pearson
+        interval without successes.
         """
         runs = self.result.runs - self.result.failed
         if self.is_found or not runs or not method_named(self.method).is_independent:
@@ -66,7 +66,7 @@ class Falsification:
         return -math.expm1(math.log(0.05) / runs)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         result = self.result
         return {
             "found": self.is_found,
@@ -103,26 +103,26 @@ def falsify(
     batch: int | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> Falsification:
-    """Search for values with which a scenario violates a specification, and make what is found simple.
+    """Search for values with which a scenario violates a specification, and simplify the violation.
 
     Args:
         scenario: A scenario, or a log of one.
         specification: The name of the specification.
-        output: A new or empty folder for the counterexample, its log and what was found; nothing is written if nothing
-            is found. By default nothing is kept.
-        over: What varies, as for `sweep`.
-        seeds: How many seeds of the scenario are tried as well; 0 for its own alone.
-        changes: Values of the scenario that all runs share.
-        method: ``random``, ``differential-evolution``, ``tpe``, ``cma-es``, or that of a plugin.
-        runs: How many runs at most, besides those that make the violation simple.
-        seed: What the search draws from.
-        jobs: How many worker processes make the runs; 0 to make them in this process. The result is the same.
-        batch: How many runs are made together at most, where that is possible; 1 for none. The result is the same.
-        on_progress: Called after each run with how many were made, and how many at most.
+        output: A new or empty folder for the counterexample, its log and the result; nothing is written without a
+            violation. By default nothing is kept.
+        over: The varied parameters, as for `sweep`.
+        seeds: The number of seeds of the scenario that are searched as well; 0 to use only its own.
+        changes: Changes to the scenario that all runs share.
+        method: ``random``, ``differential-evolution``, ``tpe``, ``cma-es``, or the name of a plugin.
+        runs: The maximum number of runs, apart from those for simplification.
+        seed: The seed of the search.
+        jobs: The number of worker processes; 0 to execute runs in this process. It does not affect the result.
+        batch: The maximum number of runs batched as arrays; 1 for none. It does not affect the result.
+        on_progress: Called after each run with the number of completed runs and the maximum.
 
     Raises:
-        ScenarioError: The scenario, or what varies, has problems.
-        SweepError: Nothing varies, there is no such specification or method, or the method needs a module that is not
+        ScenarioError: The scenario or a varied parameter is invalid.
+        SweepError: Nothing varies, there is no such specification or method, the method needs a module that is not
             installed, or a worker process died.
         OutputError: The folder cannot be written.
         KeyboardInterrupt: A signal ended a run.
@@ -152,7 +152,7 @@ def falsify(
 
 
 def _commented(found: Falsification) -> bytes:
-    """What stands above the counterexample."""
+    """Return the comment at the top of the counterexample."""
     lines = [f"{found.scenario.name} with these values violates `{found.specification}`:"]
     lines += [f"  {path}={json.dumps(value)}" for path, value in found.result.values.items()] or ["  (as it is)"]
     if found.outcome is not None:

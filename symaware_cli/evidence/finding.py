@@ -1,4 +1,4 @@
-"""A finding: something in the folder of a sweep, or in a certificate of it, that contradicts something else."""
+"""Findings: contradictions in the folder of a sweep or in its certificate."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something in the folder of a sweep that is not as it has to be.
+    """A value in the folder of a sweep, or in its certificate, that contradicts the expected one.
 
     Attributes:
-        index: The number of the run; None if it is about all of them.
-        column: The column of the table, or what else it is about.
-        found: What is there.
-        expected: What has to be there.
+        index: The number of the run; None if the finding concerns no single run.
+        column: The column of the table, or the name of another item.
+        found: The value found.
+        expected: The expected value.
     """
 
     index: int | None

@@ -1,7 +1,7 @@
-"""Evaluates the specifications of a log a second time, without the monitors that ran along with the simulation.
+"""Independent evaluation of the specifications of a log, without the monitors that ran with the simulation.
 
-Predicates have the values that the recorded states give them; the operators above them are evaluated by their
-definitions, over all samples at once, when the log was read to its end.
+Predicates are computed from the recorded states; the operators above them are evaluated by their definitions, over all
+samples at once, after the whole log has been read.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _ORDER = list(VERDICTS.values())
 
 
 class RowValue(NamedTuple):
-    """What became of a specification for an agent, a pair, or the world."""
+    """The verdict and robustness of a specification for an agent, a pair, or the world."""
 
     agents: tuple[str, ...]
     verdict: str
@@ -40,14 +40,14 @@ class RowValue(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class EvaluatedSpecification:
-    """What became of a specification, by its definition.
+    """The outcome of a specification, by its definition.
 
     Attributes:
         name: Its name.
-        rows: Each agent or pair that it was ever about.
-        is_exact: Whether the robustness of each row is that of the run. Otherwise the run may know an upper bound only:
-            it no longer looks at an instance whose verdict is known.
-        is_rejected: Whether it was offered, and nobody has accepted it.
+        rows: The values of each agent or pair that it was ever evaluated for.
+        is_exact: Whether the robustness of each row is that of the run. Otherwise the run may have only an upper bound,
+            because it stops evaluating an instance once its verdict is known.
+        is_rejected: Whether it was offered, and no agent accepted it.
     """
 
     name: str
@@ -57,25 +57,26 @@ class EvaluatedSpecification:
 
     @property
     def verdict(self) -> str:
-        """The worst verdict; undecided if it was about nobody."""
+        """The worst verdict; undecided if it was never evaluated for any row."""
         if self.is_rejected:
             return REJECTED
         return min((row.verdict for row in self.rows), key=_ORDER.index, default="undecided")
 
     @property
     def robustness(self) -> float | None:
-        """The least robustness; None where it is not known or infinite."""
+        """The least robustness; None if unknown or infinite."""
         least = min((row.robustness for row in self.rows), default=np.inf)
         return float(least) if np.isfinite(least) else None
 
 
 class LogEvaluation(NamedTuple):
-    """What became of the specifications of a log.
+    """The outcomes of the specifications of a log.
 
     Attributes:
-        specifications: Those that were evaluated.
-        left_out: Why others were not, by name.
-        is_complete: Whether the log contains all that they are about, so that monitors can evaluate the others.
+        specifications: The evaluated specifications.
+        left_out: The reason why each other specification was not evaluated, by name.
+        is_complete: Whether the log contains all data that specifications need, so that monitors can evaluate the
+            others.
     """
 
     specifications: Sequence[EvaluatedSpecification]
@@ -84,11 +85,11 @@ class LogEvaluation(NamedTuple):
 
 
 def evaluate_log(path: Path, catalogue: Catalogue | None = None) -> LogEvaluation:
-    """Evaluate the specifications of the log of a run that came to its end.
+    """Evaluate the specifications of the log of a run that reached its end.
 
     Args:
         path: The log.
-        catalogue: The installed plugins, if they were listed before.
+        catalogue: The installed plugins, if already listed.
 
     Raises:
         LogError: The log cannot be read.
@@ -114,7 +115,7 @@ def evaluate_log(path: Path, catalogue: Catalogue | None = None) -> LogEvaluatio
 
 
 def _reason(recorded: RecordedSpecifications, specification: Specification, trigger: Trigger | None) -> str:
-    """Why a specification cannot be evaluated; empty if it can."""
+    """Return why a specification cannot be evaluated; empty if it can."""
     names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
     if names & {*STATUS_NAMES} or (trigger is not None and trigger.event in ("violated", "satisfied")):
         return "it refers to the verdicts of monitors"
@@ -126,7 +127,7 @@ def _reason(recorded: RecordedSpecifications, specification: Specification, trig
 
 
 class _Samples:
-    """The values of the predicates of a specification, and from when to when each row is evaluated."""
+    """The values of the predicates of a specification, and the spans over which each row is evaluated."""
 
     def __init__(
         self,
@@ -139,13 +140,13 @@ class _Samples:
         self._names = names
         self._trigger = trigger if specification.offer is None else None
         self._values: list[list[Array]] = []
-        #: Of each row, the first instant of each of its evaluations, and the one after the last.
+        #: The evaluations of each row: their first instant, and the instant after their last.
         self._spans: dict[int, list[list[int]]] = defaultdict(list)
         offer = specification.offer
-        #: Whether evaluation begins with an event, and not by itself.
+        #: Whether evaluation begins with an event instead of automatically.
         self._is_begun = trigger is not None or offer is not None
         self._due: list[int] = [] if self._is_begun else list(range(specification.scope.rows))
-        #: Of what is offered: the agent that has accepted it, and whether it was rejected.
+        #: For an offered specification: the agent that accepted it, and whether it was rejected.
         self._holder: str | None = None
         self._is_rejected = False
         if offer is not None:
@@ -157,11 +158,11 @@ class _Samples:
             )
 
     def _begin(self, trigger: Trigger, groups: Sequence[AgentGroup], event: Event) -> None:
-        """An event has fired with which an instance begins."""
+        """Begin an instance for an event that triggers it."""
         self._due += rows_begun(event, trigger, self._specification, groups)
 
     def _on_offer(self, event: Event) -> None:
-        """It is offered, and evaluated for all from then on; or accepted, by one for which it counts."""
+        """Begin the evaluation for all agents when the specification is offered, and keep track of its holder."""
         match event.name:
             case "offered":
                 self._due += range(self._specification.scope.rows)
@@ -173,7 +174,7 @@ class _Samples:
                 self._is_rejected = True
 
     def look(self, now: int) -> None:
-        """Take the values of an instant."""
+        """Record the values at an instant."""
         specification = self._specification
         scope = specification.scope
         if now < specification.start or (specification.end is not None and now > specification.end):
@@ -184,15 +185,15 @@ class _Samples:
             if not present[row]:
                 for span in spans:
                     span[1] = min(span[1], number)
-        for row in sorted({*self._due}):  # of several events since the last step, all instances would be equal
+        for row in sorted({*self._due}):  # several events since the last step would begin equal instances
             if present[row]:
                 self._spans[row].append([number, np.iinfo(int).max])
-        # What begins by an event begins at once or not at all; everything else when its agents are there.
+        # Evaluations triggered by an event begin at once or never; all others begin when their agents are present.
         self._due = [] if self._is_begun else [row for row in self._due if not present[row]]
         self._values.append(self._names.robustness(specification))
 
     def evaluated(self) -> EvaluatedSpecification:
-        """Evaluate all that was seen."""
+        """Evaluate the specification on all recorded values."""
         specification = self._specification
         found: dict[int, list[tuple[float, float, bool]]] = defaultdict(list)
         for (first, end), rows in self._by_span().items():
@@ -210,7 +211,7 @@ class _Samples:
                 cut=specification.automaton is not None,
                 times=1,
             )
-            # Beyond the horizon nothing counts; without one, the end of the run decides.
+            # Values beyond the horizon do not count; without a horizon, the evaluation extends to the end of the run.
             horizon = specification.formulation.horizon
             for place, row in enumerate(rows.tolist()):
                 pair = low[0, place], high[0, place]
@@ -228,12 +229,12 @@ class _Samples:
         return {span: np.array(rows, np.intp) for span, rows in of_spans.items()}
 
     def _row(self, row: int, instances: Sequence[tuple[float, float, bool]]) -> RowValue:
-        """The worst of the instances of a row: the bounds of each, and whether its robustness is exact."""
+        """Return the worst of the instances of a row, given the bounds of each and whether its robustness is exact."""
         specification = self._specification
         verdict = min(1 if low > 0.0 else -1 if high < 0.0 else 0 for low, high, _ in instances)
         robustness = min(float(plain(np.asarray(high))) for _, high, _ in instances)
         if specification.automaton is not None or (
             not specification.interval and not all(is_exact for _, _, is_exact in instances)
         ):
-            robustness = np.inf  # the run does not know any
+            robustness = np.inf  # the run has no robustness
         return RowValue(specification.scope.agents(row), VERDICTS[verdict], robustness)

@@ -1,4 +1,4 @@
-"""Compares the messages of a run with those of a log, while the run goes on."""
+"""Comparison of the messages of a run with those of a log, during the run."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from symaware_cli.log import TIMING, Log, LogMessage
 
 
 class MessageComparison:
-    """Compares the messages of a log with those of a run, as they come.
+    """Compares the messages of a log with those of a run as they are written.
 
     Attributes:
-        is_whole: Whether all of the log is compared; otherwise the messages before some instant are, as an instant may
-            be in the log in part.
-        differs: Whether a message was another one.
-        count: How many were equal.
-        now: The time of the last one that was equal [ns].
+        is_whole: Whether all of the log is compared; otherwise only the messages before some instant, because the log
+            may contain only a part of that instant.
+        differs: Whether a message differed.
+        count: The number of equal messages.
+        now: The time of the last equal message [ns].
     """
 
     def __init__(self, log: Log, until: int | None = None) -> None:
@@ -24,8 +24,8 @@ class MessageComparison:
 
         Args:
             log: The log.
-            until: The instant before which messages are compared [ns]; None for the whole log, or as far as a log goes
-                that does not reach the end of its run.
+            until: The instant before which messages are compared [ns]; None for the whole log or, if the log does not
+                reach the end of its run, to compare up to its last instant, which is excluded.
         """
         status = (log.outcome or {}).get("status")
         self.is_whole = until is None and status in ("finished", "failed")
@@ -41,16 +41,16 @@ class MessageComparison:
 
     @property
     def is_left(self) -> bool:
-        """Whether the log has messages that did not come yet."""
+        """Whether the log has messages that the run has not yet written."""
         return self._next is not None
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing is left to compare."""
+        """Whether the comparison is finished."""
         return self.differs or (not self.is_whole and not self.is_left)
 
     def close(self) -> None:
-        """Close the log, of which nothing more is compared."""
+        """Close the log and end the comparison."""
         self._messages.close()
 
     def compare(self, topic: str, time: int, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""A rare event of a scenario: a verdict of a specification, which runs approach by levels of its robustness."""
+"""Rare events of scenarios: verdicts of specifications that runs approach through levels of robustness."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from symaware_cli.language.build import Built
 from symaware_cli.studies import SweepError, unknown_specification
 from symaware_cli.version import __version__
 
-#: What becomes of a specification: ``violated`` or ``satisfied``.
+#: The verdict that constitutes the event: ``violated`` or ``satisfied``.
 EventKind = Literal["violated", "satisfied"]
 EVENT_KINDS: tuple[EventKind, ...] = get_args(EventKind)
 
@@ -26,10 +26,10 @@ class _Happened(Enum):
     HAPPENED = "happened"
 
 
-#: Where the event has happened, whatever follows.
+#: The final state after the event, from which runs are not continued.
 HAPPENED: Final = _Happened.HAPPENED
 
-#: Where a stage ends: a state to continue from, or the event itself.
+#: The end of a stage: a state to continue from, or the event itself.
 SplitState = SimulationState | Literal[_Happened.HAPPENED]
 
 
@@ -39,10 +39,9 @@ class RareEvent:
 
     Attributes:
         specification: The name of the specification.
-        kind: The verdict on it, of all agents or pairs that it is about.
-        levels: The robustness at which each stage but the last one ends, in the unit of the formula: less and less if
-            the specification is to be violated, more and more if it is to be satisfied. The last stage ends with the
-            verdict.
+        kind: The verdict on it, over all agents or pairs that it applies to.
+        levels: The robustness at which each stage but the last one ends, in the unit of the formula: descending towards
+            a violation, ascending towards satisfaction. The last stage ends with the verdict.
     """
 
     specification: str
@@ -56,14 +55,14 @@ class RareEvent:
 
     @property
     def sign(self) -> int:
-        """1 if the robustness rises towards the event, -1 if it falls."""
+        """The sign of the change in robustness towards the event: 1 if it rises, -1 if it falls."""
         return 1 if self.kind == "satisfied" else -1
 
     def check(self, built: Built) -> None:
-        """Check that a scenario has such an event.
+        """Check that the event is defined for a scenario.
 
         Raises:
-            SweepError: It has not; the message gives the reason.
+            SweepError: It is not; the message gives the reason.
         """
         known = {each.name: each for each in built.options.specifications}
         found = known.get(self.specification)
@@ -88,16 +87,16 @@ class RareEvent:
 
 
 class SplitRun:
-    """A run that is put back into earlier states, and continued from there with other draws; see `splitting.Process`.
+    """A run that is reset to earlier states and continued from them with other random numbers; see `splitting.Process`.
 
     Attributes:
-        event: The event; another one with other levels may take its place between trials.
-        steps: How many steps were made in all.
-        failed: How many trials ended because a component failed; they do not reach the end of their stage.
+        event: The event; it may be replaced by one with other levels between trials.
+        steps: The total number of steps executed.
+        failed: The number of trials that a failing component ended; they do not reach the end of their stage.
     """
 
     def __init__(self, run: Run, event: RareEvent, scenario: str) -> None:
-        """Take a run that has not begun.
+        """Prepare a run that has not begun.
 
         Args:
             run: The run, without a log.
@@ -124,19 +123,19 @@ class SplitRun:
 
     @property
     def has_robustness(self) -> bool:
-        """Whether the specification has one: formulas of linear temporal logic have not."""
+        """Whether the specification has a robustness, unlike formulas of linear temporal logic."""
         return self._monitor.specification.automaton is None
 
     def begin(self) -> SplitState:
         """Return the state before the first step.
 
         Raises:
-            SweepError: It cannot be captured; the message names what cannot.
+            SweepError: The state cannot be captured; the message names the cause.
         """
         return self._captured()
 
     def reach(self, state: SplitState, stage: int, seed: int) -> SplitState | None:
-        """Continue from a state until the end of a stage, or that of the run; see `splitting.Process`.
+        """Continue from a state to the end of a stage or of the run; see `splitting.Process`.
 
         Raises:
             SweepError: The state there cannot be captured.
@@ -148,15 +147,15 @@ class SplitRun:
             return None
         if self._has_happened():
             return HAPPENED
-        # From the end of a run, nothing leads any further.
+        # A run that has ended cannot be continued.
         return self._captured() if self._run.status is None and self._is_at_level(stage) else None
 
     def closest(self, state: SplitState, seed: int) -> float:
-        """Continue from a state until the event, or the end of the run, and return how close it came.
+        """Continue from a state to the event or the end of the run, and return the closest approach to the event.
 
         Returns:
-            The robustness that came closest to the event, with the sign by which it rises towards it; infinite if the
-            event happened, and minus infinity if a component failed.
+            The robustness closest to the event, with the sign chosen such that it rises towards the event; infinity if
+                the event happened, and minus infinity if a component failed.
 
         Raises:
             KeyboardInterrupt: A signal ended the run.
@@ -175,7 +174,7 @@ class SplitRun:
         return math.inf if self._has_happened() else found
 
     def _continue(self, state: SimulationState, seed: int, is_over: Callable[[], bool]) -> bool:
-        """Continue from a state until the end of a trial; False if a component failed."""
+        """Continue from a state to the end of a trial; return False if a component failed."""
         run = self._run
         restore(run, state, self._scenario, __version__, seed)
         before = run.done
@@ -188,13 +187,13 @@ class SplitRun:
         return run.failure is None
 
     def _is_over(self, stage: int) -> bool:
-        """Whether a stage has ended, or the event cannot happen any more."""
+        """Return whether a stage has ended, or the event can no longer happen."""
         return self._has_happened() or self._is_at_level(stage) or (self.event.sign > 0 and self._monitor.verdict < 0)
 
     def _has_happened(self) -> bool:
         if self._monitor.verdict != self.event.sign:
             return False
-        # Further agents or instances of a specification may begin, and are to be satisfied as well.
+        # Further agents or instances of a specification may begin, and must be satisfied as well.
         return self.event.sign < 0 or self._run.status is not None or self._is_final()
 
     def _is_at_level(self, stage: int) -> bool:
@@ -202,7 +201,7 @@ class SplitRun:
         return stage < len(levels) and self._closeness() >= self.event.sign * levels[stage]
 
     def _closeness(self) -> float:
-        """The robustness now, with the sign by which it rises towards the event."""
+        """Return the present robustness, with the sign chosen such that it rises towards the event."""
         monitor = self._monitor
         begun = monitor.begun
         if not begun.any():
@@ -223,17 +222,17 @@ class SplitRun:
 
 @contextmanager
 def split_run(built: Built, event: RareEvent) -> Iterator[SplitRun]:
-    """Begin a run that can be split.
+    """Provide a run that can be split.
 
     Raises:
-        SweepError: It cannot; the message gives the reason.
+        SweepError: The run cannot be split; the message gives the reason.
         KeyboardInterrupt: A signal ended the run.
     """
     event.check(built)
     remote = [entry.path for entry in built.simulation.entries if entry.timing.in_process]
     if remote:
         raise SweepError(f"the run cannot be split: {remote[0]} computes in another process (`run_in: process`)")
-    # The stages need its bounds, whatever the scenario says.
+    # The stages need bounds of the robustness, regardless of the scenario's options.
     specifications = [
         replace(each, interval=each.automaton is None) if each.name == event.specification else each
         for each in built.options.specifications

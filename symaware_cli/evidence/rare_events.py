@@ -1,4 +1,4 @@
-"""Estimates how probable a rare event is, by splitting."""
+"""Estimation of rare-event probabilities by splitting."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from symaware_cli.studies import Blocks, IntervalEstimate, executor_of, signals_
 
 @dataclass(frozen=True, slots=True)
 class RareEventEstimate:
-    """How probable a rare event is, by splitting. It is an estimate: nothing is certified by it.
+    """An estimate of the probability of a rare event by splitting; it certifies nothing.
 
     Attributes:
-        plan: What every repeat did.
-        repeats: What came of each, by its number.
-        probability: The mean of the repeats with its interval.
-        pilot: What chose the levels; None if they were given.
+        plan: The plan of all repeats.
+        repeats: The results of the repeats, by number.
+        probability: The mean of the repeats with its confidence interval.
+        pilot: The pilot that chose the levels; None if they were given.
     """
 
     plan: SplittingPlan
@@ -31,7 +31,7 @@ class RareEventEstimate:
 
     @property
     def shares(self) -> Sequence[float]:
-        """The share of trials that reached the end of each stage, of all repeats that came to the stage."""
+        """The share of trials that reached the end of each stage, over all repeats that entered the stage."""
         shares = []
         for stage in range(self.plan.event.stages):
             there = [each.counts[stage] for each in self.repeats if stage < len(each.counts)]
@@ -41,26 +41,26 @@ class RareEventEstimate:
 
     @property
     def missed(self) -> int:
-        """How many repeats never came to the event; their estimate is 0."""
+        """The number of repeats that never reached the event; their estimate is 0."""
         return sum(each.estimate == 0.0 for each in self.repeats)
 
     @property
     def failed(self) -> int:
-        """In how many trials a component failed; they did not reach the end of their stage."""
+        """The number of trials in which a component failed; they did not reach the end of their stage."""
         return sum(each.failed for each in self.repeats)
 
     @property
     def steps(self) -> int:
-        """How many steps all repeats took."""
+        """The number of steps of all repeats."""
         return sum(each.steps for each in self.repeats)
 
     @property
     def cpu_time(self) -> float:
-        """The CPU time that all repeats took [s]; the only figure that differs when they are made again."""
+        """The CPU time of all repeats [s], the only value that is not reproducible."""
         return sum(each.cpu_time for each in self.repeats)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {
             **self.plan.to_json(),
             "probability": asdict(self.probability),
@@ -88,29 +88,30 @@ def estimate(
     jobs: int = 0,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> RareEventEstimate:
-    """Estimate how probable it is that a specification is violated, or satisfied, by splitting.
+    """Estimate the probability that a specification is violated, or satisfied, by splitting.
 
-    Runs are continued from where earlier ones came closer to the event: from states in which the robustness had reached
-    a level, with other draws from there on. So the probability is a product of probabilities that are not small.
+    Runs are continued, with new random numbers, from states in which earlier runs came closer to the event, because
+    their robustness had reached a level. The probability is thus a product of probabilities that are not small.
 
     Args:
-        scenario: A scenario, or a log of one. The state of its runs must be one that can be captured (docs/capture.md).
+        scenario: A scenario, or a log of one. It must be possible to capture the state of its runs (docs/capture.md).
         specification: The name of the specification.
-        levels: Robustness on the way to the event, in the unit of the formula: descending and above 0 to a violation,
-            ascending and below 0 otherwise. By default a pilot chooses them; empty to let all trials be plain runs.
-        event: ``violated`` or ``satisfied``, of all agents or pairs that the specification is about.
+        levels: Levels of robustness on the way to the event, in the unit of the formula: descending and above 0 for a
+            violation, ascending and below 0 otherwise. By default a pilot chooses them; empty to let all trials be
+            plain runs.
+        event: ``violated`` or ``satisfied``, over all agents or pairs that the specification applies to.
         trials: The number of trials of each stage of each repeat.
-        repeats: The number of independent repeats, from which the interval is made.
-        changes: Values of the scenario to change.
+        repeats: The number of independent repeats, from which the interval is computed.
+        changes: Changes to the scenario.
         seed: The seed of all random draws: the same seed gives the same estimate.
         confidence: The confidence of the interval.
-        jobs: How many worker processes make the repeats; 0 to make them in this process. The figures are the same.
-        on_progress: Called after each repeat with how many were made, and how many there are.
+        jobs: The number of worker processes; 0 to execute the repeats in this process. It does not affect the estimate.
+        on_progress: Called after each repeat with the number of completed repeats and the total.
 
     Raises:
-        ScenarioError: The scenario has problems.
-        SweepError: It has no such event, the state of its runs cannot be captured, or a worker process died; the
-            message says what.
+        ScenarioError: The scenario is invalid.
+        SweepError: The scenario has no such event, the state of its runs cannot be captured, or a worker process died;
+            the message gives the reason.
         ValueError: There are no trials, or fewer than two repeats.
         KeyboardInterrupt: A signal ended a run.
     """

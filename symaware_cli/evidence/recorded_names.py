@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 class RecordedNames:
-    """Derives values from the states, control inputs and knowledge that were recorded for the present instant."""
+    """Computes values of names from the states, control inputs and knowledge recorded at the present instant."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._world: Environment = simulation.environment
@@ -37,11 +37,11 @@ class RecordedNames:
         regions = self._groups[0].regions if self._groups else {}
         self._regions = {name: RegionHere(name, regions, self._pose) for name in regions}
         self._index = {id: index for index, id in enumerate(self._places)}
-        #: The positions of all agents at the instant, NaN for who is absent; shape (agents, d).
+        #: The positions of all agents at the instant, NaN for absent agents; shape (agents, d).
         self._positions = np.empty((0, 0))
 
     def robustness(self, specification: Specification) -> list[Array]:
-        """Return the robustness of each predicate of a specification; each of shape (rows,), NaN for who is absent.
+        """Return the robustness of each predicate of a specification; each of shape (rows,), NaN for absent agents.
 
         Raises:
             SpecificationError: A predicate has no value.
@@ -66,7 +66,7 @@ class RecordedNames:
         return found
 
     def _value(self, scope: Scope, row: int, known: dict[str, Any], shared: dict[str, Any], name: str) -> Any:
-        """The value of a name for a row; `known` are those of the row so far, `shared` those of all rows."""
+        """Return the value of a name for a row; `known` caches values of the row, `shared` values of all rows."""
         if name not in known:
             known[name] = self._derived(scope, row, name, shared)
         return known[name]
@@ -110,7 +110,7 @@ class RecordedNames:
         return float(state[places[name]]) if name in places else group.knowledge[row][name]
 
     def _believed(self, scope: BeliefScope, row: int, name: str, shared: dict[str, Any]) -> Any:
-        """A belief: of the own state as it was recorded, of all else as the run takes it from awareness."""
+        """Return a belief, derived from the recorded belief about the own state or looked up in awareness."""
         group = scope.group
         if name == "nearest" or name in group.awareness.columns.keys() - {"state"} or name == "has_intent":
             if name not in shared:
@@ -136,11 +136,11 @@ class RecordedNames:
         return {"first": of(first), "second": of(second)}
 
     def _of_world(self, scope: Scope, name: str) -> Any:
-        """What is said of the world, as the run tells it."""
+        """Return a value about the world, looked up as in a run."""
         return _of_one(scope.look_up(name))
 
     def _least_distance(self, id: str, others: Sequence[str]) -> float:
-        """The distance of an agent to the nearest of some others; infinite if it or all of them are absent."""
+        """Return the distance of an agent to the nearest of the others; infinite if it or all others are absent."""
         rows = [self._index[each] for each in others if each != id]
         apart = self._positions[rows] - self._position(id)
         squared = np.zeros(len(apart))
@@ -162,7 +162,7 @@ class RecordedNames:
         return self._padded(group.model.velocity(state[None], applied[None])[0])
 
     def _padded(self, vector: Array) -> Array:
-        """A vector with as many coordinates as the world has; those that a model does not have are 0."""
+        """Return a vector with as many coordinates as the world; those that a model does not have are 0."""
         return np.concatenate([vector, np.zeros(self._world.roster.dimensions - len(vector))])
 
     def _pose(self, id: str) -> tuple[Array, float | None]:
@@ -175,14 +175,14 @@ class RecordedNames:
 
 
 def _of_one(value: Any) -> Any:
-    """A value of the one row of the world."""
+    """Return a value of the single row of the world."""
     if isinstance(value, np.ndarray):
         return value[0]
     return value if np.isscalar(value) else _OfOne(value)
 
 
 class _OfOne:
-    """What is so of each agent or group by its name, for the one row of the world."""
+    """A mapping from names of agents or groups to their values, for the single row of the world."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self._values = values

@@ -1,4 +1,4 @@
-"""Replays a log into a simulation of its scenario, instant by instant, and evaluates specifications on it."""
+"""Replay of a log into a simulation of its scenario, instant by instant, for the evaluation of specifications."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from symaware_cli.specification.node import Name, walk
 
 Array = NDArray[np.float64]
 
-#: Events of a step that are fired after specifications were evaluated at it.
+#: Events of a step that are fired after the evaluation of specifications at that step.
 _AFTERWARDS = frozenset({"stepping", "finished", "interrupted"})
 
 
 class RecordedRun:
-    """Reads a log and sets its records in a simulation of the same scenario.
+    """Reads a log and applies its records to a simulation of the same scenario.
 
     Attributes:
         log: The log.
@@ -56,7 +56,7 @@ class RecordedRun:
         self._inputs: dict[str, Array] = {}
         self._poses: dict[str, Pose] = {}
         self._others: dict[str, list[tuple[NDArray[np.intp], Array]]] = {}
-        #: The events of the present step that are fired after specifications were evaluated at it.
+        #: The events of the present step that are fired after the evaluation of specifications.
         self._later: list[LoggedEvent] = []
         for group in simulation.groups:
             absent = set(log.manifest["groups"][group.name].get("absent", ()))
@@ -66,16 +66,16 @@ class RecordedRun:
     def instants(self, period: int) -> Iterator[int]:
         """Yield the recorded instants in nanoseconds, at each of which the simulation has its recorded state.
 
-        Of a run that failed or was interrupted, they end where its specifications were last evaluated.
+        For a failed or interrupted run, they end with the last evaluation of its specifications.
 
         Args:
             period: The time between two instants, in nanoseconds.
 
         Raises:
-            LogError: The log is damaged, or has messages that its scenario cannot have.
+            LogError: The log is damaged, or contains messages that its scenario cannot produce.
         """
         rooms = ("agents", "world", "events", "contacts")
-        # With those of single entities, whose poses are recorded in shared channels.
+        # Including the poses of single entities, which are recorded in shared channels.
         topics = [topic for topic in self.log.topics if topic.split("/")[1] in rooms and topic not in SHARED]
         upcoming, last = 0, 0
         for message in self.log.messages(topics):
@@ -141,7 +141,7 @@ class RecordedRun:
     def _event(self, entry: LoggedEvent) -> None:
         simulation = self.simulation
         if entry.name == "contact":
-            return  # their channel says which bodies they concern
+            return  # their own channel records the bodies involved
         if entry.name in ("added", "removed"):
             id = entry.source.removeprefix("agents.")
             group = next((each for each in simulation.groups if id in each.ids), None)
@@ -237,15 +237,15 @@ def _changed(before: Array, content: Any) -> Array:
 
 
 class RecordedSpecifications:
-    """A log that is replayed into a simulation of its scenario, and specifications about it.
+    """A log replayed into a simulation of its scenario, with specifications to evaluate.
 
     Attributes:
         log: The log.
         simulation: The simulation.
         options: The options of the run.
-        specifications: What is to hold, with windows in steps of `period`.
-        router: Connects the events of the log with what they bring about.
-        observer: Watches the simulation, for what is said of the world.
+        specifications: The specifications, with windows in steps of `period`.
+        router: Connects the events of the log with their effects.
+        observer: Observes the simulation, for specifications about the world.
         step: The time step of the world, in nanoseconds.
         period: The time between two instants, in nanoseconds: that of the recorded steps.
     """
@@ -300,7 +300,7 @@ class RecordedSpecifications:
         yield from RecordedRun(self.log, self.simulation).instants(self.period)
 
     def missing(self, specification: Specification) -> Sequence[str]:
-        """Return which data and events that a specification needs the scenario leaves out of the log."""
+        """Return the data and events that a specification needs but the scenario leaves out of the log."""
         names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
         moving = {"closing_speed", "control_input", "speed", "velocity"}
         if specification.of == "belief":
@@ -312,7 +312,7 @@ class RecordedSpecifications:
         return sorted({*(needed & self._left_out), *self._missing_events(specification)})
 
     def _missing_events(self, specification: Specification) -> Iterator[str]:
-        """Yield "events" or the name of the event with which a specification begins, if the log does not have it."""
+        """Yield "events" or the name of the event that triggers a specification, if missing from the log."""
         trigger = self.options.instances.get(specification.name)
         if specification.offer is not None:
             if self._events == "none":

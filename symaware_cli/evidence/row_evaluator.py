@@ -1,8 +1,8 @@
 """The values of expressions and the robustness of predicates for one row: one agent, one pair, or the world.
 
-It shares the parser with the evaluation of a run, and nothing else: it walks the tree, one row after the other, and
-computes with NumPy's functions on single numbers and vectors as docs/specifications.md defines them, so that what
-`columns` computes for all rows at once can be checked by it.
+It shares only the parser with the evaluation during a run: it walks the syntax tree row by row, and applies NumPy's
+functions to single numbers and vectors as docs/specifications.md defines them, as an independent check of `columns`,
+which computes all rows at once.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from symaware_cli.specification.node import Arithmetic, Call, Comparison, Consta
 Array = NDArray[np.float64]
 #: Returns the value of a name for the row: a number, a vector, a `RegionHere`, a mapping, or anything else.
 RowLookup = Callable[[str], Any]
-#: Returns the position of an agent, NaN if it is not there, and its heading, None if it has none.
+#: Returns the position of an agent, NaN if it is absent, and its heading, None if it has none.
 Pose = Callable[[str], tuple[Array, float | None]]
 
 
@@ -35,7 +35,7 @@ class RegionHere:
         self._pose = pose
 
     def depth(self, point: Array) -> float:
-        """Return the depth of a point in it [m], negative outside; where it is 0, the point is in a primitive."""
+        """Return the depth of a point in the region [m], negative outside; points at depth 0 belong to a primitive."""
         if self._region.around is None:
             return self._depth(self._region, point)
         position, heading = self._pose(self._region.around)
@@ -74,7 +74,7 @@ def _box_depth(bounds: Sequence[float], point: Array) -> float:
 
 
 def _polygon_depth(corners: Sequence[Sequence[float]], point: Array) -> float:
-    """The least distance to the lines of the edges, inside of a convex polygon; outside, to the edges themselves."""
+    """Return the depth in a convex polygon: the distance to the lines of the edges inside, to the edges outside."""
     depths, distances = [], []
     for one, other in zip(corners, [*corners[1:], corners[0]], strict=True):
         along, x = np.subtract(other, one), point[:2] - one
@@ -94,19 +94,20 @@ def norm(vector: Array) -> float:
 
 
 def _signed(margin: float, holds_at_zero: bool) -> float:
-    """A robustness whose sign is the truth: 0 is replaced by a tiny number, as `formula` describes."""
+    """Return a robustness whose sign is the truth value: 0 is replaced by a tiny number, as `formula` describes."""
     return margin if margin != 0.0 else ZERO if holds_at_zero else -ZERO
 
 
 def row_robustness(node: Node, look_up: RowLookup) -> float:
-    """Return the robustness of a predicate, whose sign is its truth.
+    """Return the robustness of a predicate; its sign is the truth value.
 
     Args:
         node: A comparison, `inside(...)`, `all(...)` or `any(...)` of a comparison, or a Boolean value.
         look_up: Returns the values of names for the row.
 
     Raises:
-        TypeError, ValueError, LookupError, ArithmeticError: It has no value; `AbsentError`, if an agent is absent.
+        TypeError, ValueError, LookupError, ArithmeticError: The predicate has no value; `AbsentError` if an agent is
+            absent.
     """
     match node:
         case Comparison():
@@ -126,7 +127,7 @@ def row_robustness(node: Node, look_up: RowLookup) -> float:
 
 
 def row_value(node: Node, look_up: RowLookup) -> Any:
-    """Return the value of an expression, for `look_up` as in `row_robustness`, with the same errors."""
+    """Return the value of an expression, with `look_up` and errors as for `row_robustness`."""
     match node:
         case Constant(value=value):
             return value
@@ -153,7 +154,7 @@ def row_value(node: Node, look_up: RowLookup) -> Any:
 
 
 def _number(value: Any) -> Array:
-    """A number, or a vector of them; truth values count as 1 and 0."""
+    """Convert a number, a truth value (1 or 0), or a sequence of them to an array of floats."""
     found = np.asarray(value)
     if found.dtype.kind not in "fbiu":
         raise TypeError(f"{value!r:.50} is no number")
@@ -161,7 +162,7 @@ def _number(value: Any) -> Array:
 
 
 def _margins(node: Comparison, look_up: RowLookup) -> Array:
-    """The robustness of a comparison, for each element of what is compared; of a chain, the least."""
+    """Return the elementwise robustness of a comparison; for a chain, the least of its comparisons."""
     operands = [row_value(each, look_up) for each in node.operands]
     least: Array | None = None
     for sign, (one, other) in zip(node.operators, itertools.pairwise(operands), strict=True):
@@ -178,7 +179,7 @@ def _order(one: Any, other: Any, sign: str) -> Array:
 
 
 def _equality(one: Any, other: Any, equal: bool) -> Array:
-    """How far two values are from being equal, or different; for what is not made of numbers, infinitely."""
+    """Return the robustness of the equality or inequality of two values; infinite for non-numeric values."""
     try:
         first, second = _number(one), _number(other)
     except TypeError:

@@ -18,18 +18,18 @@ from symaware_cli.entry_points import PluginError
 from symaware_cli.studies import Array, SweepError
 from symaware_cli.world import InstalledPlugins, PluginKind
 
-#: Returns the values of points: shapes (n, d) and (n,); raises whatever is to end the search.
+#: Returns the values (n,) of points (n, d); raises an exception to end the search.
 Look = Callable[[Array], Array]
 
 
 class SearchMethod(ABC):
-    """Chooses the points at which a search looks; registered in the group `symaware.searches`.
+    """Chooses the points that a search evaluates; registered in the group `symaware.searches`.
 
     Attributes:
-        module: A module that it needs and that is not always installed.
-        install: How to install it.
-        is_independent: Whether the points are independent draws, so that a search without a violation bounds its
-            probability.
+        module: An optional module that it needs.
+        install: The command to install that module.
+        is_independent: Whether the points are independent draws, so that a search without a violation bounds the
+            violation probability.
     """
 
     module: ClassVar[str | None] = None
@@ -38,13 +38,13 @@ class SearchMethod(ABC):
 
     @abstractmethod
     def minimise(self, look: Look, names: Sequence[str], most: int, seed: int) -> None:
-        """Look at points until `look` ends the search by an exception, or at `most` of them.
+        """Evaluate points until `look` ends the search with an exception, or at least `most` of them.
 
         Args:
             look: Returns the values of a batch of points; shapes (n, d) and (n,).
             names: The names of the coordinates, d of them.
-            most: How many points at least, if nothing ends the search.
-            seed: What points are drawn from; the same seed and values give the same points.
+            most: The number of points to evaluate at least, if `look` does not end the search.
+            seed: The seed of the points; the same seed and values give the same points.
         """
 
 
@@ -52,15 +52,15 @@ SEARCH = PluginKind("search", "symaware.searches", (SearchMethod,))
 
 
 def method_names() -> Sequence[str]:
-    """The names of all methods that are installed."""
+    """Return the names of all installed methods."""
     return list(dict.fromkeys(listing.name for listing in InstalledPlugins([SEARCH]).listings(SEARCH.name)))
 
 
 def method_named(name: str) -> SearchMethod:
-    """Return a method.
+    """Return the search method with a name.
 
     Raises:
-        SweepError: There is none of this name, or the module that it needs is not installed.
+        SweepError: There is no such method, or the module that it needs is not installed.
     """
     try:
         method: SearchMethod = InstalledPlugins([SEARCH]).load(SEARCH.name, name)()
@@ -76,5 +76,5 @@ def method_named(name: str) -> SearchMethod:
 
 
 def number_of(*key: int) -> int:
-    """A seed for generators that take one of 32 bits."""
+    """Return a 32-bit seed derived from a key, for generators that need one."""
     return int(np.random.SeedSequence(key).generate_state(1)[0])

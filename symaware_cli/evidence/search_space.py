@@ -1,4 +1,4 @@
-"""What a search for a violation may vary, and its candidates as work: points between 0 and 1 stand for values."""
+"""The search space of a falsification, with coordinates between 0 and 1, and the work of running its candidates."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from symaware_cli.studies import (
 )
 from symaware_cli.world import ProbabilityDistribution
 
-#: The path of the seed, which is not changed in the scenario, but given to its run.
+#: The path of the seed, which is passed to the run instead of being changed in the scenario.
 SEED = "seed"
 
 
@@ -36,8 +36,8 @@ class CandidatePlan:
     """A `RunPlan` of candidates.
 
     Attributes:
-        document: What all of them share.
-        values: What each changes in the scenario, by its number.
+        document: The document with the settings and changes that all candidates share.
+        values: The changed values of each candidate, by number.
     """
 
     def __init__(self, shared: Mapping[str, Any]) -> None:
@@ -55,14 +55,14 @@ class CandidatePlan:
 
 
 class CandidateWork:
-    """`Work` that makes the rows of candidates."""
+    """`Work` that produces the rows of candidates."""
 
     def __init__(self, scenario: str, shared: Mapping[str, Any], batch: int | None = None) -> None:
         """Prepare.
 
         Args:
             scenario: The scenario file.
-            shared: What all candidates change in it, by its path.
+            shared: The changes that all candidates share, by path.
             batch: See `Runner`.
         """
         self._content = {"scenario": scenario, "shared": {**shared}, "batch": batch}
@@ -83,7 +83,7 @@ class CandidateWork:
         yield from self._runner.rows(block.indices)
 
     def refusal(self, candidates: Sequence[Mapping[str, Any]]) -> str | None:
-        """Say why candidates with some values are run one by one; None if they are batched."""
+        """Return why candidates are executed one by one; None if they are batched."""
         self._plan.values = dict(enumerate(candidates))
         return self._runner.refusal(range(len(candidates)))
 
@@ -101,11 +101,11 @@ class CandidateWork:
         return Row(**content)
 
     def lost(self, index: int, why: str) -> Row:
-        """See `Work`; without its outcome a search would go elsewhere."""
+        """See `Work`; a search without this outcome would take another course, so it cannot be replaced."""
         raise LostResultError(f"run {index} of the search was lost: {why}")
 
 
-#: The verdict that a search is for.
+#: The verdict that a search looks for.
 VIOLATED = VERDICTS[-1]
 
 
@@ -113,21 +113,21 @@ class SearchSpace:
     """The coordinates of a search, and the runs at its points.
 
     Attributes:
-        distributions: From which distribution each value comes, by its path in the scenario.
+        distributions: The distribution of each value, by path in the scenario.
         specification: The name of the specification that is to be violated.
     """
 
     def __init__(self, source: SweepSource, specification: str, seeds: int = 0) -> None:
-        """Take what varies from a sweep: lists and distributions.
+        """Create the search space from the lists and distributions of a sweep.
 
         Args:
             source: The sweep.
             specification: The name of the specification.
-            seeds: How many seeds are tried, from 0 on; 0 for that of the scenario alone.
+            seeds: The number of seeds to search, from 0 on; 0 to use only the scenario's own.
 
         Raises:
             SweepError: Nothing varies, or there is no such specification.
-            ScenarioError: The scenario has problems.
+            ScenarioError: The scenario is invalid.
         """
         document = source.plan.document
         self._scenario = source.scenario
@@ -144,17 +144,17 @@ class SearchSpace:
         known = self.built({}).document.specifications
         if specification not in known:
             raise unknown_specification(specification, known)
-        # Values elsewhere may be refused, which makes runs that fail; a path that does not exist is reported at once.
+        # The scenario may reject values at other points, whose runs then fail; a nonexistent path is reported at once.
         self.built(self.values(np.full(len(distributions), 0.5)))
 
     def values(self, point: Array) -> dict[str, Any]:
-        """Return the values at a point (d,), by their paths."""
+        """Return the values at a point (d,), by path."""
         inside = np.clip(point, 2.0**-53, 1.0 - 2.0**-53)
         pairs = zip(self.distributions.items(), inside, strict=True)
         return {path: each.values(np.array([coordinate]))[0] for (path, each), coordinate in pairs}
 
     def simpler(self, path: str, value: Any) -> Sequence[float]:
-        """Return near numbers with fewer significant digits, the simplest first, that the distribution may give."""
+        """Return nearby numbers with fewer significant digits in the range of the distribution, the simplest first."""
         distribution = self.distributions[path]
         if distribution.choice is not None or not isinstance(value, float):
             return ()
@@ -163,17 +163,17 @@ class SearchSpace:
         return [each for each in dict.fromkeys(found) if each != value and low <= each <= high]
 
     def built(self, values: Mapping[str, Any]) -> Built:
-        """Build the scenario with some values.
+        """Build the scenario with the given values.
 
         Raises:
-            ScenarioError: They are not valid.
+            ScenarioError: The values are invalid.
         """
         changes = [*self._shared, *(ParameterChange(path, value, ("over", path)) for path, value in values.items())]
         composition = compose(self._scenario, [each.assignment() for each in changes])
         return build_composition(composition, self._scenario.parent, None, self._catalogue)
 
     def outcome(self, values: Mapping[str, Any]) -> Outcome | None:
-        """Run the scenario with some values, and return what became of the specification; None if it failed.
+        """Run the scenario with the given values, and return the outcome of the specification; None if the run failed.
 
         Raises:
             KeyboardInterrupt: A signal ended the run.
@@ -191,7 +191,7 @@ class SearchSpace:
         return next(each for each in run.summary.specifications if each.name == self.specification)
 
     def work(self, batch: int | None = None) -> CandidateWork:
-        """Return what makes the rows of runs with some values.
+        """Return the work of running candidates.
 
         Args:
             batch: See `Runner`.
@@ -200,18 +200,18 @@ class SearchSpace:
         return CandidateWork(str(self._scenario), shared, batch)
 
     def is_violated(self, row: Row) -> bool:
-        """Whether a run violates the specification."""
+        """Return whether a run violates the specification."""
         return row.verdicts.get(self.specification) == VIOLATED
 
     @staticmethod
     def is_violation(outcome: Outcome | None) -> bool:
-        """Whether an outcome is a violation."""
+        """Return whether an outcome is a violation."""
         return outcome is not None and outcome.verdict == VIOLATED
 
     def merit(self, row: Row) -> float:
-        """What a search minimises: the robustness, less than any other where a specification without one is violated.
+        """Return the objective of a search: the robustness, capped at 0 if the specification is violated.
 
-        It is infinite if the run failed.
+        It is 0 for a violated specification without robustness, and infinite for failed runs and unknown robustness.
         """
         robustness = row.robustness.get(self.specification)
         if self.is_violated(row):

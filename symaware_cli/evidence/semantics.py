@@ -1,7 +1,7 @@
-"""The robustness of formulas on recorded samples, straight from the definitions of the operators.
+"""The robustness of formulas on recorded samples, computed directly from the definitions of the operators.
 
-It shares no code with the monitors that run along with a simulation, and nothing here is clever, so that verdicts can
-be checked by it: every window is written out, and its least or greatest element is taken.
+It shares no code with the monitors that run during a simulation, and is deliberately simple, so that it can check their
+verdicts: every window is written out, and its least or greatest element is taken.
 
 Reasons: docs/decisions/0056-next-at-the-end-of-a-run.md
 """
@@ -21,7 +21,7 @@ Instants = NDArray[np.intp]
 
 
 class RobustInterval(NamedTuple):
-    """The least and the greatest robustness that are possible at each instant; each of shape (instants, rows)."""
+    """The bounds of the possible robustness at each instant; each of shape (instants, rows)."""
 
     low: Array
     high: Array
@@ -42,21 +42,21 @@ def robustness_interval(
     Args:
         formula: The formula.
         samples: The encoded robustness of each predicate at each known instant; each of shape (instants, rows).
-        instants: How many instants are known.
-        rows: How many rows there are.
-        ended: Whether the run ends with these; otherwise it may end there, or go on for as long as one likes.
-        cut: Whether windows with an end are cut to what is known as well: so that after the end nothing is next, as in
-            linear temporal logic over finite runs.
-        times: At how many instants, from the first on; by default at all that are known. To evaluate one is cheap: an
-            operator without others below it then takes time in proportion to `instants`, otherwise to their square.
+        instants: The number of known instants.
+        rows: The number of rows.
+        ended: Whether the run ends with the known instants; otherwise it may end there, or continue arbitrarily long.
+        cut: Whether bounded windows are also truncated to the known instants, so that the last instant has no
+            successor, as in linear temporal logic over finite traces.
+        times: The number of instants to evaluate, from the first on; by default all known ones. Evaluating a single one
+            is cheap: an operator without nested ones then takes time linear in `instants`, otherwise quadratic.
     """
-    # From `far` on all values stay the same: what is known has an influence there only through operators that look
-    # back without limit.
+    # From `far` on, all values are constant: known samples affect them only through past operators with unbounded
+    # windows.
     far = instants + _look_back(formula)
     unknown = np.full((far + 1 - instants, rows), np.inf)
 
     def of(part: Formula, times: int = far + 1) -> RobustInterval:
-        """The bounds of a part at so many instants."""
+        """Return the bounds of a subformula at the first `times` instants."""
         match part:
             case stl.Constant(value):
                 truth = np.full((times, rows), np.inf if value else -np.inf)
@@ -86,7 +86,7 @@ def robustness_interval(
                 missing = np.inf if weak else -np.inf
                 if ended:
                     low[instants - 1 : instants] = high[instants - 1 : instants] = missing
-                else:  # the run may end with any instant from the last known one on
+                else:  # the run may end at any instant from the last known one on
                     (high if weak else low)[instants - 1 :] = missing
                 return RobustInterval(low, high)
             case stl.Until(first, last, left, right):
@@ -104,14 +104,14 @@ def robustness_interval(
                 )
 
     def ahead(t: int, last: int | None, longest: bool) -> Instants:
-        """The instants from t to the end of a window; of one without an end, if the run is as long as can be or not."""
+        """Return the instants from t to the end of a window; without an end, for the longest or the shortest run."""
         if cut or (last is None and (ended or not longest)):
             return np.arange(t, instants if last is None else min(t + last + 1, instants))
         steps = far + 1 if last is None else min(last, far + 1)
         return np.minimum(np.arange(t, t + steps + 1), far)
 
     def back(t: int, last: int | None) -> Instants:
-        """The instants from t back to the beginning of a window in the past."""
+        """Return the instants from t back to the beginning of a window in the past."""
         return np.arange(t, -1 if last is None else max(-1, t - last - 1), -1)
 
     def least(values: Array, times: int, first: int, last: int | None, longest: bool) -> Array:
@@ -133,7 +133,7 @@ def robustness_interval(
         return np.array([best(right[window], left[window], first) for window in windows]).reshape(times, rows)
 
     def best(right: Array, left: Array, first: int) -> Array:
-        """The greatest, over a window, of the least of what is on the right and of all on the left nearer than it."""
+        """Return the maximum over a window of min(right, all left values nearer to the instant than right)."""
         held = np.minimum.accumulate(np.concatenate([np.full((1, rows), np.inf), left[:-1]]))[: len(right)]
         greatest: Array = np.minimum(right, held)[first:].max(axis=0, initial=-np.inf)
         return greatest
@@ -142,7 +142,7 @@ def robustness_interval(
 
 
 def _look_back(formula: Formula) -> int:
-    """A number of instants beyond which windows of a formula do not look back, but those without a beginning."""
+    """Return a bound, in instants, of how far the windows of a formula look back, apart from unbounded ones."""
     match formula:
         case stl.Constant() | stl.Predicate():
             return 0

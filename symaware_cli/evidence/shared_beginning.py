@@ -1,4 +1,4 @@
-"""The shared beginning of branches: the run up to their instant, made once; each branch continues from its state."""
+"""The shared beginning of branches: the run up to their instant, executed once, from whose state branches continue."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from symaware_cli.language.build import Built
 from symaware_cli.log import TIMING, Log, LogWriter, Recorder
 from symaware_cli.version import __version__
 
-#: How many steps are made between two looks at whether the run still equals the log.
+#: The number of steps between two checks that the run still equals the log.
 STEPS = 100
 
 
@@ -29,7 +29,7 @@ class SharedBeginning:
 
     Attributes:
         state: The state of the run there; None if it cannot be captured.
-        obstacle: Why there is no state.
+        obstacle: Why there is no state; None if there is one.
     """
 
     def __init__(
@@ -39,12 +39,12 @@ class SharedBeginning:
 
         Args:
             log: The log.
-            original: The same, opened.
+            original: The same log, opened.
             instant: The instant [s].
-            on_progress: Called from time to time with the number of steps that were made, and that of all.
+            on_progress: Called periodically with the number of completed steps and the total.
 
         Raises:
-            BranchError: The run does not repeat.
+            BranchError: The repeated run differs from the log.
             LogError: The log cannot be read.
             KeyboardInterrupt: A signal ended the run.
         """
@@ -89,7 +89,7 @@ class SharedBeginning:
 
         Args:
             built: The branch's scenario.
-            overrides: How it differs from that of the log.
+            overrides: Its changes to the scenario of the log.
         """
         if self.state is None:
             return self.obstacle
@@ -111,13 +111,13 @@ class SharedBeginning:
         return None
 
     def continue_in(self, run: Run) -> None:
-        """Let the run of a branch begin with the messages of the log, and continue from the state.
+        """Start the run of a branch with the messages of the log, and continue it from the state.
 
         Args:
-            run: The run, which has made no step; there is no `obstacle_of` it.
+            run: The run, which has not made a step, and for which `obstacle_of` returned None.
 
         Raises:
-            StateError: The state cannot be restored in it.
+            StateError: The state cannot be restored in the run.
             LogError: A log cannot be read or written.
         """
         assert self.state is not None
@@ -126,10 +126,10 @@ class SharedBeginning:
         original = self._original
         channels = dict(writer.channels)
         with closing(original.messages(topic for topic in original.channels if topic != TIMING)) as messages:
-            # The run itself has written the first ones as it began.
+            # The run itself wrote the first messages when it began.
             for message in islice(messages, writer.sequence, self._messages):
                 topic = message.channel.topic
-                if topic not in channels:  # some are opened for the first message, such as those of scans
+                if topic not in channels:  # some channels, such as those of scans, are opened for their first message
                     name = message.channel.schema.rpartition(".")[2]
                     channels[topic] = writer.channel(topic, name, message.channel.metadata)
                 writer.add(channels[topic], message.time, message.data)
@@ -138,7 +138,7 @@ class SharedBeginning:
 
 
 def _sections(built: Built) -> list[tuple[str, Any]]:
-    """The sections of the faults of a scenario, in their order."""
+    """Return the fault sections of a scenario, in order."""
     return [*(built.data.get("faults") or {}).items()]
 
 

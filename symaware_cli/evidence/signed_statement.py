@@ -1,4 +1,4 @@
-"""Statements of in-toto, as they are or signed with Ed25519 in an envelope (DSSE).
+"""In-toto statements, unsigned or signed with Ed25519 in a DSSE envelope.
 
 Formats: https://github.com/in-toto/attestation (Statement v1), https://github.com/secure-systems-lab/dsse.
 """
@@ -23,17 +23,17 @@ _PAYLOAD = "application/vnd.in-toto+json"
 
 
 class SignatureError(LogError):
-    """A key or a signature is not what is needed."""
+    """A key is invalid or cannot be read, or the module for signatures is not installed."""
 
 
 @dataclass(frozen=True, slots=True)
 class SignedStatement:
-    """A statement as it was read.
+    """A statement with its signature, if signed.
 
     Attributes:
         content: The statement.
-        signature: Its signature; None if it has none.
-        public_key: The raw public key that the envelope names, in hexadecimal; it says nothing about whose it is.
+        signature: Its signature; None if unsigned.
+        public_key: The raw public key named by the envelope, in hexadecimal; it does not identify the signer.
     """
 
     content: dict[str, Any]
@@ -42,7 +42,7 @@ class SignedStatement:
     _payload: bytes = b""
 
     def is_signed_by(self, public_key: str) -> bool:
-        """Whether the signature is valid under a raw public key, in hexadecimal."""
+        """Return whether the signature is valid under a raw public key, in hexadecimal."""
         from cryptography.exceptions import InvalidSignature
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
@@ -55,10 +55,10 @@ class SignedStatement:
 
 
 def canonical(content: Any) -> bytes:
-    """Write plain data as canonical JSON (RFC 8785).
+    """Serialize plain data as canonical JSON (RFC 8785).
 
     Raises:
-        LogError: The module for it is not installed.
+        LogError: The required module is not installed.
     """
     try:
         import rfc8785
@@ -70,10 +70,10 @@ def canonical(content: Any) -> bytes:
 
 
 def written(content: dict[str, Any], key: Path | None = None) -> bytes:
-    """Write a statement, signed if there is a key: an unencrypted private key of Ed25519 in PEM (PKCS 8).
+    """Serialize a statement, signed if a key is given: an unencrypted Ed25519 private key in PEM (PKCS 8).
 
     Raises:
-        SignatureError: The file is no such key, or what signs is not installed.
+        SignatureError: The file is not such a key, or the module for signatures is not installed.
     """
     payload = canonical(content)
     if key is None:
@@ -90,10 +90,10 @@ def written(content: dict[str, Any], key: Path | None = None) -> bytes:
 
 
 def read_statement(content: bytes) -> SignedStatement:
-    """Read a statement, with its signature if it has one, which is not verified.
+    """Parse a statement with its signature, if signed; the signature is not verified.
 
     Raises:
-        ValueError: It is none.
+        ValueError: The content is not a statement.
     """
     from symaware_cli.log import read_json
 
@@ -116,10 +116,10 @@ def read_statement(content: bytes) -> SignedStatement:
 
 
 def public_key_of(path: Path) -> str:
-    """Return the raw public key of a file in PEM, public or private, in hexadecimal.
+    """Return the raw public key of a PEM file with a public or private key, in hexadecimal.
 
     Raises:
-        SignatureError: The file is none.
+        SignatureError: The file is not a key.
     """
     _require_cryptography()
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -140,7 +140,7 @@ def public_key_of(path: Path) -> str:
 
 
 def fingerprint(public_key: str) -> str:
-    """Return what a person compares: the SHA-256 of a raw public key."""
+    """Return the fingerprint of a raw public key for comparison by people: its SHA-256."""
     return hashlib.sha256(bytes.fromhex(public_key)).hexdigest()
 
 
@@ -178,5 +178,5 @@ def _checked(content: Any) -> dict[str, Any]:
 
 
 def _encoded(payload: bytes) -> bytes:
-    """What is signed: the pre-authentication encoding."""
+    """Return the bytes that are signed: the pre-authentication encoding of DSSE."""
     return b"DSSEv1 %d %s %d %s" % (len(_PAYLOAD), _PAYLOAD.encode(), len(payload), payload)

@@ -1,4 +1,4 @@
-"""Splitting: the probability of a rare event as a product of probabilities that are not small, in repeats.
+"""Multilevel splitting: the probability of a rare event as a product of larger probabilities, in independent repeats.
 
 Reasons: docs/decisions/0049-rare-events.md
 """
@@ -27,28 +27,28 @@ class Process(Protocol[State]):
     """A random process that can be continued from its states."""
 
     def begin(self) -> State:
-        """Return the state at the beginning."""
+        """Return the initial state."""
 
     def reach(self, state: State, stage: int, seed: int) -> State | None:
-        """Continue from a state until the end of a stage.
+        """Continue from a state to the end of a stage.
 
         Args:
-            state: Where to continue; it stays as it is.
+            state: The state to continue from; it is not modified.
             stage: The stage, from 0 on; the last one ends with the event itself.
-            seed: What is drawn on the way.
+            seed: The seed of the random numbers of the trial.
 
         Returns:
-            The state there; None if the process ended before.
+            The state at the end of the stage; None if the process ended before.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class StageCount:
-    """What became of one stage of one repeat.
+    """The results of one stage in one repeat.
 
     Attributes:
-        trials: How often it was tried.
-        reached: How often its end was reached.
+        trials: The number of trials.
+        reached: The number of trials that reached the end of the stage.
     """
 
     trials: int
@@ -56,24 +56,24 @@ class StageCount:
 
 
 def split(process: Process[State], stages: int, trials: int, seed: int) -> list[StageCount]:
-    """Estimate the probability of an event in stages: those that come to the end of one are split for the next.
+    """Estimate the probability of an event in stages: trials that reach the end of one are split for the next.
 
-    Every stage has the same number of trials. Each trial of a stage continues from one of the states in which the stage
-    before ended: each of these states in turn, in an order that is drawn once, so that all are used equally often, or
-    once more than the others. The product of the shares that reach the ends is an unbiased estimate of the probability
-    of the event, wherever the stages end.
+    Every stage has the same number of trials. The trials of a stage continue from the end states of the previous stage
+    in turn, in a random order that is drawn once, so that the numbers of uses of the states differ by at most one. The
+    product of the shares of trials that reach the ends is an unbiased estimate of the probability of the event,
+    regardless of where the stages end.
 
     Source: P. L'Ecuyer, F. Le Gland, P. Lezaud, B. Tuffin, "Splitting Techniques", in G. Rubino, B. Tuffin (editors),
     Rare Event Simulation using Monte Carlo Methods, Wiley 2009: fixed effort with fixed assignment.
 
     Args:
         process: The process.
-        stages: The number of stages, the last of which ends with the event.
+        stages: The number of stages; the last one ends with the event.
         trials: The number of trials of each stage.
-        seed: What trials draw from, with their stage and number.
+        seed: The seed, from which each trial's seed is derived with its stage and number.
 
     Returns:
-        What became of each stage; fewer than `stages` if nothing reached the end of one.
+        The results of the stages; fewer than `stages` if no trial reached the end of one.
     """
     states = [process.begin()]
     counts: list[StageCount] = []
@@ -93,15 +93,15 @@ def split(process: Process[State], stages: int, trials: int, seed: int) -> list[
 
 
 def product(counts: Sequence[StageCount], stages: int) -> float:
-    """The estimate of one repeat: the product of the shares, 0 if it did not come to the last stage."""
+    """Return the estimate of one repeat: the product of the shares, 0 if it did not enter the last stage."""
     return math.prod(each.reached / each.trials for each in counts) if len(counts) == stages else 0.0
 
 
 def mean_of_repeats(estimates: ArrayLike, confidence: float = 0.95) -> IntervalEstimate:
     """Estimate the probability from independent repeats: m exp(± t(1 - alpha / 2; n - 1) s / (m sqrt(n))).
 
-    It is Student's interval of the mean for its logarithm, by the delta method. Estimates by splitting are skewed,
-    and their logarithm less so; the interval is approximate (docs/evidence.md has what it covers).
+    It is Student's interval for the logarithm of the mean, by the delta method, because estimates by splitting are
+    skewed, and their logarithm less so. The interval is approximate (docs/evidence.md reports its coverage).
 
     Args:
         estimates: The estimate of each repeat; shape (n,).
@@ -125,14 +125,14 @@ def mean_of_repeats(estimates: ArrayLike, confidence: float = 0.95) -> IntervalE
 
 @dataclass(frozen=True, slots=True)
 class SplittingPlan:
-    """What every repeat does.
+    """The plan of all repeats.
 
     Attributes:
         scenario: The scenario, or a log of one.
-        changes: What is changed in it, in the form of ``--set``.
+        changes: The changes to the scenario, in the form of ``--set``.
         event: The event.
         trials: The number of trials of each stage.
-        seed: What the seeds of the repeats are drawn from.
+        seed: The seed from which the seeds of the repeats are derived.
     """
 
     scenario: Path
@@ -142,27 +142,27 @@ class SplittingPlan:
     seed: int
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {**asdict(self), "scenario": str(self.scenario)}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Self:
-        """Create it from what `to_json` returned, after a way through JSON."""
+        """Create an instance from the result of `to_json` after conversion to and from JSON."""
         event = RareEvent(**{**data["event"], "levels": tuple(data["event"]["levels"])})
         return cls(**{**data, "scenario": Path(data["scenario"]), "changes": tuple(data["changes"]), "event": event})
 
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """What came of a repeat.
+    """The result of a repeat.
 
     Attributes:
         number: Its number, from 0 on.
-        counts: What became of each stage; fewer than there are if nothing reached the end of one.
+        counts: The results of the stages; fewer than planned if no trial reached the end of one.
         estimate: The product of the shares.
-        steps: How many steps it took.
-        failed: In how many trials a component failed; they do not reach the end of their stage.
-        cpu_time: The CPU time that it took [s].
+        steps: The number of steps executed.
+        failed: The number of trials in which a component failed; they do not reach the end of their stage.
+        cpu_time: The CPU time spent [s].
     """
 
     number: int
@@ -179,28 +179,28 @@ class Repeat:
 
     @property
     def wall_time(self) -> float:
-        """How long it took [s]."""
+        """The time that it took, measured as CPU time [s]."""
         return self.cpu_time
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Self:
-        """Create it from what `to_json` returned, after a way through JSON."""
+        """Create an instance from the result of `to_json` after conversion to and from JSON."""
         return cls(**{**data, "counts": [StageCount(**each) for each in data["counts"]]})
 
 
 def repeat(plan: SplittingPlan, number: int) -> Repeat:
-    """Make a repeat.
+    """Execute a repeat.
 
-    The scenario gets a seed of its own, so that initial values that are drawn, and whatever else is drawn before the
-    first step, differ from repeat to repeat; they are the same in all trials of one.
+    Each repeat has its own seed of the scenario, so that initial values and everything else drawn before the first step
+    differ between repeats; they are the same in all trials of a repeat.
 
     Raises:
-        ScenarioError: The scenario has problems.
-        SweepError: It has no such event, or its runs cannot be split.
+        ScenarioError: The scenario is invalid.
+        SweepError: The scenario has no such event, or its runs cannot be split.
         KeyboardInterrupt: A signal ended a run.
     """
     began = time.process_time()
@@ -213,7 +213,7 @@ def repeat(plan: SplittingPlan, number: int) -> Repeat:
 
 
 def check(plan: SplittingPlan) -> None:
-    """Make sure that repeats can begin, before somebody is asked for them.
+    """Check that repeats can begin, before they are given to workers.
 
     Raises:
         ScenarioError: See `repeat`.
@@ -225,13 +225,13 @@ def check(plan: SplittingPlan) -> None:
 
 
 class RepeatWork:
-    """`Work` that makes repeats."""
+    """`Work` that executes repeats."""
 
     def __init__(self, plan: SplittingPlan) -> None:
         """Prepare.
 
         Args:
-            plan: What each does.
+            plan: The plan of all repeats.
         """
         self._plan = plan
 
@@ -265,25 +265,25 @@ class RepeatWork:
         return Repeat.from_json(content)
 
     def lost(self, index: int, why: str) -> Repeat:
-        """See `Work`; without it the mean would be that of the repeats that happened to end."""
+        """See `Work`; a mean without this repeat would be biased, so it cannot be replaced."""
         raise LostResultError(f"repeat {index} was lost: {why}")
 
 
-#: The share of trials that is to reach each level, and the most levels.
+#: The intended share of trials that reach each level, and the maximum number of levels.
 _SHARE, _MOST = 0.2, 100
 
-#: How many significant digits levels have, so that they can be passed again as they are printed.
+#: The number of significant digits of levels, so that printed levels can be passed back without loss.
 _DIGITS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Pilot:
-    """What a pilot came to.
+    """The result of a pilot.
 
     Attributes:
-        levels: The levels, as in `RareEvent`; none if a good part of the runs comes to the event without any, or if the
-            specification has no robustness.
-        steps: How many steps it took.
+        levels: The levels, as in `RareEvent`; empty if many runs reach the event without any, or if the specification
+            has no robustness.
+        steps: The number of steps executed.
     """
 
     levels: tuple[float, ...]
@@ -293,17 +293,17 @@ class Pilot:
 def pilot(plan: SplittingPlan) -> Pilot:
     """Choose levels for a plan that has none.
 
-    Trials are run to their ends, and the first level is what a fifth of them came to. From the states in which these
-    reached it, further trials give the next level, until a fifth of the trials comes to the event.
+    Trials are run to their ends, and the first level is the robustness that a fifth of them reach. Further trials from
+    the states in which these reached the level give the next level, until a fifth of the trials reach the event.
 
-    What is drawn is drawn apart from the repeats, so that their estimates stay unbiased.
+    The random numbers are independent of those of the repeats, so that their estimates stay unbiased.
 
     Source: F. Cérou, A. Guyader, "Adaptive Multilevel Splitting for Rare Event Analysis", Stochastic Analysis and
     Applications 25, 2007; with as many trials for each level as the plan has for each stage.
 
     Raises:
-        ScenarioError: The scenario has problems.
-        SweepError: It has no such event, or its runs cannot be split.
+        ScenarioError: The scenario is invalid.
+        SweepError: The scenario has no such event, or its runs cannot be split.
         KeyboardInterrupt: A signal ended a run.
     """
     built = open_scenario(plan.scenario, plan.changes, _seed(plan))
@@ -321,7 +321,7 @@ def _chosen(run: SplitRun, plan: SplittingPlan) -> tuple[float, ...]:
         if level is None:
             break
         run.event = replace(event, levels=(*levels, event.sign * level))
-        # The same trials again, as far as the level.
+        # The same trials are repeated up to the level.
         reached = [
             run.reach(state, stage, seed)
             for (state, seed), found in zip(starts, closest, strict=True)
@@ -334,24 +334,24 @@ def _chosen(run: SplitRun, plan: SplittingPlan) -> tuple[float, ...]:
 
 
 def _next(closest: Sequence[float], before: float) -> float | None:
-    """The next level, with the sign by which the robustness rises towards the event; None if none is needed or found.
+    """Return the next level, signed to rise towards the event; None if none is needed or found.
 
     Args:
-        closest: How close each trial came; infinite if the event happened.
-        before: The level before.
+        closest: The closest approach of each trial; infinite if the event happened.
+        before: The previous level.
     """
     ordered = sorted(closest, reverse=True)
     wanted = ordered[math.ceil(_SHARE * len(ordered)) - 1]
     if wanted == math.inf:
         return None
-    # If few came closer than the level before, what these came to.
+    # If only few trials passed the previous level, the level that these reached.
     candidates = [wanted, *sorted(each for each in closest if wanted < each < math.inf)]
     found = (_rounded(each) for each in candidates if math.isfinite(each) and each < 0.0)
     return next((each for each in found if each > before), None)
 
 
 def _rounded(closeness: float) -> float:
-    """A number below 0 with few digits that is not closer to 0."""
+    """Round a negative number away from 0 to few digits."""
     digits = _DIGITS - 1 - math.floor(math.log10(-closeness))
     return float(f"{math.floor(closeness * 10.0**digits) / 10.0**digits:.{_DIGITS}g}")
 

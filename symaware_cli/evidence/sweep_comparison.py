@@ -1,4 +1,4 @@
-"""Compares two sweeps: what was planned, and the runs of both side by side."""
+"""Comparison of two sweeps: their plans, and their runs side by side."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ if TYPE_CHECKING:
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Keys of a plan that say nothing about the runs.
+#: Keys of a plan that do not affect the runs.
 _SILENT = ("scenario", "description")
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnComparison:
-    """A column of two tables.
+    """The comparison of a column of two tables.
 
     Attributes:
         name: The column; for a verdict ``satisfied.NAME``, which is 1 for runs that satisfy the specification, else 0.
-        means: The means of the runs that have a value in both, or else of those that have one in each; NaN if none has.
-        differing: How many of the runs of both have different values.
-        difference: The mean difference of the second from the first; paired if each run has the same seed in both. NaN
+        means: The means over the runs with a value in both tables; if there are none, over those with a value in each.
+            NaN without values.
+        differing: The number of common runs with different values.
+        difference: The mean of the second minus that of the first; paired if each run has the same seed in both. NaN
             without such runs.
-        interval: Its interval of the paired t test, at 95 %; None where runs are not paired.
+        interval: The 95 % confidence interval of the paired t test; None if runs are not paired.
     """
 
     name: str
@@ -47,26 +48,26 @@ class ColumnComparison:
     interval: tuple[float, float] | None
 
 
-#: A column, and its values of the runs that have one in both tables.
+#: A column, and its values for the runs that have one in both tables.
 PairedColumn: TypeAlias = tuple[ColumnComparison, Array, Array]
 
 
 @dataclass(frozen=True, slots=True)
 class SweepComparison:
-    """How two sweeps differ.
+    """The differences between two sweeps.
 
     Attributes:
         paths: Both folders.
-        plan: The values of the plan that differ.
-        scenario: The values of the scenario of the first combination that differ.
-        rows: How many rows each has.
-        compared: How many runs are in both tables.
-        is_paired: Whether each of these has the same seed in both.
-        differing: How many of these differ in something.
-        first: The number of the first of these; None if there is none.
+        plan: The differing values of the plans.
+        scenario: The differing values of the scenarios of the first combination.
+        rows: The number of rows of each.
+        compared: The number of runs in both tables.
+        is_paired: Whether each common run has the same seed in both.
+        differing: The number of common runs with any difference.
+        first: The number of the first differing run; None if there is none.
         columns: The columns in which runs differ.
-        only: Columns that only one of them has.
-        versions: What differs in versions and machine.
+        only: The columns that only one of the tables has, for each.
+        versions: The differences in versions and machine.
     """
 
     paths: tuple[Path, Path]
@@ -83,7 +84,7 @@ class SweepComparison:
 
     @property
     def is_equal(self) -> bool:
-        """Whether plan, scenario and all rows are equal, whatever the versions."""
+        """Whether plan, scenario and all rows are equal, regardless of versions."""
         return not (self.plan or self.scenario or self.differing or any(self.only)) and len(set(self.rows)) == 1
 
     def to_json(self) -> dict[str, Any]:
@@ -94,16 +95,16 @@ class SweepComparison:
 def compare_sweeps(
     one: str | os.PathLike[str], other: str | os.PathLike[str], plot: str | os.PathLike[str] | None = None
 ) -> SweepComparison:
-    """Compare two sweeps whose tables are there.
+    """Compare two sweeps that have tables.
 
     Args:
         one: The folder of a sweep.
-        other: Another one.
+        other: The folder of another sweep.
         plot: A file for a figure of the columns that differ, run by run; None for none.
 
     Raises:
-        SweepError: One of them is not the folder of a sweep.
-        LogError: One of them has no table yet, there is nothing to draw, or pyarrow is not installed.
+        SweepError: A path is not the folder of a sweep.
+        LogError: A sweep has no table yet, there is nothing to draw, or pyarrow is not installed.
         OutputError: The figure cannot be written.
     """
     require_pyarrow()
@@ -114,7 +115,7 @@ def compare_sweeps(
     plans = [each.plan.document.model_dump(by_alias=True, exclude=set(_SILENT)) for each in folders]
     resolved = [dict(each.identity.resolved) for each in folders]
     for each in resolved:
-        each.pop("seed", None)  # each run has its own
+        each.pop("seed", None)  # each run has its own seed
     pairs = _pairs(*tables)
     names = [name for name in tables[0].column_names if name in tables[1].column_names]
     differ = np.zeros(len(pairs[0]), bool)
@@ -160,7 +161,7 @@ def _changes(one: Any, other: Any) -> Sequence[ScenarioChange]:
 
 
 def _pairs(one: pyarrow.Table, other: pyarrow.Table) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The rows of the runs that both have, by their numbers."""
+    """Return the rows of the common runs, matched by number."""
     _, first, second = np.intersect1d(one["index"].to_numpy(), other["index"].to_numpy(), return_indices=True)
     return first, second
 
@@ -168,7 +169,7 @@ def _pairs(one: pyarrow.Table, other: pyarrow.Table) -> tuple[NDArray[np.intp], 
 def _unequal(
     tables: tuple[pyarrow.Table, pyarrow.Table], name: str, pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
 ) -> NDArray[np.bool_]:
-    """Which of the runs of both have different values."""
+    """Return which of the common runs have different values."""
     one, other = (table[name].take(rows).to_pylist() for table, rows in zip(tables, pairs, strict=True))
     return np.array([a != b and not (a != a and b != b) for a, b in zip(one, other, strict=True)], bool)
 
@@ -181,7 +182,7 @@ def _compared(
     *,
     is_paired: bool,
 ) -> Iterator[tuple[ColumnComparison, tuple[Array, Array]]]:
-    """Compare a column of numbers or verdicts, with the values of the runs that have both; nothing for others."""
+    """Yield the comparison of a numeric or verdict column, and the values of runs that have both; else nothing."""
     import pyarrow
 
     kind = tables[0].schema.field(name).type
@@ -193,7 +194,7 @@ def _compared(
     one, other = (each[rows] for each, rows in zip(values, pairs, strict=True))
     both = np.isfinite(one) & np.isfinite(other)
     difference, interval = math.nan, None
-    # Runs that only one of the two has would hide what the others show.
+    # Runs in only one of the tables would obscure the difference between the common runs.
     means = [float(np.nanmean(each)) if np.isfinite(each).any() else math.nan for each in values]
     if both.any():
         means = [float(np.mean(each[both])) for each in (one, other)]
@@ -212,7 +213,7 @@ def _draw(
     """Draw the columns in which runs differ.
 
     Raises:
-        LogError: There are none, or matplotlib is not installed.
+        LogError: There are no such columns, or matplotlib is not installed.
         OutputError: The figure cannot be written.
     """
     with matplotlib_required():

@@ -1,4 +1,4 @@
-"""Verifies the folder of a sweep: table against plan, logs against table, and rows by repetition."""
+"""Verification of the folder of a sweep: table against plan, logs against table, and rows by repetition."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ from symaware_cli.studies import (
     table_file,
 )
 
-#: How much is verified, each level with those before it: what the table, the plan, certificates and digests say of each
-#: other; what the logs that were kept say of specifications; some rows, chosen at random, by repetition; all rows.
+#: The extent of verification, each level including the previous ones: consistency of table, plan, certificates and
+#: digests; specifications evaluated on the kept logs; repetition of randomly chosen rows; repetition of all rows.
 Level = Literal["arithmetic", "monitor", "sample", "all"]
 
 LEVELS: tuple[Level, ...] = get_args(Level)
@@ -53,20 +53,20 @@ _VERDICTS = ("violated", "undecided", "satisfied")
 
 @dataclass(frozen=True, slots=True)
 class SweepVerification:
-    """What was found in the folder of a sweep.
+    """The result of verifying the folder of a sweep.
 
     Attributes:
         folder: The folder.
-        level: How much was verified.
-        rows: How many rows there are.
-        missing: How many runs of the plan have no row.
-        lost: How many rows are of runs that were lost, which are not made again.
-        logs: How many logs were read.
-        not_evaluated: Of how many logs a specification was not evaluated independently of the monitors, for each name
-            and reason.
-        repeated: How many runs were made again.
-        findings: What is not as it has to be.
-        versions: What differs in versions or files from when the rows were made.
+        level: The extent of verification.
+        rows: The number of rows.
+        missing: The number of planned runs without a row.
+        lost: The number of rows of lost runs, which are not repeated.
+        logs: The number of logs read.
+        not_evaluated: The number of logs in which a specification was not evaluated independently of the monitors, by
+            name and reason.
+        repeated: The number of repeated runs.
+        findings: The contradictions found.
+        versions: The differences in versions or files from when the rows were produced.
     """
 
     folder: Path
@@ -82,7 +82,7 @@ class SweepVerification:
 
     @property
     def is_sound(self) -> bool:
-        """Whether all is as it has to be."""
+        """Whether there are no findings."""
         return not self.findings
 
     def to_json(self) -> dict[str, Any]:
@@ -100,15 +100,15 @@ def verify_folder(
 ) -> SweepVerification:
     """Verify the folder of a sweep.
 
-    Runs are repeated one by one, never in batches: that these give the same rows is a claim of its own.
+    Runs are repeated one by one, never in batches, so that the check does not rely on batches giving the same rows.
 
     Args:
         folder: The folder.
-        level: How much is verified.
-        sample: How many rows are repeated at the level ``sample``.
-        seed: What these are chosen by; choose one that nobody could know beforehand.
-        on_progress: Called with how many runs were made again, and of how many.
-        with_certificates: Whether the certificates in the folder are verified as well.
+        level: The extent of verification.
+        sample: The number of rows repeated at the level ``sample``.
+        seed: The seed of their random choice; use one that could not be known beforehand.
+        on_progress: Called with the number of repeated runs and the total to repeat.
+        with_certificates: Whether to verify the certificates in the folder as well.
 
     Raises:
         SweepError: The folder cannot be read.
@@ -141,7 +141,7 @@ def verify_folder(
         if on_progress is not None:
             on_progress(number + 1, len(chosen))
     changed = differences(folder.identity, now)
-    # A forged table may have rows that the plan has not.
+    # A forged table may contain rows that are not in the plan.
     missing = len({*range(folder.plan.count)} - {row.index for row in rows})
     lost = sum(row.state == "lost" for row in rows)
     return SweepVerification(
@@ -150,7 +150,7 @@ def verify_folder(
 
 
 def _in_table(folder: SweepFolder, journal: SweepJournal) -> Iterator[Finding]:
-    """What of the table contradicts the plan, the journal or itself."""
+    """Yield the contradictions of the table with the plan, the journal or itself."""
     import pyarrow
 
     plan, names = folder.plan, folder.specifications
@@ -179,7 +179,7 @@ def _in_table(folder: SweepFolder, journal: SweepJournal) -> Iterator[Finding]:
 
 
 def _in_row(folder: SweepFolder, place: int, row: Mapping[str, Any]) -> Iterator[Finding]:
-    """What of a row contradicts the plan or itself."""
+    """Yield the contradictions of a row with the plan or itself."""
     plan, index = folder.plan, row["index"]
     if not folder.plan.document.may_stop and index != place:
         yield Finding(index, "index", index, place)
@@ -204,7 +204,7 @@ def _in_row(folder: SweepFolder, place: int, row: Mapping[str, Any]) -> Iterator
 
 
 def _in_identity(then: SweepIdentity, now: SweepIdentity) -> Iterator[Finding]:
-    """What the scenario in the folder is made of now, but was not when the sweep began."""
+    """Yield the differences of the scenario in the folder from that at the start of the sweep."""
     if len(then.cells) != len(now.cells):
         yield Finding(None, "scenario", f"{len(now.cells):,} combinations", f"{len(then.cells):,}, as it was run")
     for number, (was, found) in enumerate(zip(then.cells, now.cells, strict=False)):
@@ -220,7 +220,7 @@ def _in_identity(then: SweepIdentity, now: SweepIdentity) -> Iterator[Finding]:
 
 
 def _in_certificate(folder: SweepFolder, path: Path) -> Iterator[Finding]:
-    """What of a certificate contradicts the folder that it is in."""
+    """Yield the contradictions of a certificate with the folder that contains it."""
     try:
         for each in certificate_findings(folder, path, opened(path)):
             yield replace(each, column=f"{path.name}, {each.column}")
@@ -231,14 +231,14 @@ def _in_certificate(folder: SweepFolder, path: Path) -> Iterator[Finding]:
 def _in_log(
     folder: SweepFolder, row: Row, runner: Runner, catalogue: Catalogue | None, not_evaluated: Counter[str]
 ) -> Iterator[Finding]:
-    """What of a log that was kept contradicts its name, the plan or its row.
+    """Yield the contradictions of a kept log with its name, the plan or its row.
 
     Args:
         folder: The folder.
         row: The row.
         runner: Builds the scenario of the run.
-        catalogue: The installed plugins, to evaluate its specifications; None to leave these alone.
-        not_evaluated: Takes why specifications were not evaluated.
+        catalogue: The installed plugins, for evaluating its specifications; None to skip them.
+        not_evaluated: Counts the reasons why specifications were not evaluated.
     """
     assert row.log is not None
     try:
@@ -259,7 +259,7 @@ def _in_log(
 
 
 def _in_specifications(log: Path, row: Row, catalogue: Catalogue, not_evaluated: Counter[str]) -> Iterator[Finding]:
-    """What the specifications of a log, evaluated, say otherwise than its row."""
+    """Yield the differences of a row from its log's specifications, evaluated independently."""
     evaluation = evaluate_log(log, catalogue)
     for each in evaluation.specifications:
         yield from _verdict(row, each.name, each.verdict, each.robustness, is_exact=each.is_exact)
@@ -272,7 +272,7 @@ def _in_specifications(log: Path, row: Row, catalogue: Catalogue, not_evaluated:
 
 
 def _verdict(row: Row, name: str, verdict: str, robustness: float | None, *, is_exact: bool) -> Iterator[Finding]:
-    """What a row says otherwise of a specification than its log."""
+    """Yield the difference of a row's verdict or robustness from that of its log."""
     said, known = row.verdicts.get(name), row.robustness.get(name)
     if said != verdict:
         yield Finding(row.index, f"verdict.{name}", said, f"{verdict}, says the log")
@@ -281,7 +281,7 @@ def _verdict(row: Row, name: str, verdict: str, robustness: float | None, *, is_
 
 
 def _by_agent(row: Row, evaluated: EvaluatedSpecification) -> Iterator[Finding]:
-    """What a row says otherwise of each agent or pair than its log."""
+    """Yield the differences of a row's outcomes for each agent or pair from those of its log."""
     column = f"{PREFIX}{evaluated.name}"
     said = {each["agent"]: each for each in row.metrics.get(column) or ()}
     if not said:
@@ -302,12 +302,12 @@ def _by_agent(row: Row, evaluated: EvaluatedSpecification) -> Iterator[Finding]:
 
 
 def _at_least(bound: float | None, robustness: float | None) -> bool:
-    """Whether an upper bound is one, where None is infinity."""
+    """Return whether an upper bound of the robustness holds; None is infinity."""
     return bound is None or (robustness is not None and bound >= robustness)
 
 
 def _repeated(folder: SweepFolder, row: Row, runner: Runner) -> Iterator[Finding]:
-    """What a row, or its log if that was kept, says otherwise than its run, made again."""
+    """Yield the differences of a row, and of its log if kept, from a repetition of the run."""
     if row.log is None:
         yield from _differing(row, runner.run(row.index))
         return
@@ -334,7 +334,7 @@ def _repeated(folder: SweepFolder, row: Row, runner: Runner) -> Iterator[Finding
 
 
 def _differing(row: Row, repeated: Row) -> Iterator[Finding]:
-    """What a row says otherwise than its run, made again."""
+    """Yield the differences of a row from a repetition of the run."""
     for name in ("state", "digest", "error"):
         found, expected = getattr(row, name), getattr(repeated, name)
         if found != expected:
@@ -350,7 +350,7 @@ def _differing(row: Row, repeated: Row) -> Iterator[Finding]:
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Whether two values are the same; NaN is itself, and a tuple is the list of the same values."""
+    """Return whether two values are equal, where NaN equals NaN and a tuple equals a list of the same values."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_equal(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):

@@ -1,4 +1,4 @@
-"""Repeats the run of a log and compares: equal to the bit, or where the first difference is and who wrote it."""
+"""Verification of a log by repeating its run: bitwise equality, or the first difference and the component behind it."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from symaware_cli.language.versions import versions
 from symaware_cli.log import OUTCOME, Log, LogDifference, LogError, attachment_differences, first_difference, open_log
 from symaware_cli.studies import counting
 
-#: How many steps are made between two looks at whether the run still equals the log.
+#: The number of steps between two checks that the run still equals the log.
 _STEPS = 100
 
 
 @dataclass(frozen=True, slots=True)
 class VersionDifference:
-    """Something that is installed in another version, or computes otherwise, than when the log was written.
+    """A difference in an installed version or in the machine from when the log was written.
 
     Attributes:
-        name: What it is.
-        then: The version in the log, or in the first of two; None if it was not installed.
-        now: The version here, or in the second log; None if it is not installed.
+        name: The name of the package or property.
+        then: The version in the log, or in the first of two logs; None if not installed.
+        now: The version here, or in the second log; None if not installed.
     """
 
     name: str
@@ -40,20 +40,20 @@ class VersionDifference:
 
 @dataclass(frozen=True, slots=True)
 class VerificationResult:
-    """Whether the run of a log, repeated, gives the same log.
+    """The result of comparing a log with a repetition of its run.
 
     Attributes:
         log: The log.
         scenario: The name of its scenario.
         seed: The seed of the run.
-        messages: How many messages are equal, from the first one on.
+        messages: The number of equal messages, from the first on.
         until: The simulated time until which both were compared [s].
         is_whole: Whether the log reaches the end of its run; otherwise it was compared as far as it goes.
         difference: The first difference; None if all messages are equal.
-        writer: The path of the component that wrote what differs, or ``environment``; "" if it is not known.
-        attachments: How attachments, the outcome and what channels say of their columns differ.
-        versions: What differs in versions and machine.
-        damage: What of the log could not be read; None if nothing.
+        writer: The path of the component that wrote the differing value, or ``environment``; "" if unknown.
+        attachments: The differences in attachments, outcome and channel metadata about columns.
+        versions: The differences in versions and machine.
+        damage: The part of the log that could not be read; None if undamaged.
     """
 
     log: Path
@@ -81,15 +81,15 @@ class VerificationResult:
 def verify_log(
     path: str | os.PathLike[str], on_progress: Callable[[int, int], object] | None = None
 ) -> VerificationResult:
-    """Repeat the run of a log from the scenario that it contains, and compare while it runs.
+    """Repeat the run of a log from the scenario that it contains, comparing messages as it runs.
 
     Args:
         path: The log.
-        on_progress: Called from time to time with the number of steps that were made, and that of all.
+        on_progress: Called periodically with the number of completed steps and the total.
 
     Raises:
-        LogError: The log cannot be read, or has no scenario or only a part of a run.
-        ScenarioError: Its scenario has problems here, such as a plugin that is not installed.
+        LogError: The log cannot be read, has no scenario, or contains only one part of a run in several processes.
+        ScenarioError: Its scenario is invalid here, such as because a plugin is not installed.
         KeyboardInterrupt: A signal ended the run.
     """
     path = Path(path)
@@ -131,12 +131,12 @@ def verify_log(
 
 
 def logged_versions(log: Log) -> dict[str, str]:
-    """Return the versions that count of when a log was written."""
+    """Return the versions that affect results, as recorded in a log."""
     return counting(json.loads(log.attachments.get("versions.json", b"{}")))
 
 
 def version_differences(then: Mapping[str, str], now: Mapping[str, str]) -> Sequence[VersionDifference]:
-    """Return what differs between two sets of versions."""
+    """Return the differences between two sets of versions."""
     return [
         VersionDifference(name, then.get(name), now.get(name))
         for name in sorted({*then, *now})
@@ -145,7 +145,7 @@ def version_differences(then: Mapping[str, str], now: Mapping[str, str]) -> Sequ
 
 
 def _writer(path: Path, difference: LogDifference) -> str:
-    """Return who wrote what differs: found by another run until then, in which every update is watched."""
+    """Return the component that wrote a differing value, found by repeating the run while watching every update."""
     parts = difference.topic.split("/")
     if parts[1:2] == ["world"] or difference.topic == "/contacts":
         return "environment"
@@ -166,10 +166,10 @@ def _writer(path: Path, difference: LogDifference) -> str:
 
 
 class _Watch:
-    """Watches which component changes a part of the awareness of a group.
+    """Records which component changes a part of the awareness of a group.
 
     Attributes:
-        writer: The path of the last one that did, until a given time; "" if none did.
+        writer: The path of the last component that changed it until a given time; "" if none did.
     """
 
     def __init__(self, simulation: Simulation, group: AgentGroup, part: str, until: int) -> None:

@@ -1,4 +1,4 @@
-"""Studies: many runs of a scenario, and what they show."""
+"""Studies: sweeps of many runs of a scenario, and the statistics of their results."""
 
 from symaware_cli.interface import interface_of
 

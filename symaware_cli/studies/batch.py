@@ -1,7 +1,8 @@
 """Many runs as one array program: the agents of B runs of a group of n are one group of B x n rows.
 
-Rows see only those of their own run, and draw what they would draw alone, so each run equals the same run done alone,
-to the bit. Everything that takes part has declared that it can be batched; `refusal` says what has not.
+Rows interact only with rows of the same run and draw the same random numbers as when run alone, so each run of a batch
+is bitwise equal to the same run executed alone. Every component must declare that it can be batched; `refusal` names
+the first that does not.
 
 Reasons: docs/decisions/0032-batches.md
 """
@@ -29,21 +30,21 @@ from symaware_cli.world import RANDOM, Plugin
 
 Array = NDArray[np.float64]
 
-#: How the agents of a group begin: their states, shape (n, nx), and the knowledge of each.
+#: The initial condition of a group: its states, shape (n, nx), and the knowledge of each.
 Start = tuple[Array, Sequence[Mapping[str, Any]]]
 
-#: The most agents of a batch, and the most pairs of agents: their arrays take some hundred bytes each.
+#: The maximum numbers of agents and of pairs of agents in a batch; their arrays take some hundred bytes each.
 _MOST_AGENTS, _MOST_PAIRS = 20_000, 400_000
 
 
 def batch_size(built: Built) -> int:
-    """How many runs are batched, so that memory stays bounded."""
+    """Return the number of runs per batch, limited so that memory stays bounded."""
     agents = built.simulation.agent_count
     return max(1, min(_MOST_AGENTS // agents, _MOST_PAIRS // max(1, agents * (agents - 1) // 2)))
 
 
 def refusal(built: Built) -> str | None:
-    """Say in one line why runs of a scenario cannot share arrays; None if they can."""
+    """Return a one-line reason why runs of a scenario cannot be batched; None if they can."""
     return next(_refusals(built), None)
 
 
@@ -100,17 +101,17 @@ def _refusals(built: Built) -> Iterator[str]:
 
 
 def _declares(kind: type[Plugin]) -> bool:
-    """Whether a class says itself that it can be batched: what it inherits from may have been another matter."""
+    """Return whether a class itself declares that it can be batched; the flag of a base class does not count."""
     return bool(vars(kind).get("batchable", False))
 
 
 def starts_of(built: Built) -> Mapping[str, Start]:
-    """Return how the agents of each group begin in a run."""
+    """Return the initial condition of each group in a run."""
     return {group.name: (group.initial_state, group.knowledge) for group in built.simulation.groups}
 
 
 class Batch:
-    """Runs of one scenario that differ in their seeds, and may differ in how their agents begin."""
+    """Runs of one scenario that differ in their seeds and, optionally, in their initial conditions."""
 
     def __init__(
         self,
@@ -123,13 +124,13 @@ class Batch:
 
         Args:
             composition: The scenario.
-            built: The same, built for any seed; it is not run.
+            built: The same scenario, built for an arbitrary seed; it is used as a template and not run.
             seeds: The seed of each run.
-            starts: How the agents of each run begin, by their groups, where the scenarios of the runs differ in that;
-                by default as `composition` says.
+            starts: The initial conditions of each run, by group, if they differ between runs; by default those of
+                `composition`.
 
         Raises:
-            ScenarioError: Values that were drawn for a seed are not valid.
+            ScenarioError: Values drawn for a seed are invalid.
         """
         self._built = built
         self._seeds = tuple(seeds)
@@ -146,11 +147,11 @@ class Batch:
         self.run = Run(self.simulation, built.steps, None, None, options, observer=self.observer)
 
     def advance(self) -> None:
-        """Make all runs to their end."""
+        """Advance all runs to their end."""
         self.run.advance()
 
     def _leave(self, runs: Sequence[int]) -> None:
-        """Some runs are over: note when they ended, and observe them no more."""
+        """Record the end times of runs that are over, and stop observing them."""
         now = self.simulation.clock.now
         figures = {
             "steps": now // self.simulation.environment.time_step,
@@ -162,7 +163,7 @@ class Batch:
         self.measurement.leave(runs)
 
     def summaries(self) -> list[RunSummary]:
-        """Return the summary of each run; wall times are shares of the whole, and outcomes have no reasons."""
+        """Return the summary of each run; wall times are equal shares of the batch's, and outcomes carry no reasons."""
         whole, count = self.run.summary, len(self._seeds)
         outcomes = self._outcomes()
         return [
@@ -211,7 +212,7 @@ class Batch:
         )
 
     def _group(self, composition: Composition, template: AgentGroup) -> AgentGroup:
-        """The rows of all runs."""
+        """Return the group that holds the rows of all runs."""
         content = composition.data["agents"][template.name]
         states, knowledge = self._values(composition, template, content)
         group = AgentGroup(
@@ -231,7 +232,7 @@ class Batch:
     def _values(
         self, composition: Composition, template: AgentGroup, content: Mapping[str, Any]
     ) -> tuple[Array, Sequence[Mapping[str, Any]]]:
-        """The initial state and the knowledge of each row."""
+        """Return the initial state and the knowledge of each row."""
         count = len(self._seeds)
         if self._starts:
             own = [each[template.name] for each in self._starts]
@@ -247,7 +248,7 @@ class Batch:
         return states, knowledge
 
     def _stated(self, composition: Composition) -> Sequence[Specification]:
-        """The specifications about the rows of all runs."""
+        """Return the specifications, stated for the rows of all runs."""
         built, environment = self._built, self.simulation.environment
         diagnosis = Diagnosis(composition)
         check = TimingCheck(diagnosis, environment, built.document.regions, built.document.specifications)
@@ -257,7 +258,7 @@ class Batch:
         return specifications
 
     def _outcomes(self) -> list[tuple[Outcome, ...]]:
-        """What has become of the specifications in each run."""
+        """Return the outcomes of the specifications in each run."""
         found: list[list[Outcome]] = [[] for _ in self._seeds]
         for monitor in self.run.specification_monitors:
             specification = monitor.specification

@@ -1,4 +1,4 @@
-"""Compares the runs of batches with the same runs made alone, for the conformance kit."""
+"""Comparison of batched runs with the same runs executed alone, for the conformance kit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from symaware_cli.studies.batch import Batch, refusal
 from symaware_cli.studies.measurement import Measurement, RunMeasurement
 from symaware_cli.studies.metrics import RunFigures, figures
 
-#: The sizes of the batches, and which seeds have runs that are also made alone.
+#: The sizes of the batches, and the seeds whose runs are also executed alone.
 _SIZES, _ALONE = (1, 3, 7, 64), (0, 2, 6, 63)
 
 
@@ -25,7 +25,7 @@ def differing_runs(path: Path, changes: Changes = ()) -> str | None:
         changes: Values that replace those of the file, as for ``--set``.
 
     Raises:
-        ScenarioError: The scenario has problems.
+        ScenarioError: The scenario is invalid.
     """
     built = build(path, changes)
     reason = refusal(built)
@@ -33,7 +33,7 @@ def differing_runs(path: Path, changes: Changes = ()) -> str | None:
         return f"it cannot be batched: {reason}"
     alone = {seed: _alone(path, changes, seed) for seed in _ALONE}
     for size in _SIZES:
-        # The positions of runs differ from size to size.
+        # The position of a run in its batch depends on the size of the batch.
         seeds = [*range(size // 2, size), *range(size // 2)]
         batch = Batch(compose(path, changes), built, seeds)
         batch.advance()
@@ -58,7 +58,7 @@ def _alone(path: Path, changes: Changes, seed: int) -> tuple[dict[str, object], 
 
 
 def _comparable(summary: RunSummary, measured: RunMeasurement, run: Run) -> dict[str, object]:
-    """What is to be equal, by its name."""
+    """Return the quantities of a run that have to be equal, by name."""
     return {
         "states or control inputs": measured.digest,
         "specifications": [(each.name, each.verdict, each.robustness) for each in summary.specifications],

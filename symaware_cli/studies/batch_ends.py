@@ -1,4 +1,4 @@
-"""Ends of the runs of a batch: `run.until` holds in one run at a time, and the batch ends with the last of them."""
+"""End conditions of a batch: `run.until` is evaluated for each run, and the batch ends with its last run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from symaware_cli.studies.batch_observer import BatchObserver
 
 Array = NDArray[np.float64]
 
-#: What `run.until` may refer to in a batch, besides regions.
+#: The names that `run.until` may refer to in a batch, besides regions.
 BATCH_NAMES = (
     "agents",
     "contacts",
@@ -34,7 +34,7 @@ BATCH_NAMES = (
 class BatchEnds(Expression):
     """`run.until` in each run of a batch; as the condition of the batch, it holds when all runs are over.
 
-    Runs that are over leave: nobody observes them any more, though their rows are computed on.
+    Runs that are over are no longer observed, although their rows are still computed.
     """
 
     __slots__ = ("_ids_with_goal", "_least", "_leave", "_observer", "_regions", "_simulation")
@@ -52,7 +52,7 @@ class BatchEnds(Expression):
             until: The condition of one run.
             simulation: The batch.
             observer: Observes its runs.
-            leave: Called with the runs that are over; observes them no more.
+            leave: Called with the runs that are over, to stop observing them.
         """
         super().__init__(until.text, until.names)
         self._simulation = simulation
@@ -69,7 +69,7 @@ class BatchEnds(Expression):
         self._least: Array | None = None
 
     def holds(self, lookup: Lookup) -> bool:
-        """Let runs leave that are over, and return whether all are.
+        """Retire the runs that are over, and return whether all of them are.
 
         Raises:
             EvaluationError: The condition of a run has no value.
@@ -81,7 +81,7 @@ class BatchEnds(Expression):
         return not going.any()
 
     def _of(self, run: int, name: str) -> Any:
-        """What a name stands for in one run; the same as in `WorldScope`."""
+        """Return the value of a name in one run, as `WorldScope` defines it."""
         simulation, observer = self._simulation, self._observer
         environment = simulation.environment
         match name:
@@ -105,7 +105,7 @@ class BatchEnds(Expression):
         return self._regions[name]
 
     def _separation(self, run: int) -> float:
-        """The least distance between the centres of two agents of a run [m]; infinite if there is one agent."""
+        """Return the least distance between the centres of two agents of a run [m]; infinite for a single agent."""
         environment = self._simulation.environment
         positions, runs = environment.snapshot().positions, environment.roster.runs
         assert runs is not None
@@ -120,7 +120,7 @@ class BatchEnds(Expression):
 
 
 class _OfRun:
-    """What is so of each agent of a run by its id, and of each group by its name."""
+    """A mapping from the ids of a run's agents to one value each, and from the names of its groups to arrays."""
 
     def __init__(self, simulation: Simulation, run: int, pick: Callable[[AgentGroup], Array]) -> None:
         self._simulation = simulation
@@ -141,5 +141,5 @@ class _OfRun:
 
 
 def _share(group: AgentGroup) -> int:
-    """How many agents each run has in a group."""
+    """Return the number of agents per run in a group."""
     return len(group) // group.runs

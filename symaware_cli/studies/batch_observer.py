@@ -1,4 +1,4 @@
-"""Observation of the runs of a batch: contacts, distances, risks, goals and warnings of each."""
+"""Observation of each run of a batch: contacts, distances, risks, goals and warnings."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class BatchObserver(Observer):
     """Observes each run of a batch.
 
     Attributes:
-        contacts_of: How many contacts began in each run; shape (runs,).
-        risks_now: The greatest risk that an agent of each run sees now; -infinity without risks; shape (runs,).
-        going: Which runs are not over, the only ones that are observed; shape (runs,).
+        contacts_of: The number of contacts that began in each run; shape (runs,).
+        risks_now: The greatest current risk to any agent of each run; -infinity without risks; shape (runs,).
+        going: Whether each run is still going; only such runs are observed. Shape (runs,).
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -87,29 +87,29 @@ class BatchObserver(Observer):
         self._separations[runs], self._pairs[runs], self._times[runs] = gaps, pairs, now
 
     def separation_of(self, run: int) -> Extreme | None:
-        """The least distance between the outlines of two agents of a run [m]."""
+        """Return the least distance between the outlines of two agents of a run [m]."""
         if not np.isfinite(self._separations[run]):
             return None
         pair = (self._id(self._pairs[run, 0]), self._id(self._pairs[run, 1]))
         return Extreme(float(self._separations[run]), seconds(int(self._times[run])), pair)
 
     def risk_of(self, run: int) -> Extreme | None:
-        """The greatest risk that an agent of a run saw."""
+        """Return the greatest risk to any agent during a run."""
         if self._risks[run] == -np.inf:
             return None
         agent = self._id(self._risk_agents[run])
         return Extreme(float(self._risks[run]), seconds(int(self._risk_times[run])), (agent,))
 
     def goals_of(self, run: int) -> tuple[str, ...]:
-        """The agents of a run that reached the goal that they have."""
+        """Return the agents of a run that have reached their current goal."""
         return tuple(sorted(self._goals_of[run]))
 
     def errors_of(self, run: int) -> Mapping[str, int]:
-        """How many errors of each name came from the agents of a run."""
+        """Return the number of errors from the agents of a run, by name."""
         return self._errors_of[run]
 
     def warnings_of(self, run: int) -> Mapping[str, int]:
-        """How many warnings of each name came from the agents of a run."""
+        """Return the number of warnings from the agents of a run, by name."""
         return self._warnings_of[run]
 
     def _id(self, index: int) -> str:
@@ -117,11 +117,11 @@ class BatchObserver(Observer):
 
 
 def _agent(event: Event) -> tuple[int, str]:
-    """The run and the id of the agent whose component fired an event."""
+    """Return the run and the id of the agent whose component fired an event."""
     run, _, path = event.source.removeprefix("agents.").partition(":")
     return int(run), path.rpartition(".")[0]
 
 
 def _run(id: str) -> int:
-    """The run of an agent."""
+    """Return the run that an agent belongs to."""
     return int(id.partition(":")[0])

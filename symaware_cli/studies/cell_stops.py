@@ -1,7 +1,7 @@
-"""When a sweep has seen enough: its rule, applied to the runs of each cell alone.
+"""Stopping of a sweep: its rule is applied to the runs of each cell separately.
 
-A rule sees the runs of a cell from the first without a gap. A run that was lost is a gap: what it would have said is
-not known, so no rule looks beyond it until it is made again.
+A rule sees the runs of a cell from the first up to the first gap. A lost run is a gap: its result is unknown, so no
+rule uses later runs until it is repeated.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from symaware_cli.studies.sweep_plan import SweepPlan
 
 
 class CellStops:
-    """Which runs a sweep still needs.
+    """The runs that a sweep still needs.
 
     Attributes:
-        claims: How far the claim of the plan is established, for each cell; empty without a claim.
+        claims: The progress of the plan's claim in each cell; empty without a claim.
     """
 
     def __init__(self, plan: SweepPlan, specifications: Sequence[str]) -> None:
         """Begin before the first run.
 
         Args:
-            plan: The plan; its rule was checked.
+            plan: The plan, whose rule has been checked.
             specifications: The names of the specifications.
         """
         self._plan = plan
@@ -44,7 +44,7 @@ class CellStops:
         self._text = plan.document.until or plan.document.claim
 
     def add(self, row: Row) -> None:
-        """Take note of a row.
+        """Add a row.
 
         Raises:
             SweepError: A metric is outside its declared bounds, or the rule has no value.
@@ -60,7 +60,7 @@ class CellStops:
             raise SweepError(f"run {row.index}: {error}") from error
 
     def wants(self, index: int) -> bool:
-        """Whether a run belongs to the result, as far as is known."""
+        """Return whether a run belongs to the result, according to the rows so far."""
         if self.claims:
             return self.claims[self._plan.cell(index).number].keeps(self._plan.replicate(index))
         if not self._states:
@@ -69,7 +69,7 @@ class CellStops:
 
     @property
     def planned(self) -> int:
-        """How many runs belong to the result, as far as is known."""
+        """The number of runs that belong to the result, according to the rows so far."""
         runs = self._plan.document.runs
         states: Sequence[ClaimProgress | StoppingState] = self.claims or self._states
         if not states:
@@ -78,19 +78,19 @@ class CellStops:
 
     @property
     def reason(self) -> str | None:
-        """Why runs were left out; None if none were."""
+        """The rule or claim by which runs were left out; None if none were."""
         return self._text if self.planned < self._plan.count else None
 
     def estimates(self) -> Mapping[str, IntervalEstimate]:
-        """What is known of the estimands of the rule, if there is one cell; intervals that may be watched."""
+        """Return the rule's estimates, with anytime-valid intervals; empty unless there is exactly one cell."""
         return self._states[0].estimates() if len(self._states) == 1 else {}
 
 
 def rule_of(plan: SweepPlan, specifications: Sequence[str]) -> StoppingRule | None:
-    """Return the rule of a plan; one that never holds if there is none, but something to watch.
+    """Return the rule of a plan; without one, a rule that never holds but provides estimates to watch.
 
     Raises:
-        ExpressionError: It is not valid.
+        ExpressionError: The rule is invalid.
     """
     document = plan.document
     shares = {f"{verdict}.{name}": Share() for name in specifications for verdict in ("satisfied", "violated")}
@@ -110,10 +110,10 @@ def check_rule(plan: SweepPlan, specifications: Sequence[str], problem: Problem)
     Args:
         plan: The plan.
         specifications: The names of the specifications.
-        problem: A problem with the rule as a whole, which knows its place.
+        problem: A problem located at the rule as a whole.
 
     Raises:
-        ScenarioError: It is not.
+        ScenarioError: The rule is invalid.
     """
     try:
         rule_of(plan, specifications)
@@ -121,7 +121,7 @@ def check_rule(plan: SweepPlan, specifications: Sequence[str], problem: Problem)
         span = problem.span
         line = problem.source_line or ""
         if span is not None and plan.document.until is not None:
-            shift = line.find(plan.document.until)  # behind a quotation mark, perhaps
+            shift = line.find(plan.document.until)  # possibly after a quotation mark
             if shift >= 0:
                 span = replace(
                     span, column=shift + error.start + 1, end_column=shift + max(error.end, error.start + 1) + 1
@@ -131,7 +131,7 @@ def check_rule(plan: SweepPlan, specifications: Sequence[str], problem: Problem)
 
 
 def _values(row: Row, specifications: Sequence[str]) -> dict[str, float]:
-    """The value of each estimand in a run; one that failed satisfies nothing, and has no metrics."""
+    """Return the value of each estimand in a run; a failed run satisfies no specification and has no metrics."""
     found = {}
     for name in specifications:
         verdict = row.verdicts.get(name)

@@ -1,7 +1,7 @@
-"""A claim about the runs of a sweep, such as ``P(safe) > 0.99 with confidence 0.99, fixed``, and what decides it.
+"""A claim about the runs of a sweep, such as ``P(safe) > 0.99 with confidence 0.99, fixed``, and its tests.
 
 The claim is P(failure) < epsilon; the hypothesis to be rejected is that P(failure) is epsilon or more. The tests are
-made at a planned number of runs, or at all times.
+performed once at a planned number of runs, or sequentially after each run.
 
 Reasons: docs/decisions/0046-claims.md
 """
@@ -16,19 +16,19 @@ from typing import Literal, get_args
 
 from symaware_cli.studies.row import Row
 
-#: The parameter of both sides of the beta distribution that is mixed over: few failures are expected.
+#: Both parameters of the beta distribution that is mixed over: few failures are expected.
 PRIOR = 0.5
 
 
 def fixed_evidence(failures: int, runs: int, epsilon: float) -> float:
-    """Return the evidence for the claim at a number of runs that was planned: the inverse of the test's p-value.
+    """Return the evidence for the claim at a planned number of runs: the inverse of the test's p-value.
 
     The p-value is P(X <= k) where X is binomial with n and epsilon. It is at most alpha exactly where the one-sided
     upper limit of Clopper and Pearson for P(failure), with confidence 1 - alpha, is at most epsilon.
 
     Args:
-        failures: How many runs failed, k.
-        runs: How many there were, n.
+        failures: The number of failed runs, k.
+        runs: The number of runs, n.
         epsilon: The bound of the claim.
 
     Source: C. J. Clopper and E. S. Pearson, "The Use of Confidence or Fiducial Limits Illustrated in the Case of the
@@ -41,7 +41,7 @@ def fixed_evidence(failures: int, runs: int, epsilon: float) -> float:
 
 
 def sequential_evidence(failures: int, runs: int, epsilon: float) -> float:
-    """Return the evidence for the claim that may be looked at after each run: an e-process.
+    """Return the evidence for the claim as an e-process, which may be checked after each run.
 
     It is the likelihood ratio of a mixture of probabilities below epsilon to epsilon itself,
 
@@ -51,8 +51,8 @@ def sequential_evidence(failures: int, runs: int, epsilon: float) -> float:
     1, and by Ville's inequality it ever reaches 1 / alpha with a probability of at most alpha.
 
     Args:
-        failures: How many of the first runs failed, k.
-        runs: How many of the first runs there are, n.
+        failures: The number of failures among the first n runs, k.
+        runs: The number of runs so far, n.
         epsilon: The bound of the claim.
 
     Sources: H. Robbins, "Statistical Methods Related to the Law of the Iterated Logarithm", The Annals of Mathematical
@@ -71,11 +71,11 @@ def sequential_evidence(failures: int, runs: int, epsilon: float) -> float:
 
 
 def runs_needed(evidence: Callable[[int, int, float], float], failures: int, epsilon: float, alpha: float) -> int:
-    """Return the least number of runs of which so many failures leave the claim established.
+    """Return the least number of runs at which a given number of failures still establishes the claim.
 
     Args:
         evidence: `fixed_evidence` or `sequential_evidence`.
-        failures: How many runs fail.
+        failures: The number of failed runs.
         epsilon: The bound of the claim.
         alpha: The probability of being wrong.
     """
@@ -89,7 +89,7 @@ def runs_needed(evidence: Callable[[int, int, float], float], failures: int, eps
     return high
 
 
-#: ``fixed``: all planned runs are made, and then looked at once; ``sequential``: they may be looked at after each run.
+#: ``fixed``: all planned runs are executed, then tested once; ``sequential``: they may be tested after each run.
 ClaimRule = Literal["fixed", "sequential"]
 
 _FORM = re.compile(
@@ -98,19 +98,19 @@ _FORM = re.compile(
 )
 EXAMPLE = "P(safe) > 0.99 with confidence 0.99, sequential"
 
-#: Claims beyond these need more runs than a sweep may have.
+#: Claims beyond these limits need more runs than a sweep may have.
 _RANGE = (0.0, 1.0 - 1e-6)
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """That a specification is satisfied with more than some probability.
+    """The claim that the probability of satisfying a specification exceeds a bound.
 
     Attributes:
-        specification: Its name.
-        probability: What the probability of satisfying it is claimed to exceed.
-        confidence: The probability, at least, that no false claim is certified: of all combinations of a sweep jointly.
-        rule: When the runs are looked at.
+        specification: The name of the specification.
+        probability: The lower bound that the probability of satisfying it is claimed to exceed.
+        confidence: The least probability that no false claim is certified, jointly over all combinations of a sweep.
+        rule: When the runs are tested.
     """
 
     specification: str
@@ -120,10 +120,10 @@ class Claim:
 
     @classmethod
     def parse(cls, text: str) -> Claim:
-        """Read a claim.
+        """Parse a claim.
 
         Raises:
-            ValueError: It is not valid; says why.
+            ValueError: The text is not a valid claim; the message gives the reason.
         """
         match = _FORM.fullmatch(text)
         if match is None:
@@ -141,23 +141,23 @@ class Claim:
 
     @property
     def epsilon(self) -> float:
-        """What the probability of failing is claimed to be less than, to 12 digits: 1 - 0.99 is 0.01."""
+        """The upper bound claimed for the probability of failure, to 12 digits, so that 1 - 0.99 is 0.01."""
         return float(f"{1.0 - self.probability:.12g}")
 
     def alpha(self, cells: int) -> float:
-        """Return the probability of a false certificate for one of so many combinations: Bonferroni's share."""
+        """Return the admissible probability of a false certificate for each combination (Bonferroni correction)."""
         return float(f"{1.0 - self.confidence:.12g}") / cells
 
     def evidence(self, failures: int, runs: int) -> float:
-        """Return the evidence; a combination is certified where it reaches 1 / alpha."""
+        """Return the evidence; a combination is certified once it reaches 1 / alpha."""
         return self._evidence(failures, runs, self.epsilon)
 
     def runs_needed(self, failures: int, cells: int) -> int:
-        """Return the least number of runs of a combination that suffices with so many failures."""
+        """Return the least number of runs of a combination that suffices with a given number of failures."""
         return runs_needed(self._evidence, failures, self.epsilon, self.alpha(cells))
 
     def counts_against(self, row: Row) -> bool:
-        """Whether a run counts against the claim: also one that failed, was lost or is undecided."""
+        """Return whether a run counts against the claim; failed, lost and undecided runs do."""
         return row.state != "done" or row.verdicts.get(self.specification) != "satisfied"
 
     @property
@@ -166,12 +166,12 @@ class Claim:
 
 
 class ClaimProgress:
-    """The runs of one combination under a claim; they come in any order.
+    """The progress of a claim for one combination; its runs may arrive in any order.
 
     Attributes:
-        runs: How many runs are known without a gap, up to where the claim was established.
-        failures: How many of them count against it.
-        stopped_at: How many runs there are in the end; None as long as a sequential claim is not established.
+        runs: The number of known runs before the first gap, up to the run that established the claim.
+        failures: The number of these that count against it.
+        stopped_at: The final number of runs; None while a sequential claim is not established.
     """
 
     def __init__(self, claim: Claim, cells: int) -> None:
@@ -184,20 +184,20 @@ class ClaimProgress:
 
     @property
     def evidence(self) -> float:
-        """The evidence after these runs."""
+        """The evidence after the known runs."""
         return self._claim.evidence(self.failures, self.runs)
 
     @property
     def is_established(self) -> bool:
-        """Whether the evidence is enough."""
+        """Whether the evidence suffices."""
         return self.evidence >= self._enough
 
     def add(self, replicate: int, row: Row) -> None:
-        """Take a run.
+        """Add a run.
 
         Args:
-            replicate: Its number among those of the combination.
-            row: What became of it.
+            replicate: Its number within the combination.
+            row: Its result.
         """
         self._waiting[replicate] = self._claim.counts_against(row)
         while self.stopped_at is None and self.runs in self._waiting:
@@ -207,7 +207,7 @@ class ClaimProgress:
                 self.stopped_at = self.runs
 
     def keeps(self, replicate: int) -> bool:
-        """Whether a run is part of the result, as far as is known."""
+        """Return whether a run is part of the result, according to the runs so far."""
         return self.stopped_at is None or replicate < self.stopped_at
 
 

@@ -1,4 +1,4 @@
-"""Metrics that a sweep adds to the built-in ones: series that are reduced, and metrics of plugins."""
+"""Custom metrics of a sweep: reductions of expressions over time, and metrics of plugins."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from symaware_cli.studies.sweep_document import MetricUse, SweepDocument
 
 _REDUCED = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
 
-#: What makes one number of a series: from the result so far (None at first), the present value, and the number of
-#: values before it.
+#: Reductions of a series to one number: functions of the result so far (None at first), the present value, and the
+#: number of values before it.
 _REDUCTIONS: Mapping[str, Callable[[float | None, float, int], float]] = {
     "final": lambda before, value, count: value,
     "initial": lambda before, value, count: value if before is None else before,
@@ -42,13 +42,13 @@ _TYPES: Mapping[str, tuple[type, ...]] = {
 
 
 class Follower(Protocol):
-    """Follows a run for one metric."""
+    """Computes one metric while a run proceeds."""
 
     def look(self, now: int) -> None:
-        """Take note of the world at a step."""
+        """Update the metric with the world at a step."""
 
     def value(self) -> Any:
-        """Return the value when the run is over."""
+        """Return the value at the end of the run."""
 
 
 class ReducedSeries:
@@ -58,12 +58,13 @@ class ReducedSeries:
         """Follow a run.
 
         Args:
-            text: Such as ``max(highest_risk)``; the expression is about the world, as that of ``run.until``.
-            simulation: What runs.
-            specifications: The names of its specifications; None if those that the text names need no check.
+            text: The reduction, such as ``max(highest_risk)``, of an expression with the same names as in
+                ``run.until``.
+            simulation: The simulation.
+            specifications: The names of its specifications; None to accept any name in the text.
 
         Raises:
-            ExpressionError: It is not valid; the error knows where.
+            ExpressionError: The text is invalid; the error locates the fault.
         """
         found = _REDUCED.fullmatch(text)
         if found is None or found[1] not in _REDUCTIONS:
@@ -82,13 +83,13 @@ class ReducedSeries:
         self._value: float | None = None
 
     def look(self, now: int) -> None:
-        """Take note of the value at a step; of several, the greatest for `max`, the least for `min`.
+        """Update the result with the value at a step; of several values, the greatest for `max`, the least for `min`.
 
-        An instant at which an agent that the expression names is absent does not count.
+        Steps at which an agent named by the expression is absent are skipped.
 
         Raises:
-            EvaluationError: It has none.
-            ValueError: It is not a number.
+            EvaluationError: The expression has no value.
+            ValueError: The value is not a number.
         """
         if self._scope is None:
             self._scope = WorldScope(self._simulation, Observer(self._simulation))
@@ -104,15 +105,15 @@ class ReducedSeries:
         self._count += 1
 
     def value(self) -> float | None:
-        """Return the result."""
+        """Return the reduced value; None without any step."""
         return self._value
 
 
 class Followers:
-    """The followers of a run, which look at each step and once more at its end.
+    """The followers of a run, which are updated at each step and once more at its end.
 
     Attributes:
-        by_name: Each, by the name of its metric.
+        by_name: The followers by the names of their metrics.
     """
 
     def __init__(self, by_name: Mapping[str, Follower], simulation: Simulation) -> None:
@@ -122,20 +123,20 @@ class Followers:
             simulation.events.subscribe("stepping", lambda event: self.look())
 
     def look(self) -> None:
-        """Let all of them take note of the world."""
+        """Update all followers with the present world."""
         for follower in self.by_name.values():
             follower.look(self._clock.now)
 
 
 class CustomMetrics:
-    """The further metrics of a sweep."""
+    """The custom metrics of a sweep."""
 
     def __init__(self, document: SweepDocument, catalogue: Catalogue) -> None:
         self._uses = document.metrics
         self._catalogue = catalogue
 
     def descriptions(self) -> list[MetricDescription]:
-        """Return what each of them declares.
+        """Return the description of each metric.
 
         Raises:
             PluginError: A plugin cannot be used.
@@ -143,22 +144,22 @@ class CustomMetrics:
         return [self._description(name, use) for name, use in self._uses.items()]
 
     def followers(self, simulation: Simulation) -> Followers:
-        """Let all of them follow a run that is about to begin.
+        """Attach a follower of each metric to a run that is about to begin.
 
         Raises:
             PluginError: A plugin cannot be used.
-            ExpressionError: An expression is not valid.
-            ValueError: Parameters are not valid.
+            ExpressionError: An expression is invalid.
+            ValueError: Parameters are invalid.
         """
         return Followers({name: self._follower(use, simulation) for name, use in self._uses.items()}, simulation)
 
     def check(self, name: str, built: Built, problem: Problem) -> Problem | None:
-        """Return what is wrong with a metric, if anything is.
+        """Return the problem with a metric, if there is one.
 
         Args:
             name: Its name.
-            built: The scenario whose run it is to follow.
-            problem: A problem with the metric as a whole, which knows its place.
+            built: The scenario whose run the metric is to follow.
+            problem: A problem located at the metric as a whole.
         """
         try:
             self._description(name, self._uses[name])
@@ -197,10 +198,10 @@ class CustomMetrics:
 
 
 def typed(value: Any, kind: str) -> Any:
-    """Return the value of a metric as its type in the table.
+    """Convert the value of a metric to its type in the table.
 
     Raises:
-        TypeError: It is of another type.
+        TypeError: The value is of another type.
     """
     if kind == "series" and value is not None:
         return [{"time": float(time), "value": float(number)} for time, number in value]

@@ -1,4 +1,4 @@
-"""Work for worker processes, and who does it: the interface, and the simplest executor, which is this process."""
+"""Interfaces of work and of the executors that perform it, and the simplest executor: the present process."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ResultT_co = TypeVar("ResultT_co", bound="Result", covariant=True)
 
 
 class Result(Protocol):
-    """The result of one number, as data that JSON can represent."""
+    """A result, identified by a number and representable in JSON."""
 
     @property
     def index(self) -> int:
@@ -28,20 +28,20 @@ class Result(Protocol):
 
     @property
     def wall_time(self) -> float:
-        """The wall time that it took [s]."""
+        """The wall time spent on it [s]."""
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Numbers that one process takes together.
+    """A block of numbers that one process works on together.
 
     Attributes:
         indices: The numbers.
-        is_recorded: Whether the logs of their runs are written.
-        values: For each number, the values of its run by their paths, if these do not follow from the number.
+        is_recorded: Whether logs of the runs are written.
+        values: The values of each run by path, if the number of the run does not determine them.
     """
 
     indices: tuple[int, ...]
@@ -53,10 +53,10 @@ class Work(Protocol[ResultT_co]):
     """Computes results in the present process; other processes create the same work from `to_json`."""
 
     def open(self) -> None:
-        """Read and import what all results need; called before the first one."""
+        """Read and import the prerequisites of all results; called before the first one."""
 
     def prepare(self) -> None:
-        """Import everything that a result uses, so that the code of two machines can be compared."""
+        """Import all code that results use, so that the code of two machines can be compared."""
 
     def results(self, block: Block) -> Iterator[ResultT_co]:
         """Compute the results of a block, in any order.
@@ -70,7 +70,7 @@ class Work(Protocol[ResultT_co]):
 
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> Work[ResultT_co]:
-        """Return the work of which another process sent `to_json`."""
+        """Create the work from the `to_json` of another process."""
 
     def received(self, content: dict[str, Any]) -> ResultT_co:
         """Return the result that another process sent as `Result.to_json`."""
@@ -84,15 +84,15 @@ class Work(Protocol[ResultT_co]):
 
 
 def description(work: Work[Any]) -> dict[str, Any]:
-    """Describe work for another process, as plain data."""
+    """Return a description of work for another process, as plain data."""
     return {"module": type(work).__module__, "class": type(work).__qualname__, "content": work.to_json()}
 
 
 def described_work(found: dict[str, Any]) -> Work[Any]:
-    """Return the work of a `description`; its class is found among the package's own modules.
+    """Return the work of a `description`; only classes of this package are accepted.
 
     Raises:
-        ValueError: It is of another package.
+        ValueError: The class belongs to another package.
     """
     if found["module"].partition(".")[0] != __name__.partition(".")[0]:
         raise ValueError(f"no work of {found['module']}")
@@ -102,7 +102,7 @@ def described_work(found: dict[str, Any]) -> Work[Any]:
 
 @contextmanager
 def signals_raised() -> Iterator[None]:
-    """Make SIGTERM what Ctrl-C is; in other threads than the main one neither is."""
+    """Raise KeyboardInterrupt on SIGTERM as on Ctrl-C; in threads other than the main one, neither is handled."""
 
     def raised(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
@@ -113,7 +113,7 @@ def signals_raised() -> Iterator[None]:
 
 @contextmanager
 def signals_deferred() -> Iterator[None]:
-    """Let SIGINT and SIGTERM wait until the block has ended, such as for a process to be known to whoever ends it."""
+    """Defer SIGINT and SIGTERM to the end of the block, such as until a new process is registered for cleanup."""
     waiting: list[int] = []
     try:
         with signals_handled(lambda number, frame: waiting.append(number)):
@@ -123,12 +123,12 @@ def signals_deferred() -> Iterator[None]:
             signal.raise_signal(waiting[0])
 
 
-#: The wall time that a block of runs is to take [s], and the most runs of a block.
+#: The intended wall time of a block of runs [s], and the maximum number of runs of a block.
 _WORTH, _MOST = 1.0, 1000
 
 
 class Blocks:
-    """The runs that are still to be made, in blocks worth about a second; what a run takes is learnt meanwhile."""
+    """The remaining runs, in blocks of about a second; the duration of a run is estimated along the way."""
 
     def __init__(
         self,
@@ -144,11 +144,11 @@ class Blocks:
 
         Args:
             indices: The numbers of the runs.
-            count: How many they are.
-            is_recorded: Whether their logs are to be written.
-            run_time: How long a run takes [s], as far as that is known already.
-            least: The fewest runs of a block, however long one takes: several where together they take less.
-            values: See `Block`, by the numbers of the runs.
+            count: The number of runs.
+            is_recorded: Whether to write their logs.
+            run_time: The duration of a run [s], if already known.
+            least: The minimum number of runs in a block, regardless of duration; above 1 if batched runs are faster.
+            values: The values of each run by its number; see `Block`.
         """
         self._values = values
         self._indices = iter(indices)
@@ -162,7 +162,7 @@ class Blocks:
         """Return the next block; None if there is none.
 
         Args:
-            share: Among how many the rest is to be shared.
+            share: The number of workers that share the rest.
         """
         worth = 0 if self._mean is None else int(_WORTH / max(self._mean, 1e-6))
         size = min(_MOST, max(worth, self._least), math.ceil(self._left / share))
@@ -179,38 +179,38 @@ class Blocks:
         return Block(tuple(taken), self._is_recorded, values)
 
     def give_back(self, indices: Iterable[int]) -> None:
-        """Take back runs that were not made."""
+        """Return runs that were not executed."""
         returned = list(indices)
         self._returned.extend(returned)
         self._left += len(returned)
 
     @property
     def run_time(self) -> float | None:
-        """How long a run takes [s], as far as that is known."""
+        """The estimated duration of a run [s]; None if unknown."""
         return self._mean
 
     def learn(self, wall_time: float) -> None:
-        """Take note of how long a run took [s]."""
+        """Update the estimated duration of a run with a measured one [s]."""
         self._mean = wall_time if self._mean is None else self._mean + 0.2 * (wall_time - self._mean)
 
 
 class Executor(Protocol[ResultT_co]):
-    """Has work done, wherever; knows nothing of journals and tables."""
+    """Performs work at some place; independent of journals and tables."""
 
     def results(self, blocks: Blocks) -> Iterator[ResultT_co]:
-        """Have results made until there are no more, and yield them as they come, in any order."""
+        """Compute the results of all blocks, and yield them as they become available, in any order."""
 
     def close(self) -> None:
-        """End what makes them."""
+        """Release the resources of the executor, such as processes."""
 
 
 class LocalExecutor(Generic[ResultT]):
-    """Does all work in this process, one block after the other."""
+    """Performs all work in the present process, block by block."""
 
     def __init__(self, work: Work[ResultT]) -> None:
         self._work = work
         work.open()
-        # What is imported by now need not be searched whenever the objects of past runs are collected.
+        # Keeps modules that are already imported out of later garbage collections.
         gc.freeze()
 
     def results(self, blocks: Blocks) -> Iterator[ResultT]:

@@ -1,4 +1,4 @@
-"""What a sweep shows: the share of runs that satisfy each specification, and what variants differ by."""
+"""Results of a sweep: the share of runs that satisfy each specification, and the differences between variants."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class VerdictShare:
-    """The share of the runs of a cell that satisfy a specification; those that are undecided or failed do not.
+    """The share of the runs of a cell that satisfy a specification; undecided and failed runs do not.
 
     Attributes:
         cell: The cell.
         specification: The name of the specification.
-        satisfied: How many runs satisfy it.
-        interval: The share with its interval.
+        satisfied: The number of runs that satisfy it.
+        interval: The share with its confidence interval.
     """
 
     cell: Cell
@@ -36,7 +36,7 @@ class VerdictShare:
     interval: IntervalEstimate
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {
             **_of_cell(self.cell),
             "specification": self.specification,
@@ -47,7 +47,7 @@ class VerdictShare:
 
 @dataclass(frozen=True, slots=True)
 class VariantDifference:
-    """What a variant differs by from the first one, at one combination of parameters.
+    """The difference of a variant from the first one, at one combination of parameters.
 
     Attributes:
         cell: The cell of the variant.
@@ -60,16 +60,16 @@ class VariantDifference:
     comparison: PairedComparison
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {**_of_cell(self.cell), "against": self.against, **asdict(self.comparison)}
 
 
 def intervals_of(plan: SweepPlan, made: int) -> IntervalChoice:
-    """Return how intervals are made of the runs of a plan.
+    """Return the choice of confidence intervals for the runs of a plan.
 
     Args:
         plan: The plan.
-        made: How many of its runs are made and not lost.
+        made: The number of its runs that are executed and not lost.
     """
     document = plan.document
     is_final = not document.may_stop and made == plan.count
@@ -79,8 +79,8 @@ def intervals_of(plan: SweepPlan, made: int) -> IntervalChoice:
 def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
     """Yield the share of each specification in each cell.
 
-    Rows that were lost are left out; of a sweep that is not finished, so is what comes after a gap, because the runs
-    that end first are often the short ones.
+    Lost runs are left out; so are, in an unfinished sweep, all runs after a gap, because the runs that end first tend
+    to be short, which would bias the share.
     """
     names = [name.removeprefix("verdict.") for name in table.column_names if name.startswith("verdict.")]
     index = table["index"].to_numpy()
@@ -96,15 +96,15 @@ def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
 
 
 def differences(table: pyarrow.Table, plan: SweepPlan, name: str) -> Iterator[VariantDifference]:
-    """Yield what each variant differs by from the first one, in one column, run by run.
+    """Yield the paired difference of each variant from the first one, in one column.
 
     Args:
         table: All rows.
         plan: Their plan, with paired variants.
-        name: The column; of a verdict, whether it is satisfied.
+        name: The column; a verdict counts as 1 if satisfied, else 0.
 
     Raises:
-        SweepError: Variants are not paired, or the column is not made of numbers.
+        SweepError: The variants are not paired, or the column is not numeric.
         UnknownNameError: There is no such column.
     """
     if not plan.document.paired:

@@ -1,4 +1,4 @@
-"""The folder of a sweep: what was asked for, the scenario, the versions, the journal, the table and the logs."""
+"""The folder of a sweep: the request, the scenario, the versions, the journal, the table and the logs."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from symaware_cli.studies.sweep_source import SweepSource, build_cells, read_swe
 
 @dataclass(frozen=True)
 class SweepFolder:
-    """A folder with a sweep.
+    """The folder of a sweep.
 
     Attributes:
         path: The folder.
-        source: Its plan.
+        source: The source of its plan.
     """
 
     path: Path
@@ -43,11 +43,11 @@ class SweepFolder:
 
     @classmethod
     def opened(cls, path: str | os.PathLike[str]) -> SweepFolder:
-        """Open a folder that has a sweep.
+        """Open the folder of an existing sweep.
 
         Raises:
-            SweepError: It has none.
-            ScenarioError: Its files were damaged.
+            SweepError: The folder contains no sweep.
+            ScenarioError: Its files are damaged.
         """
         folder = Path(path)
         if not is_sweep(folder):
@@ -56,10 +56,10 @@ class SweepFolder:
 
     @classmethod
     def created(cls, path: Path, source: SweepSource) -> SweepFolder:
-        """Make a folder for a sweep that was checked; a folder that is there has to be empty.
+        """Create the folder of a checked sweep; an existing folder has to be empty.
 
         Raises:
-            ScenarioError: A cell has problems; nothing was created.
+            ScenarioError: A cell is invalid; nothing was created.
             SweepError: The folder cannot be created.
         """
         files: dict[str, bytes] = {}
@@ -68,7 +68,7 @@ class SweepFolder:
             raise SweepError(f"{path} is there already, and is not the folder of a sweep")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            # All of it appears at once.
+            # The whole folder appears atomically.
             draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
             try:
                 _write_all(draft, source, identity, names, files)
@@ -90,15 +90,15 @@ class SweepFolder:
         return [each.assignment() for each in self.plan.changes(index)]
 
     def make_again(self, index: int, output: Path) -> None:
-        """Make a run again, for its log.
+        """Repeat a run to write its log.
 
         Args:
             index: The number of the run.
-            output: The log.
+            output: The path of the log.
 
         Raises:
             SweepError: There is no such run.
-            ScenarioError: The scenario has problems now.
+            ScenarioError: The scenario is no longer valid.
             RunError: The run failed.
             KeyboardInterrupt: A signal ended the run.
             LogError: The log cannot be written.
@@ -107,7 +107,7 @@ class SweepFolder:
 
     @property
     def plan(self) -> SweepPlan:
-        """What there is to run."""
+        """The plan of the sweep."""
         return self.source.plan
 
     @property
@@ -117,7 +117,7 @@ class SweepFolder:
 
     @cached_property
     def identity(self) -> SweepIdentity:
-        """What the rows were made of.
+        """The identity of the inputs and code that produced the rows.
 
         Raises:
             SweepError: The file is damaged.
@@ -132,7 +132,7 @@ class SweepFolder:
             raise SweepError(f"{file} is damaged: {error}") from error
 
     def scenario_files(self) -> Mapping[str, bytes]:
-        """The scenario, what it extends and its assets, by their paths in the folder, in their order."""
+        """Return the files of the scenario, its bases and its assets, by path in the folder, sorted."""
         files = sorted(each for each in (self.path / SCENARIO).rglob("*") if each.is_file())
         return {each.relative_to(self.path).as_posix(): each.read_bytes() for each in files}
 
@@ -147,13 +147,13 @@ class SweepFolder:
         """Return a runner in this process.
 
         Args:
-            batch: See `Runner`, as for the next.
-            follow: See there.
+            batch: See `Runner`.
+            follow: See `Runner`.
         """
         return Runner(self.plan, self.source.scenario, batch, follow)
 
     def one_by_one(self, batch: int | None = None) -> str | None:
-        """Say why runs of one combination are made one by one; None if they are batched.
+        """Return why runs of one combination are executed one by one; None if they are batched.
 
         Args:
             batch: See `Runner`.
@@ -162,10 +162,10 @@ class SweepFolder:
         return self.runner(batch).refusal(range(0, min(plan.count, 2 * len(plan.cells)), len(plan.cells)))
 
     def check(self) -> None:
-        """Make sure that further rows come of the same files and versions.
+        """Check that further rows would be produced by the same files and versions.
 
         Raises:
-            SweepError: They do not; says what differs.
+            SweepError: They would not; the message lists the differences.
         """
         found, _ = identity_of(self.source, {})
         different = differences(self.identity, found)
@@ -173,10 +173,10 @@ class SweepFolder:
             raise SweepError(listed(f"{self.path} cannot be resumed: rows would not be comparable", different))
 
     def compare(self, source: SweepSource) -> None:
-        """Make sure that what is asked for is what the folder is about.
+        """Check that a request matches the sweep in the folder.
 
         Raises:
-            SweepError: It is not; says what differs.
+            SweepError: It does not; the message lists the differences.
         """
         mine, other = (each.plan.document.model_dump(by_alias=True) for each in (self.source, source))
         different = [
@@ -196,10 +196,10 @@ class SweepFolder:
             raise SweepError(listed(message, different))
 
     def add_runs(self, count: int) -> SweepFolder:
-        """Plan further runs of each cell; those that are there keep their numbers and what they drew.
+        """Plan further runs of each cell; existing runs keep their numbers and drawn values.
 
         Raises:
-            SweepError: Another process is at work on the folder, or runs cannot be added to the design.
+            SweepError: Another process is working on the folder, or runs cannot be added to the design.
         """
         if self.plan.document.design == "latin-hypercube":
             raise SweepError(
@@ -213,19 +213,19 @@ class SweepFolder:
                 "that were planned; make another sweep, with another `seed` and more `runs` or a `sequential` claim"
             )
         with self.locked():
-            document = SweepFolder.opened(self.path).plan.document  # as the one who had the lock before left it
+            document = SweepFolder.opened(self.path).plan.document  # as the previous holder of the lock left it
             draft = self.path / f".{SWEEP}"
             draft.write_bytes(written_again(document, document.scenario, runs=document.runs + count))
             os.replace(draft, self.path / SWEEP)
-            (self.path / TABLE).unlink(missing_ok=True)  # it says how many runs were planned
+            (self.path / TABLE).unlink(missing_ok=True)  # it contains the number of planned runs
         return SweepFolder.opened(self.path)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep every other process from adding rows.
+        """Hold the lock that prevents other processes from adding rows.
 
         Raises:
-            SweepError: One does so already.
+            SweepError: Another process holds the lock.
         """
         import fcntl
 
@@ -238,10 +238,10 @@ class SweepFolder:
 
 
 def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIdentity, Mapping[str, bytes]]:
-    """Build every cell, and return what rows will be made of; collect the files of all cells.
+    """Build every cell, return the identity of future rows, and collect the files of all cells.
 
     Raises:
-        ScenarioError: A cell has problems, or the rule to stop has.
+        ScenarioError: A cell or the stopping rule is invalid.
     """
     scenarios: list[dict[str, Any]] = []
     specifications: dict[str, None] = {}
@@ -255,7 +255,7 @@ def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIden
             ]
             if any(problems):
                 raise ScenarioError(filter(None, problems))
-            # As JSON says it, so that whoever reads it there has the same.
+            # Converted through JSON, so that it equals the value that is read back from the file.
             scenarios.append(json.loads(json.dumps(built.data)))
             specifications.update(dict.fromkeys(built.document.specifications))
             if other := next(
@@ -297,10 +297,10 @@ def _short(value: Any) -> str:
 
 
 class SweepWork:
-    """`Work` that makes the rows of a sweep."""
+    """`Work` that produces the rows of a sweep."""
 
     def __init__(self, folder: str, batch: int | None) -> None:
-        """Prepare; the folder need not be there before `open`.
+        """Prepare; the folder need not exist before `open`.
 
         Args:
             folder: The folder of the sweep.
@@ -341,7 +341,7 @@ class SweepWork:
         return Row(index, "lost", error=why)
 
     def _made(self) -> tuple[Path, Runner]:
-        """Where logs are written, and what makes runs."""
+        """Return the folder of the logs and the runner, created on first use."""
         if self._opened is None:
             folder = SweepFolder.opened(self._path)
             self._opened = folder.logs, folder.runner(self._batch)

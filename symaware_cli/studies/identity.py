@@ -1,4 +1,4 @@
-"""What the rows of a sweep are made of: the scenario of each cell, the versions of all that computes, and the code."""
+"""The identity of a sweep's rows: the scenario of each cell, the versions of all software involved, and its code."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from symaware_cli import processor
 from symaware_cli.language import ORIGIN, dumped
 from symaware_cli.studies.sweep_plan import SweepPlan
 
-#: What may differ where the kernels are pinned: it changes no bit. Which libraries of BLAS are loaded depends on what
-#: else the process does; their versions are those of the distributions that bring them.
+#: Entries that may differ without changing a bit if the kernels are pinned. The set of loaded BLAS libraries depends on
+#: what else the process does; their versions are those of the distributions that contain them.
 _HARMLESS = ("BLAS", "Processor", "platform")
 
 
 @dataclass(frozen=True, slots=True)
 class SweepIdentity:
-    """What rows are made of.
+    """The inputs and versions that determine rows.
 
     Attributes:
-        cells: For each cell, the SHA-256 of its resolved scenario, without the seed, and of all assets.
+        cells: The SHA-256 of each cell's resolved scenario, without the seed, together with all assets.
         specifications: The names of the specifications of all cells, in their order.
-        versions: The versions of what is installed, and what computes.
-        resolved: The resolved scenario of the first cell as plain data: the first of `cells` is made of it.
+        versions: The versions of installed software, and the processor and numerical libraries in use.
+        resolved: The resolved scenario of the first cell as plain data, from which the first hash of `cells` is
+            computed.
     """
 
     cells: Sequence[str]
@@ -41,10 +42,10 @@ class SweepIdentity:
 
     @classmethod
     def from_json(cls, content: Any) -> SweepIdentity:
-        """Make one of what `to_json` returned.
+        """Create an identity from the result of `to_json`.
 
         Raises:
-            ValueError: It is something else; says which value has to be what.
+            ValueError: The content is invalid; the message names the value and the expected type.
         """
         if not isinstance(content, dict) or content.keys() != {"cells", "specifications", "versions", "resolved"}:
             raise ValueError("a mapping of cells, specifications, versions and resolved has to be there")
@@ -60,28 +61,28 @@ class SweepIdentity:
         return cls(**content)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return asdict(self)
 
     def of_run(self, plan: SweepPlan, index: int) -> str:
-        """Return what tells a run from any other: a hash of its scenario, parameters, index, seed and versions."""
+        """Return the identity of a run: a hash of its scenario, parameters, index, seed and versions."""
         cell = plan.cell(index)
         versions, parameters = counting(self.versions), plan.parameters(index)
         content: list[Any] = [self.cells[cell.number], parameters, cell.variant, index, plan.seed(index), versions]
         if plan.document.claim is not None:
-            content.append(plan.document.claim)  # so that no claim can be put into the plan afterwards
+            content.append(plan.document.claim)  # so that no claim can be added to the plan afterwards
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def counting(versions: Mapping[str, str]) -> dict[str, str]:
-    """The versions that count."""
+    """Return the versions that affect results."""
     is_pinned = versions.get("Pinned") == "yes"
     harmless = {ORIGIN, *(_HARMLESS if is_pinned else ())}
     return {name: each for name, each in versions.items() if name not in harmless}
 
 
 def differences(then: SweepIdentity, now: SweepIdentity) -> list[str]:
-    """Say in lines what differs between two identities; nothing if rows of both can be compared."""
+    """Return one line for each difference between two identities; empty if their rows are comparable."""
     before, after = counting(then.versions), counting(now.versions)
     lines = [
         f"{name}: {before.get(name, 'not installed')} then, {after.get(name, 'not installed')} now"
@@ -101,7 +102,7 @@ def scenario_digests(scenarios: Sequence[Mapping[str, Any]], files: Mapping[str,
 
     Args:
         scenarios: The scenarios as plain data.
-        files: The files of all of them by name; those of scenarios themselves are left out.
+        files: The files of all scenarios by name; scenario files themselves are left out.
     """
     assets = b"".join(
         name.encode() + hashlib.sha256(data).digest()
@@ -122,8 +123,8 @@ class CodeIdentity:
     """The code of a process.
 
     Attributes:
-        versions: The version of Python and what computes, by name.
-        files: For each distribution of which something was imported, the hash of each of its files by name.
+        versions: The version of Python, and the processor and numerical libraries in use, by name.
+        files: The hash of each file, by name, of each distribution with an imported module.
         variables: The environment variables that choose among kernels; they have to be set before Python starts.
     """
 
@@ -133,16 +134,16 @@ class CodeIdentity:
 
     @classmethod
     def of_this_process(cls) -> CodeIdentity:
-        """Read the files of all that this process has imported, a few hundred megabytes."""
+        """Hash the files of all distributions that this process has imported, a few hundred megabytes."""
         versions = counting({"Python": platform.python_version(), **processor.in_force()})
         return cls(versions, _imported(), processor.variables())
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data, from which it can be made again."""
+        """Return the object as plain data, from which it can be recreated."""
         return asdict(self)
 
     def differences(self, found: CodeIdentity) -> list[str]:
-        """Say in lines how the code of another process differs in what both have imported; nothing if it does not."""
+        """Return one line for each difference in the code that both processes have imported; empty if there is none."""
         lines = [
             f"{name}: {self.versions.get(name, 'unknown')} here, {found.versions.get(name, 'unknown')} there"
             for name in sorted(self.versions.keys() | found.versions.keys())
@@ -165,11 +166,11 @@ def _difference(file: str, ours: Mapping[str, str], theirs: Mapping[str, str]) -
 
 
 def _imported() -> dict[str, dict[str, str]]:
-    """The hash of each file of each distribution of which something was imported."""
+    """Return the hash of each file of each distribution with an imported module."""
     owners = metadata.packages_distributions()
     found: dict[str, dict[str, str]] = {}
     for name in sorted({name.partition(".")[0] for name in [*sys.modules]} - sys.stdlib_module_names):
-        # The main module, what finds an editable distribution, and how Python was built are no distributions.
+        # The main module, finders of editable distributions and Python's build configuration belong to no distribution.
         if name.startswith(("__", "_sysconfigdata")):
             continue
         installed = False
@@ -178,7 +179,7 @@ def _imported() -> dict[str, dict[str, str]]:
             installed |= any(PurePosixPath(file).parts[0].partition(".")[0] == name for file in files)
             _add(found, owner, files)
         if not installed:
-            # Such as an editable distribution, of which the metadata lists no code.
+            # Such as an editable distribution, whose metadata lists no code.
             _add(found, next(iter(owners.get(name, ())), name), dict(_beside(name)))
     return {name: files for name, files in sorted(found.items()) if files}
 
@@ -191,14 +192,14 @@ def _add(found: dict[str, dict[str, str]], owner: str, files: Mapping[str, Path]
 
 
 def _recorded(owner: str) -> Iterator[tuple[str, Path]]:
-    """The files of a distribution that an installer put beside each other, without what differs by installer."""
+    """Yield the files of a distribution inside its folder, without those that depend on the installer."""
     for file in metadata.distribution(owner).files or ():
         if file.parts[0] != ".." and file.suffix != ".pth" and _counts(file):
             yield file.as_posix(), Path(str(file.locate()))
 
 
 def _beside(name: str) -> Iterator[tuple[str, Path]]:
-    """The files of a module, or of the folders of a package."""
+    """Yield the files of a module or package."""
     module = sys.modules.get(name)
     for folder in [Path(each) for each in getattr(module, "__path__", ())]:
         for path in sorted(folder.rglob("*")):
@@ -211,7 +212,7 @@ def _beside(name: str) -> Iterator[tuple[str, Path]]:
 
 
 def _counts(file: PurePosixPath) -> bool:
-    """Whether a file is code or its data: what installers, Python and editors leave behind is neither."""
+    """Return whether a file is code or data of a package, not a leftover of installers, Python or editors."""
     left = any(
         each == "__pycache__" or each[0] == "." or each.endswith((".dist-info", ".egg-info")) for each in file.parts
     )

@@ -1,4 +1,4 @@
-"""The executor `local`: runs in this process, or in worker processes of this machine."""
+"""The executor `local`, which executes runs in this process or in worker processes on this machine."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class LocalExecution(SweepExecution):
     """Runs on this machine."""
 
     def executor(self, task: SweepTask) -> AbstractContextManager[Executor[Row]]:
-        """Return worker processes, or with 0 jobs this process."""
+        """Return an executor of worker processes or, with 0 jobs, of this process."""
         if task.address:
             raise SweepError(f"`local` has no address, such as `{task.address}`")
         work = SweepWork(str(task.folder.path), task.batch)

@@ -1,7 +1,7 @@
-"""What is measured during runs beside their summaries: a hash of their states, path lengths, effort, times of goals.
+"""Measurements during runs beyond their summaries: a hash of the states, path lengths, effort, times of goals.
 
-All of it is kept for each agent and put together per run at the end, so that a run of a batch has the same figures, to
-the bit, as the run alone.
+Values are accumulated per agent and combined per run at the end, so that a run of a batch has bitwise the same values
+as the run executed alone.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Numbers = NDArray[np.uint64]
 
-#: The most goals that are kept of a run, the first ones; most runs have one an agent.
+#: The maximum number of goals recorded in a run, the earliest ones; most runs have one per agent.
 MOST_GOALS = 256
 
-#: How many steps are worked through at a time, and how many rows are hashed at a time, which fit in the cache.
+#: The numbers of steps processed and of rows hashed at a time, chosen to fit in the cache.
 _STEPS, _ROWS = 32, 8192
 
 #: Odd factors of the hash, from the digits of pi, e and the golden ratio.
@@ -43,14 +43,14 @@ class GoalReached(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RunMeasurement:
-    """What was measured of one run.
+    """The measurements of one run.
 
     Attributes:
         digest: A hash of the states and control inputs of all agents at every step, in hexadecimal.
-        path_length: The way that all agents went together [m].
+        path_length: The total path length of all agents [m].
         effort: The integral of the squared control inputs over time, summed over agents.
-        goals: The agent and the time of each goal that was reached, in order of time, the first `MOST_GOALS` [s].
-        goal_time: When the last goal was reached [s]; None if none was.
+        goals: The agent and time [s] of each goal that was reached, in order of time; at most the first `MOST_GOALS`.
+        goal_time: The time at which the last goal was reached [s]; None if none was.
     """
 
     digest: str
@@ -61,13 +61,13 @@ class RunMeasurement:
 
 
 class Measurement:
-    """Follows a run step by step, or the runs of a batch."""
+    """Measures a run, or the runs of a batch, step by step."""
 
     def __init__(self, simulation: Simulation) -> None:
-        """Follow a run that has not begun.
+        """Attach to a run that has not begun.
 
         Args:
-            simulation: What runs.
+            simulation: The simulation.
         """
         self._simulation = simulation
         self._runs = max((group.runs for group in simulation.groups), default=1)
@@ -81,12 +81,12 @@ class Measurement:
         simulation.events.subscribe("goal-reached", self._on_goal)
 
     def finish(self) -> list[RunMeasurement]:
-        """Take the last state into account, and return what was measured of each run."""
+        """Add the last state, and return the measurements of each run."""
         self.leave([run for run in range(self._runs) if run not in self._ended])
         return [self._ended[run] for run in range(self._runs)]
 
     def leave(self, runs: Sequence[int]) -> None:
-        """Take the last state of some runs into account, which are over; what they do later does not count."""
+        """Finish the measurements of runs that are over, adding their last state; later steps are ignored."""
         chosen, parts = np.array(runs, np.intp), []
         for each in self._groups:
             share = len(each.group) // self._runs
@@ -115,7 +115,7 @@ class Measurement:
             self._goals[run].append(reached)
 
     def _measured(self, run: int, parts: Sequence[tuple[_GroupMeasurement, slice]]) -> RunMeasurement:
-        """Put together what was measured of the agents of a run."""
+        """Combine the measurements of the agents of a run."""
         digest, path_length, effort = hashlib.blake2b(digest_size=16), 0.0, 0.0
         for each, own in parts:
             digest.update(each.hashes[own].tobytes())
@@ -126,13 +126,13 @@ class Measurement:
 
 
 class _GroupMeasurement:
-    """What is measured of the agents of a group.
+    """The measurements of the agents of a group.
 
     Attributes:
         group: The group.
         hashes: A hash of the states and control inputs of each agent; shape (n,).
-        path_lengths: The way of each [m]; shape (n,).
-        efforts: The sum of the squared control inputs of each over all steps; shape (n,).
+        path_lengths: The path length of each agent [m]; shape (n,).
+        efforts: The sum of the squared control inputs of each agent over all steps; shape (n,).
     """
 
     def __init__(self, group: AgentGroup) -> None:
@@ -152,7 +152,7 @@ class _GroupMeasurement:
             self.work_through()
 
     def part(self, rows: Indices, states: Array) -> _GroupMeasurement:
-        """Return what was measured of some agents, with the last states of all taken into account."""
+        """Return the measurements of some agents, with the last states of all agents added."""
         part = copy.copy(self)
         part.hashes = self.hashes[rows]
         part.path_lengths, part.efforts = self.path_lengths[rows], self.efforts[rows]
@@ -163,11 +163,11 @@ class _GroupMeasurement:
         return part
 
     def work_through(self) -> None:
-        """Take into account what was added."""
+        """Process the buffered steps."""
         for states in self._states:
             position = self.group.model.positions(states)
             if self._position is not None:
-                # Axis by axis: NumPy subtracts rows of two elements many times as slowly.
+                # Axis by axis, because NumPy is many times slower at subtracting rows of two elements.
                 apart = np.empty((position.shape[1], len(position)))
                 for axis, moved in enumerate(apart):
                     np.subtract(position[:, axis], self._position[:, axis], out=moved)
@@ -187,7 +187,7 @@ class _GroupMeasurement:
 
 
 def _hashed(values: list[Array]) -> Numbers:
-    """Hash the rows of m arrays of one shape (n, k), each by itself; shape (m, n)."""
+    """Hash each row of m arrays of shape (n, k) separately; shape (m, n)."""
     bits: Numbers = np.stack(values).view(np.uint64)
     factors = _FIRST + _NEXT * np.arange(0, 2 * bits.shape[2], 2, dtype=np.uint64)
     factors |= np.uint64(1)

@@ -1,4 +1,4 @@
-"""The figures of a run that every sweep has, and what became of specifications for each agent."""
+"""The built-in metrics of a run, and the outcomes of specifications for each agent."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from symaware_cli.studies.measurement import MOST_GOALS, RunMeasurement
 
 @dataclass(frozen=True, slots=True)
 class MetricDescription:
-    """What a metric declares.
+    """The description of a metric.
 
     Attributes:
         name: Its name.
         kind: The type of its values: ``number``, ``integer``, ``truth`` or ``text``; ``times``, a list of agents with
-            the time at which something happened to each [s]; or ``series``, a list of times [s] with a value each.
+            the time [s] of an event for each; or ``series``, a list of times [s] with a value each.
         unit: The unit; empty for none.
-        description: What it is.
+        description: A sentence about its meaning.
         version: A number that changes when the same run gives another value.
     """
 
@@ -35,12 +35,12 @@ class MetricDescription:
 
 @dataclass(frozen=True, slots=True)
 class RunFigures:
-    """Where metrics are taken from, when the run is over.
+    """The sources of metrics at the end of a run.
 
     Attributes:
         summary: The summary of the run.
-        measurement: What was measured meanwhile.
-        simulation: What ran.
+        measurement: The measurements during the run.
+        simulation: The simulation of the run.
     """
 
     summary: RunSummary
@@ -52,7 +52,7 @@ _Value = Callable[[RunFigures], Any]
 
 
 def _of_offers(run: RunFigures, counts: Callable[[Outcome, bool], bool]) -> int | None:
-    """Return how many specifications count, by their outcome and whether an agent holds them; None without offers."""
+    """Count specifications selected by outcome and by whether an agent holds them; None without offers."""
     board = next((group.offers for group in run.simulation.groups if group.offers is not None), None)
     if board is None:
         return None
@@ -123,10 +123,10 @@ _BUILT_IN: tuple[tuple[MetricDescription, _Value], ...] = (
     ),
 )
 
-#: Further names of columns.
+#: Names of further columns.
 RESERVED = ("index", "replicate", "variant", "seed", "state", "digest", "error")
 
-#: The metrics that every row has, and those of them that are numbers or truths.
+#: The metrics that every row has, and those of them that are numbers or booleans.
 BUILT_IN = tuple(description for description, _ in _BUILT_IN)
 NUMERIC = tuple(description for description in BUILT_IN if description.kind not in ("text", "times"))
 
@@ -136,20 +136,20 @@ def figures(run: RunFigures) -> dict[str, Any]:
     return {description.name: value(run) for description, value in _BUILT_IN}
 
 
-#: How many agents or pairs a row has at most: the worst ones.
+#: The maximum number of agents or pairs in a row; the worst are kept.
 MOST_AGENTS = 256
 
-#: What a column is called, before the name of the specification.
+#: The prefixes of column names, before the name of the specification.
 PREFIX = "by_agent."
 
 
 def agent_verdicts(monitors: Sequence[SpecificationMonitor], run: int = 0, runs: int = 1) -> Mapping[str, Any]:
-    """Return what became of each specification that is about several agents or pairs, the worst first.
+    """Return the outcome of each specification of several agents or pairs, for each of them, the worst first.
 
     Args:
-        monitors: The monitors, with the rows of all runs that share them.
-        run: Which of these runs.
-        runs: How many there are.
+        monitors: The monitors, with the rows of all runs of the batch.
+        run: The number of the run within the batch.
+        runs: The number of runs in the batch.
     """
     found: dict[str, Any] = {}
     for monitor in monitors:
@@ -163,7 +163,7 @@ def agent_verdicts(monitors: Sequence[SpecificationMonitor], run: int = 0, runs:
         order = np.lexsort((rows, robustness, monitor.verdicts[rows]))[:MOST_AGENTS]
         found[PREFIX + monitor.specification.name] = [
             {
-                # In a batch, ids begin with the number of the run.
+                # In a batch, ids are prefixed with the number of the run.
                 "agent": " and ".join(id.rpartition(":")[2] for id in scope.agents(row)),
                 "verdict": VERDICTS[verdict],
                 "robustness": value if np.isfinite(value) else None,

@@ -1,7 +1,7 @@
-"""What runs on the nodes of a Ray cluster: a Ray worker passes blocks of runs on to a worker process of its own.
+"""The part of a sweep on Ray nodes: a Ray worker passes blocks of runs on to a worker process of its own.
 
-So Ray is not in the process of a run, whose environment is there before its Python starts; and what dies or hangs costs
-its row only. No code travels: Ray refers to the function by its name.
+Ray is thus absent from the processes of runs, whose environment is set before their Python starts, and a run that
+crashes or hangs costs only its own row. No code is transferred: Ray refers to the function by name.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from symaware_cli.studies.worker_pool import CodeDifferenceError, WorkerPool, Wo
 
 @dataclass(frozen=True, slots=True)
 class SweepSetup:
-    """What a node has to know of a sweep; plain data.
+    """The description of a sweep for a node; plain data.
 
     Attributes:
-        key: Tells it from any other that the same Ray worker may see.
-        files: The files of its folder that make the rows, by their names.
-        timeout: Wall time after which a run is given up [s].
+        key: Distinguishes the sweep from others that the same Ray worker may serve.
+        files: The files of its folder that determine the rows, by name.
+        timeout: Wall time after which a run is abandoned [s].
         batch: See `Runner`.
-        code: The code that the node has to have.
+        code: The required code identity of the node.
     """
 
     key: str
@@ -45,12 +45,12 @@ class SweepSetup:
 
 @dataclass(frozen=True, slots=True)
 class BlockAnswer:
-    """What came of a block.
+    """The results of a block, or the reason why there are none.
 
     Attributes:
         rows: Its rows.
-        logs: The logs of its runs by their names, if they were recorded.
-        trouble: Why there are none.
+        logs: The logs of its runs by name, if recorded.
+        trouble: Why there are no rows; None on success.
     """
 
     rows: Sequence[Row] = ()
@@ -61,8 +61,8 @@ class BlockAnswer:
 class _NodeWorker:
     """The worker process of this Ray worker.
 
-    A copy of the sweep's folder is there while a block is made and not between blocks, because Ray ends its workers
-    without letting them put anything away.
+    A copy of the sweep's folder exists only while a block is executed, because Ray ends its workers without letting
+    them clean up.
     """
 
     def __init__(self, setup: SweepSetup) -> None:
@@ -82,7 +82,7 @@ class _NodeWorker:
 
     @contextmanager
     def _copied(self) -> Iterator[Path]:
-        """Write the folder of the sweep; yields that of the logs."""
+        """Provide a copy of the sweep's folder for the duration of a block; yields the folder of its logs."""
         self._folder.mkdir(mode=0o700)
         try:
             for name, content in self._setup.files.items():
@@ -100,7 +100,7 @@ _worker: _NodeWorker | None = None
 
 
 def answer(setup: SweepSetup, indices: Sequence[int], is_recorded: bool) -> BlockAnswer:
-    """Make a block of runs; the worker process is kept for the next block."""
+    """Execute a block of runs; the worker process is kept for the next block."""
     global _worker
     if _worker is None or _worker.key != setup.key:
         close()
@@ -110,7 +110,7 @@ def answer(setup: SweepSetup, indices: Sequence[int], is_recorded: bool) -> Bloc
     except (CodeDifferenceError, WorkerPoolError) as error:
         close()
         return BlockAnswer(trouble=f"{socket.gethostname()}: {error}")
-    except BaseException:  # such as that the task is cancelled
+    except BaseException:  # such as the cancellation of the task
         close()
         raise
 

@@ -1,8 +1,8 @@
-"""A worker process of a pool: makes the results that it is told to, one after the other.
+"""A worker process of a pool, which computes requested results one after the other.
 
-What goes through its two pipes is JSON, one value a line. The first line it reads says what the work is; each further
-one is a block of it. It writes a list of what differs from the code of the machine that asks, which is empty if it is
-ready, and then a line for each result, or for the error that keeps it from making more.
+Its two pipes carry JSON, one value per line. The first line it reads describes the work; each further line is a block.
+It writes a list of differences from the code of the requesting machine, which is empty if it is ready, and then one
+line for each result, or for the error that prevents further results.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """Be a worker of the process that started this one."""
+    """Serve the process that started this one as a worker."""
     setup = json.loads(requests.readline() or "null")
     if setup is None:
         return
     blocks: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(requests, blocks), daemon=True).start()
-    # Imported with the path in place, and while whoever started it does something else.
+    # Imported after the path is set, while the parent process continues with other work.
     from symaware_cli.language import ScenarioError
     from symaware_cli.log import OutputError
     from symaware_cli.studies.executor import Block, described_work
@@ -35,7 +35,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
     work = described_work(setup["work"])
     work.open()
     _tell(answers, [] if setup["code"] is None else _differences(setup["code"], work))
-    # What is imported by now need not be searched whenever the objects of past runs are collected.
+    # Keeps modules that are already imported out of later garbage collections.
     gc.freeze()
     while True:
         block = blocks.get()
@@ -50,7 +50,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
 
 
 def _differences(code: dict[str, Any], work: Work[Any]) -> list[str]:
-    """Say how the code here differs from that of another machine, once everything for a run is imported."""
+    """Return the differences from another machine's code, after importing everything that a run needs."""
     from symaware_cli.studies.identity import CodeIdentity
 
     work.prepare()
@@ -58,7 +58,7 @@ def _differences(code: dict[str, Any], work: Work[Any]) -> list[str]:
 
 
 def _listen(requests: BinaryIO, blocks: queue.SimpleQueue[dict[str, Any]]) -> None:
-    """Read blocks until there is nobody any more who sends some: then the process ends, whatever it does."""
+    """Read blocks until the pipe is closed, then kill the process, even during a run."""
     for line in requests:
         blocks.put(json.loads(line))
     os.kill(os.getpid(), signal.SIGKILL)

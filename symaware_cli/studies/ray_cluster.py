@@ -1,4 +1,4 @@
-"""Runs on an existing Ray cluster: blocks are tasks, and the rows come back to this process alone.
+"""The executor `ray`: blocks of runs are tasks on an existing Ray cluster, and only this process receives their rows.
 
 Reasons: docs/decisions/0034-ray.md
 """
@@ -25,13 +25,13 @@ from symaware_cli.studies.sweep_error import SweepError
 from symaware_cli.studies.sweep_execution import SweepExecution, SweepTask
 from symaware_cli.studies.sweep_files import IDENTITY, SCENARIO, SWEEP
 
-#: How long the head of a cluster may take to answer, and how long a cluster may be without any processor [s].
+#: Timeouts for the answer of a cluster's head and for a cluster without any processor [s].
 _REACHED_WITHIN, _WITHOUT_PROCESSORS = 5.0, 60.0
 
-#: How long workers have to put away what they began when a sweep is interrupted [s].
+#: The time that workers have to clean up when a sweep is interrupted [s].
 _FAREWELL = 5.0
 
-#: How many tasks for each that is under way may be lost one after the other.
+#: The maximum number of consecutive lost tasks per running task.
 _PATIENCE = 3
 
 
@@ -51,16 +51,16 @@ class RayCluster:
 
         Args:
             folder: The folder of the sweep.
-            address: The address of the cluster, as Ray takes it: ``HOST:PORT``, or ``auto``. If this process is
-                connected to a cluster already, that one is used.
-            most: The most tasks at a time; 0 for as many as the cluster has processors.
+            address: The address of the cluster, as Ray takes it: ``HOST:PORT``, or ``auto``. If this process is already
+                connected to a cluster, that cluster is used.
+            most: The maximum number of concurrent tasks; 0 for the number of processors of the cluster.
             batch: See `Runner`.
 
         Raises:
             SweepError: Ray is not installed, or there is no cluster.
         """
         _check(address)
-        # What this process has imported without Ray is what makes rows.
+        # Determined before Ray is imported: only this code produces rows.
         code = CodeIdentity.of_this_process().to_json()
         setup = SweepSetup(uuid.uuid4().hex, files_of(folder.path), folder.plan.document.timeout, batch, code)
         self._ray = _imported()
@@ -69,7 +69,7 @@ class RayCluster:
             _connect(self._ray, address)
         self._logs = folder.logs
         self._most = most
-        # What is lost is made again here, so that no run has two rows.
+        # Ray does not retry lost tasks: their blocks are submitted again here, so that no run has two rows.
         self._answer = self._ray.remote(num_cpus=1, max_retries=0)(answer)
         self._setup = self._ray.put(setup)
         self._tasks: dict[Any, Block] = {}
@@ -79,7 +79,7 @@ class RayCluster:
         """See `Executor`.
 
         Raises:
-            SweepError: A node has other code, or the cluster makes no runs.
+            SweepError: A node has different code, or the cluster completes no runs.
         """
         seen = time.monotonic()
         while True:
@@ -95,7 +95,7 @@ class RayCluster:
                 yield from self._answered(task, self._tasks.pop(task), blocks)
 
     def close(self) -> None:
-        """Cancel all tasks and leave the cluster; it ends the workers of this sweep."""
+        """Cancel all tasks and disconnect from the cluster, which ends the workers of this sweep."""
         tasks = list(self._tasks)
         self._tasks.clear()
         with suppress(self._ray.exceptions.RayError):
@@ -119,7 +119,7 @@ class RayCluster:
         except self._ray.exceptions.RayTaskError as error:
             raise SweepError(f"a node cannot make runs: {error.cause!r}") from error
         except self._ray.exceptions.RayError as error:
-            # Its worker or its node is gone, and with it all rows of the block.
+            # Its worker or node is gone, and all rows of the block with it.
             blocks.give_back(block.indices)
             self._lost += 1
             if self._lost > _PATIENCE * (len(self._tasks) + 1):
@@ -139,7 +139,7 @@ class RayCluster:
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
-    """The files of a sweep's folder that make its rows."""
+    """Return the files of a sweep's folder that determine its rows."""
     found = [folder / SWEEP, folder / IDENTITY, *(each for each in (folder / SCENARIO).rglob("*") if each.is_file())]
     return {file.relative_to(folder).as_posix(): file.read_bytes() for file in sorted(found)}
 
@@ -162,10 +162,10 @@ def _imported() -> Any:
 
 
 def _check(address: str) -> None:
-    """Make sure that something listens at an address, before Ray tries that for minutes.
+    """Check that something listens at an address, because Ray itself would retry for minutes.
 
     Raises:
-        SweepError: Nothing does, or it is no address.
+        SweepError: Nothing listens there, or the address is invalid.
     """
     if address == "auto":
         return
@@ -178,8 +178,8 @@ def _check(address: str) -> None:
     except OSError as error:
         raise SweepError(_unreachable(address, error)) from error
     if host in ("127.0.0.1", "localhost", "::1"):
-        # Ray takes that for the address of this machine in its network, where a cluster may not listen. What it reads
-        # when it is imported lets it stay with the loopback.
+        # Ray replaces a loopback address by that of this machine in its network, where a cluster may not listen. A
+        # variable that it reads when imported makes it keep the loopback address.
         try:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
                 other.connect(("192.0.2.1", 1))  # sends nothing
@@ -196,7 +196,7 @@ def _connect(ray: Any, address: str) -> None:
     """Connect this process to a cluster.
 
     Raises:
-        SweepError: There is none at this address.
+        SweepError: There is no cluster at this address.
     """
     try:
         with _signals_kept():
@@ -212,7 +212,7 @@ def _unreachable(address: str, error: Exception) -> str:
 
 @contextmanager
 def _signals_kept() -> Iterator[None]:
-    """Keep what SIGTERM does here, which Ray would change."""
+    """Preserve the handler of SIGTERM, which Ray would replace."""
     handler = signal.getsignal(signal.SIGTERM)
     try:
         yield

@@ -1,4 +1,4 @@
-"""What a sweep knows of one run."""
+"""The result of one run in a sweep."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-#: ``done``: it came to its end; ``failed``: a component, the world or a metric failed; ``lost``: the machine lost it,
+#: ``done``: the run reached its end; ``failed``: a component, the world or a metric failed; ``lost``: its process died,
 #: or it took too long.
 State = Literal["done", "failed", "lost"]
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What became of a run.
+    """The result of a run.
 
     Attributes:
-        index: Its number.
-        state: How it ended.
-        verdicts: What became of each specification: ``satisfied``, ``violated``, ``undecided`` or ``rejected``.
-        robustness: The robustness of each; None where it is not known.
+        index: The number of the run.
+        state: The state in which it ended.
+        verdicts: The outcome of each specification: ``satisfied``, ``violated``, ``undecided`` or ``rejected``.
+        robustness: The robustness of each specification; None if unknown.
         metrics: The value of each metric.
         digest: A hash of the states and control inputs at every step, in hexadecimal; None unless it is done.
-        error: Why it is not done.
+        error: Why the run is not done.
         trace: The traceback, if there is one.
-        wall_time: How long it took [s].
+        wall_time: The wall time of the run [s].
         log: The name of its log, if it was recorded.
     """
 
@@ -40,5 +40,5 @@ class Row:
     log: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data, from which it can be made again."""
+        """Return the object as plain data, from which it can be recreated."""
         return asdict(self)

@@ -1,4 +1,4 @@
-"""Makes runs of a plan in this process: what they share is read and composed once, and they are batched if they can be.
+"""Execution of the runs of a plan in this process; common inputs are read once, and runs are batched if possible.
 
 Runs can be batched if they differ in nothing but their seeds, initial states and knowledge.
 """
@@ -33,13 +33,13 @@ from symaware_cli.studies.row import Row
 from symaware_cli.studies.sweep_document import SweepDocument
 from symaware_cli.studies.sweep_plan import ParameterChange
 
-#: How many scenarios are kept ready, and how many runs are looked at together to find those that can be batched.
+#: The number of scenarios kept composed, and the number of runs searched together for runs that can be batched.
 _MOST_READY = 256
 
 #: Wall time between two garbage collections [s]; each takes less than a tenth of it.
 _UNCOLLECTED = 1.0
 
-#: Where something lies in memory, which no two processes agree on.
+#: A memory address, which differs between processes.
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
 
 
@@ -47,25 +47,25 @@ Value = TypeVar("Value")
 
 
 class MetricError(Exception):
-    """A metric has no value, or one of another type than it declares."""
+    """A metric has no value, or its value has another type than declared."""
 
 
 class RunPlan(Protocol):
-    """Which runs there are, by their numbers: the plan of a sweep, or the candidates of a search."""
+    """A set of numbered runs: the plan of a sweep, or the candidates of a search."""
 
     @property
     def document(self) -> SweepDocument:
-        """What is said of all of them: time-outs and further metrics."""
+        """The settings common to all runs, such as the time-out and custom metrics."""
 
     def changes(self, index: int) -> Sequence[ParameterChange]:
-        """Return all that a run changes in the scenario, in this order."""
+        """Return all changes of a run to the scenario, in order."""
 
     def seed(self, index: int) -> int | None:
-        """Return the seed of a run; None for that of the scenario."""
+        """Return the seed of a run; None for the scenario's own."""
 
 
 class Runner:
-    """Makes runs of a plan."""
+    """Executes the runs of a plan."""
 
     def __init__(
         self,
@@ -79,8 +79,8 @@ class Runner:
         Args:
             plan: The plan.
             scenario: The scenario file.
-            batch: How many runs are batched at most; 1 for none, None for as many as fit in a bounded memory.
-            follow: Called before runs begin, with their numbers and what runs.
+            batch: The maximum number of runs per batch; 1 for no batches, None for as many as fit in bounded memory.
+            follow: Called before runs begin, with their numbers and the simulation.
         """
         self._follow = follow
         self._batch = batch
@@ -94,14 +94,14 @@ class Runner:
         self._described = self._custom.descriptions()
 
     def rows(self, indices: Sequence[int], logs: Path | None = None) -> Iterator[Row]:
-        """Make some runs, and yield their rows in any order.
+        """Execute runs, and yield their rows in any order.
 
         Args:
             indices: Their numbers.
             logs: The folder for their logs; None if they are not recorded.
 
         Raises:
-            KeyboardInterrupt: A signal ended one.
+            KeyboardInterrupt: A signal ended a run.
         """
         for begin in range(0, len(indices), _MOST_READY):
             groups: dict[str, list[int]] = {}
@@ -117,7 +117,7 @@ class Runner:
                     yield from self._batched(own[start : start + size], template)
 
     def refusal(self, indices: Sequence[int]) -> str | None:
-        """Say in one line why some runs are made one by one; None if those that are alike are batched."""
+        """Return a one-line reason why runs are executed one by one; None if runs of the same kind are batched."""
         kinds = [self._kind(index) for index in indices]
         template = self._template(kinds[0], indices[0])
         if isinstance(template, str):
@@ -127,12 +127,12 @@ class Runner:
         return None
 
     def prepare(self) -> None:
-        """Import all that it takes to build the first run."""
-        with suppress(ScenarioError):  # values that were drawn for its seed
+        """Import everything that is needed to build the first run."""
+        with suppress(ScenarioError):  # invalid values drawn for its seed
             self._built(0)
 
     def _template(self, kind: str, index: int) -> Built | str:
-        """A run, built to make others of its kind together with it, or why they cannot be batched."""
+        """Return a built run as the template of a batch of its kind, or the reason why it cannot be batched."""
         if kind not in self._templates:
             if len(self._templates) >= _MOST_READY:
                 self._templates.popitem(last=False)
@@ -155,7 +155,7 @@ class Runner:
         return refusal(built) or built
 
     def _batched(self, indices: Sequence[int], template: Built) -> Iterator[Row]:
-        """Make runs of one kind together; one by one if anything goes wrong."""
+        """Execute runs of one kind as a batch, or one by one if anything fails."""
         self._free_earlier_runs()
         began = time.monotonic()
         seeds = [template.document.seed if (seed := self._plan.seed(index)) is None else seed for index in indices]
@@ -163,7 +163,7 @@ class Runner:
         starts: list[Mapping[str, Start]] = []
         try:
             if any(self._composition(index) is not first for index in indices):
-                # Each is built, so that what is refused alone is refused here.
+                # Each run is built, so that scenarios that are invalid alone are rejected here as well.
                 starts = [starts_of(self._built(index)) for index in indices]
             batch = Batch(first.copy(), template, seeds, starts)
         except ScenarioError:
@@ -187,14 +187,14 @@ class Runner:
         ]
 
     def run(self, index: int, logs: Path | None = None) -> Row:
-        """Make a run.
+        """Execute a run.
 
         Args:
             index: Its number.
             logs: The folder for its log; None if it is not recorded.
 
         Raises:
-            KeyboardInterrupt: A signal ended it; there is no row.
+            KeyboardInterrupt: A signal ended the run; there is no row.
         """
         self._free_earlier_runs()
         began = time.monotonic()
@@ -202,7 +202,7 @@ class Runner:
         try:
             row = self._made(index, log)
         except (ScenarioError, MetricError, OSError) as error:
-            # Such as values that were drawn for this seed and that no world takes.
+            # Such as values drawn for this seed that are invalid.
             row = Row(index, "failed", error=_told(str(error)))
         if log is not None and logs is not None:
             row = replace(row, log=_filed(log, logs))
@@ -240,7 +240,7 @@ class Runner:
         return replace(row, metrics={**row.metrics, **custom}) if custom else row
 
     def resolved(self, index: int) -> bytes:
-        """Return the resolved scenario of a run, as its log has it.
+        """Return the resolved scenario of a run, as written to its log.
 
         Raises:
             ScenarioError: See `_built`.
@@ -251,7 +251,7 @@ class Runner:
         """Build a run.
 
         Raises:
-            ScenarioError: Values that were drawn for its seed are not valid.
+            ScenarioError: Values drawn for its seed are invalid.
         """
         composition = self._composition(index).copy()
         return build_composition(composition, self._scenario.parent, self._plan.seed(index), self._catalogue)
@@ -260,7 +260,7 @@ class Runner:
         return self._composed(index)[0]
 
     def _kind(self, index: int) -> str:
-        """What runs have in common that can be batched."""
+        """Return the kind of a run; runs of the same kind can be batched."""
         try:
             return self._composed(index)[1]
         except (ScenarioError, OSError):
@@ -280,7 +280,7 @@ class Runner:
 
 
 def _kind_of(composition: Composition) -> str:
-    """A hash of a scenario but for what runs of a batch differ in: seed, initial states, and values of knowledge."""
+    """Return a hash of a scenario without seed, initial states and knowledge values, which may differ in a batch."""
     data = {name: each for name, each in composition.data.items() if name not in ("seed", "parameters")}
     if isinstance(agents := data.get("agents"), dict):
         data["agents"] = {group: _without_start(each) for group, each in agents.items()}
@@ -288,7 +288,7 @@ def _kind_of(composition: Composition) -> str:
 
 
 def _without_start(group: Any) -> Any:
-    """An entry of agents without how they begin."""
+    """Return an entry of agents without its initial condition."""
     if not isinstance(group, dict):
         return group
     known = group.get("knowledge")
@@ -304,7 +304,7 @@ def _row(
     by_agent: Mapping[str, Any],
     wall_time: float = 0.0,
 ) -> Row:
-    """The row of a run that came to its end."""
+    """Return the row of a run that reached its end."""
     return Row(
         index,
         "done",
@@ -321,10 +321,10 @@ def _value(description: MetricDescription, followers: Followers) -> Any:
 
 
 def _called(name: str, call: Callable[[], Value]) -> Value:
-    """Call what belongs to a metric.
+    """Call a function of a metric.
 
     Raises:
-        MetricError: It fails.
+        MetricError: The function fails.
     """
     try:
         return call()
@@ -333,12 +333,12 @@ def _called(name: str, call: Callable[[], Value]) -> Value:
 
 
 def _told(text: str) -> str:
-    """Return what went wrong, in text that can be stored, without what differs from process to process."""
+    """Return an error message in storable text, without memory addresses, which differ between processes."""
     return _ADDRESS.sub("0x...", text.encode("utf-8", "backslashreplace").decode())
 
 
 def _filed(log: Path, logs: Path) -> str | None:
-    """Call a log by what it says, so that equal logs are one file; None where there is none."""
+    """Rename a log by its digest, so that equal logs share one file, and return its name; None without a log."""
     if not log.exists():
         return None
     name = f"{digest(open_log(log)).combined[:32]}.mcap"

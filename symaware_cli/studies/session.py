@@ -1,4 +1,4 @@
-"""Conducts a sweep: gives runs away, writes their rows to the journal, and makes the table of them.
+"""Execution of a sweep: distributes runs, writes their rows to the journal, and builds the table.
 
 Reasons: docs/decisions/0031-sweeps.md
 """
@@ -28,21 +28,21 @@ if TYPE_CHECKING:
     import pyarrow
 
 
-#: How many runs of each cell are given away together, if they can be batched, before it is known how long they take.
+#: The number of runs per cell in a block of runs that can be batched, before their duration is known.
 _BATCHED = 16
 
 
 @dataclass(frozen=True, slots=True)
 class SweepProgress:
-    """How far a sweep is.
+    """The progress of a sweep.
 
     Attributes:
-        planned: How many runs there are.
-        made: How many of them have a row.
-        failed: How many failed.
-        lost: How many were lost.
-        rate: Runs per second since this process began; 0 before the first.
-        estimates: Tells what is known so far, with intervals that may be watched.
+        planned: The number of planned runs.
+        made: The number of runs with a row.
+        failed: The number of failed runs.
+        lost: The number of lost runs.
+        rate: Runs per second since this process started; 0 before the first.
+        estimates: Returns the estimates so far, with anytime-valid intervals.
     """
 
     planned: int
@@ -54,24 +54,24 @@ class SweepProgress:
 
     @property
     def time_left(self) -> float:
-        """How long the rest will take at this rate [s]."""
+        """The expected time until the sweep is complete [s]."""
         return (self.planned - self.made) / self.rate if self.rate else math.inf
 
 
 @dataclass(frozen=True, slots=True)
 class SweepOutcome:
-    """What came of a sweep so far.
+    """Counts of finished, failed and lost runs of a sweep, and why it ended.
 
     Attributes:
         folder: Its folder.
-        planned: How many runs there are.
-        counts: How many are in which state.
-        made: How many were made now.
-        wall_time: How long that took [s].
-        is_interrupted: Whether a signal ended it.
+        planned: The number of planned runs.
+        counts: The number of runs in each state.
+        made: The number of runs executed by this call.
+        wall_time: The wall time of this call [s].
+        is_interrupted: Whether a signal ended the sweep.
         stopped: Why it ended early, if it did.
-        rule: The rule by which runs were left out, if any were.
-        one_by_one: Why its runs were made one by one; None where they were batched.
+        rule: The rule that left out runs, if any were left out.
+        one_by_one: Why its runs were executed one by one; None if they were batched.
     """
 
     folder: Path
@@ -85,7 +85,7 @@ class SweepOutcome:
     one_by_one: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the object as plain data."""
         return {
             "folder": str(self.folder),
             "table": str(self.folder / TABLE),
@@ -110,27 +110,27 @@ def conduct(
     fail_fast: bool = False,
     on_progress: Callable[[SweepProgress], object] | None = None,
 ) -> SweepOutcome:
-    """Make all runs of a sweep that have no row yet, and write the table.
+    """Execute all runs of a sweep that have no row yet, and write the table.
 
     Args:
         folder: The folder of the sweep.
-        jobs: How many worker processes; 0 to make all runs in this process.
-        place: Where the runs are made; see `execution_at`. Elsewhere than on this machine, `jobs` is how many are made
-            at a time, 0 for as many as are possible.
-        batch: How many runs are made together at most, where that is possible; 1 for none, None for as many as fit.
-        retry_lost: Whether to make runs again that were lost.
-        fail_fast: Whether to end with the first run that fails.
+        jobs: The number of worker processes; 0 to execute all runs in this process.
+        place: The place of execution; see `execution_at`. On other machines, `jobs` is the number of concurrent runs, 0
+            for as many as possible.
+        batch: The maximum number of runs per batch; 1 for no batches, None for as many as fit in memory.
+        retry_lost: Whether to repeat lost runs.
+        fail_fast: Whether to stop at the first failed run.
         on_progress: Called after each run.
 
     Raises:
-        SweepError: The folder is in use, or its rows would not be comparable, or there is no such cluster.
+        SweepError: The folder is in use, its rows would not be comparable, or there is no such cluster.
         WorkerPoolError: No worker process can be started.
     """
     began = time.monotonic()
     with folder.locked(), SweepJournal(folder.path / JOURNAL) as journal:
-        folder = SweepFolder.opened(folder.path)  # somebody may have added runs meanwhile
+        folder = SweepFolder.opened(folder.path)  # another process may have added runs in the meantime
         folder.check()
-        (folder.path / TABLE).unlink(missing_ok=True)  # it is no longer the whole truth
+        (folder.path / TABLE).unlink(missing_ok=True)  # it will be incomplete
         if retry_lost:
             journal.forget("lost")
         session = _Session(folder, journal, jobs, place, batch, on_progress)
@@ -157,10 +157,10 @@ def conduct(
 
 
 class _Session:
-    """One process's work on a sweep.
+    """The work of one process on a sweep.
 
     Attributes:
-        made: How many runs were made.
+        made: The number of executed runs.
         stopped: Why it ended early, if it did.
     """
 
@@ -188,7 +188,7 @@ class _Session:
         self._began = time.monotonic()
 
     def make_all(self, fail_fast: bool) -> None:
-        """Make all runs that have no row."""
+        """Execute all runs that have no row."""
         plan = self._folder.plan
         known = self._journal.indices()
         missing = plan.count - len(known)
@@ -209,9 +209,9 @@ class _Session:
         self._journal.drop(index for index in range(plan.count) if not self.stops.wants(index))
 
     def _least(self) -> int:
-        """How many runs are given away together at least: enough for a batch of each cell, if there are batches.
+        """Return the minimum number of runs per block: enough for a batch of each cell, if runs can be batched.
 
-        Otherwise runs that take long by themselves would never be made together, which is many times as fast.
+        Otherwise runs that take long individually would never be batched, although that is many times as fast.
         """
         plan = self._folder.plan
         if plan.document.keep == "all" or self._folder.one_by_one(self._batch) is not None:
@@ -219,7 +219,7 @@ class _Session:
         return min(self._batch or _BATCHED, _BATCHED) * len(plan.cells)
 
     def keep_logs(self) -> None:
-        """Record the runs again whose logs are kept, and forget the logs of others."""
+        """Repeat the runs whose logs are kept to record them, and remove the references to all other logs."""
         wanted = set(_kept(self._folder.plan.document.keep, self._journal))
         have = {row.index: row for row in self._journal.rows() if row.log}
         missing = sorted(wanted - have.keys())
@@ -259,7 +259,7 @@ class _Session:
 
 
 def rows_so_far(folder: SweepFolder) -> pyarrow.Table:
-    """Return the table of all rows that there are: as it was written, or from the journal of an unfinished sweep."""
+    """Return the table of all existing rows: as written, or from the journal of an unfinished sweep."""
     import pyarrow
 
     written = table_file.read(folder.path)
@@ -272,7 +272,7 @@ def rows_so_far(folder: SweepFolder) -> pyarrow.Table:
 
 
 def write_table(folder: SweepFolder, journal: SweepJournal) -> None:
-    """Write the table of all rows that there are."""
+    """Write the table of all existing rows."""
     plan, names = folder.plan, folder.specifications
     table_file.write(
         folder.path / TABLE, sweep_table.batches(journal.records(), plan, names), sweep_table.schema(plan, names)
@@ -292,7 +292,7 @@ def _kept(policy: str, journal: SweepJournal) -> Iterator[int]:
 
 
 def _merit(row: Row) -> float:
-    """How good a run was: its least robustness or, without specifications, its least separation."""
+    """Return the merit of a run: its least robustness or, without specifications, its least separation."""
     values = [value for value in row.robustness.values() if value is not None]
     if row.robustness:
         return min(values, default=math.inf)

@@ -20,7 +20,7 @@ Values = Annotated[list[Any], BeforeValidator(expanded), Field(min_length=1), Wi
 #: The version of the format that this package reads.
 FORMAT = 1
 
-#: The most runs of a sweep, and the most combinations of parameters.
+#: The maximum numbers of runs of a sweep and of combinations of parameters.
 MOST_RUNS, MOST_CELLS = 10_000_000, 100_000
 
 Target = Annotated[str, Field(min_length=1, max_length=500)]
@@ -33,7 +33,7 @@ def _kept(text: str) -> str:
     return text
 
 
-#: What editors know of a claim; the rest is checked by `Claim.parse`.
+#: The pattern of a claim in the schema, for editors; `Claim.parse` checks the rest.
 _CLAIM = {"type": "string", "maxLength": 500, "pattern": r"^\s*P\(.+\)\s*>"}
 
 
@@ -42,7 +42,7 @@ def _claim(text: str) -> str:
 
 
 def _stated(text: object) -> object:
-    """A claim, or what takes one away that the file of the sweep states: `none` on a command line."""
+    """Return a claim, or None for `none`, which removes the claim of the file from the command line."""
     return None if text == "none" else text
 
 
@@ -118,7 +118,7 @@ class SweepDocument(Section):
 
     @property
     def listed(self) -> dict[str, list[Any]]:
-        """What varies over lists, by its path."""
+        """The listed parameters, by path."""
         return {path: each for path, each in self.over.items() if isinstance(each, list)}
 
     @property
@@ -128,12 +128,12 @@ class SweepDocument(Section):
 
     @property
     def claimed(self) -> Claim | None:
-        """The claim."""
+        """The parsed claim; None without one."""
         return None if self.claim is None else Claim.parse(self.claim)
 
     @property
     def may_stop(self) -> bool:
-        """Whether the runs of a combination may end before all of them were made, because of what they showed."""
+        """Whether a combination may end before all planned runs are executed, depending on their results."""
         return self.until is not None or (self.claimed is not None and self.claimed.rule == "sequential")
 
     @property

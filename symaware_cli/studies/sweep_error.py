@@ -1,4 +1,4 @@
-"""What can be wrong with a sweep beyond what a file says."""
+"""Errors of sweeps, apart from invalid documents."""
 
 from collections.abc import Collection, Sequence
 
@@ -7,23 +7,23 @@ from symaware_cli.log import LogError
 
 
 class SweepError(LogError):
-    """A folder is not what is needed, or does not fit what is asked for."""
+    """A sweep folder is missing, damaged or in use, or does not match the request."""
 
 
 class LostResultError(SweepError):
-    """The process that was to make a result died or exceeded its time, and the work cannot continue without it."""
+    """The process computing a result died or exceeded its time, and the work cannot continue without the result."""
 
     status = 1
 
 
 def listed(message: str, lines: Sequence[str]) -> str:
-    """A message, and below it the first lines of what it is about."""
+    """Return a message followed by the first of the lines that it refers to."""
     more = [f"and {len(lines) - 20} more"] if len(lines) > 20 else []
     return "\n  ".join([message, *lines[:20], *more])
 
 
 def unknown_specification(name: str, known: Collection[str]) -> SweepError:
-    """The error for a specification that the scenario does not have."""
+    """Return the error for an unknown specification."""
     near = nearest(name, known)
     hint = f"did you mean `{near}`?" if near else f"it has {', '.join(known) or 'no specifications'}"
     return SweepError(f"the scenario has no specification `{name}`; {hint}")

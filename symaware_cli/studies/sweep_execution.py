@@ -1,4 +1,4 @@
-"""Where the runs of a sweep are made.
+"""Executions of sweeps: where their runs are executed.
 
 Reasons: docs/decisions/0070-executors-and-searches.md
 """
@@ -16,20 +16,20 @@ from symaware_cli.studies.row import Row
 from symaware_cli.studies.sweep_error import SweepError
 from symaware_cli.world import InstalledPlugins, PluginKind
 
-#: Where runs are made if nothing else is said.
+#: The default execution.
 LOCAL = "local"
 
 
 @dataclass(frozen=True, slots=True)
 class SweepTask:
-    """The runs of a sweep that are to be made.
+    """The runs of a sweep to be executed.
 
     Attributes:
         folder: The folder of the sweep.
-        address: Where, in the terms of the execution; empty for its default.
-        jobs: How many runs at a time; 0 for as many as it decides.
-        count: How many runs there are.
-        batch: How many runs are made together at most, where that is possible; 1 for none, None for as many as fit.
+        address: The address, in the format of the execution; empty for its default.
+        jobs: The number of concurrent runs; 0 to let the execution decide.
+        count: The number of runs.
+        batch: The maximum number of runs per batch; 1 for no batches, None for as many as fit in memory.
     """
 
     folder: SweepFolder
@@ -42,16 +42,16 @@ class SweepTask:
 class SweepExecution(ABC):
     """Makes the runs of sweeps; registered in the group `symaware.executors`.
 
-    A run has the same row wherever it is made, so the table of a sweep does not depend on the execution. Rows of
-    processes that have other code must be refused (`symaware_cli.studies.identity` compares it).
+    A run has the same row wherever it is executed, so the table of a sweep does not depend on the execution. Rows from
+    processes with different code must be rejected (`symaware_cli.studies.identity` compares the code).
     """
 
     @abstractmethod
     def executor(self, task: SweepTask) -> AbstractContextManager[Executor[Row]]:
-        """Return what makes the runs, as a context that ends it.
+        """Return an executor of the runs, as a context manager that closes it.
 
         Raises:
-            SweepError: The address is wrong, or nothing answers there.
+            SweepError: The address is invalid, or nothing answers there.
         """
 
 
@@ -59,7 +59,7 @@ EXECUTOR = PluginKind("executor", "symaware.executors", (SweepExecution,))
 
 
 def execution_at(place: str | None) -> tuple[SweepExecution, str]:
-    """Return the execution that a place names, and the rest of the place, which is its address.
+    """Return the execution named by a place, and the address that follows the name.
 
     Args:
         place: ``NAME`` or ``NAME:ADDRESS``, such as ``ray:10.0.0.1:6379``; None for this machine.

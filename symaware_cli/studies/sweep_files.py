@@ -1,4 +1,4 @@
-"""The files in the folder of a sweep. Light, because verbs ask whether a path is such a folder."""
+"""The file names in a sweep folder. Imports little, because verbs check whether a path is such a folder."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ JOURNAL, TABLE, TIMES, LOGS = "journal.sqlite", "runs.parquet", "times.parquet",
 
 
 def is_sweep(path: Path) -> bool:
-    """Whether a path is the folder of a sweep; False for names that no file system takes as well."""
+    """Return whether a path is a sweep folder; False also for names that are invalid in any file system."""
     return os.path.isfile(path / SWEEP) and os.path.isfile(path / IDENTITY)

@@ -1,6 +1,6 @@
-"""The journal of a sweep: one row a run in SQLite, written by the driver alone and committed by blocks.
+"""The journal of a sweep: one row per run in SQLite, written only by the driver and committed in blocks.
 
-What was committed survives the death of the process at any instant.
+Committed rows survive the death of the process at any time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from symaware_cli.studies.sweep_plan import SweepPlan
 #: Wall time between two commits [s].
 _INTERVAL = 0.5
 
-#: Errors of SQLite that are about the disk or its rights, not about the content of the file.
+#: Errors of SQLite caused by the disk or permissions, not by the content of the file.
 _OF_OUTPUT = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN)
 
 _SCHEMA = """
@@ -48,7 +48,7 @@ _FIELDS = '"index", state, verdicts, robustness, metrics, digest, error, trace, 
 
 
 class Counts(NamedTuple):
-    """How many runs are in which state."""
+    """The number of runs in each state."""
 
     done: int
     failed: int
@@ -56,12 +56,12 @@ class Counts(NamedTuple):
 
     @property
     def all(self) -> int:
-        """How many rows there are."""
+        """The total number of runs."""
         return self.done + self.failed + self.lost
 
 
 class JournalRecord(NamedTuple):
-    """What the table has of a run, as the journal has it: parameters, verdicts, robustness and metrics are JSON."""
+    """The columns of the journal that the table contains; parameters, verdicts, robustness and metrics are JSON."""
 
     index: Any
     variant: Any
@@ -76,7 +76,7 @@ class JournalRecord(NamedTuple):
 
 
 class SweepJournal:
-    """The journal of a sweep; used in a ``with`` statement, which turns errors of SQLite into those below.
+    """The journal of a sweep; use it in a ``with`` statement, which converts errors of SQLite.
 
     Raises:
         SweepError: The file is damaged.
@@ -112,7 +112,7 @@ class SweepJournal:
         self._database.close()
 
     def add(self, row: Row, plan: SweepPlan, identity: str) -> None:
-        """Write what became of a run, of which nothing is written yet; it is committed soon."""
+        """Write the row of a run that has none yet; it is committed with the next block."""
         if not self._database.in_transaction:
             self._database.execute("BEGIN")
             self._due = time.monotonic() + _INTERVAL
@@ -127,36 +127,36 @@ class SweepJournal:
             self.commit()
 
     def _named(self, error: sqlite3.Error) -> SweepError | OutputError:
-        """Return what to raise for an error of SQLite."""
+        """Return the exception to raise for an error of SQLite."""
         code = getattr(error, "sqlite_errorcode", None)  # an error of the module itself has none
         if code is not None and code & 0xFF in _OF_OUTPUT:
             return OutputError(f"cannot write {self._path}: {error}")
         return SweepError(f"{self._path} is damaged: {error}")
 
     def commit(self) -> None:
-        """Make sure that all rows survive."""
+        """Commit all rows."""
         if self._database.in_transaction:
             self._database.execute("COMMIT")
 
     def indices(self) -> set[int]:
-        """The numbers of all runs that are written."""
+        """Return the numbers of all runs with a row."""
         return {index for (index,) in self._database.execute('SELECT "index" FROM runs')}
 
     def counts(self) -> Counts:
-        """How many runs are in which state."""
+        """Return the number of runs in each state."""
         found = dict(self._database.execute("SELECT state, count(*) FROM runs GROUP BY state").fetchall())
         return Counts(*(found.get(state, 0) for state in Counts._fields))
 
     def rows(self, state: str | None = None) -> Iterator[Row]:
-        """Yield all rows in order of their index, or those in a state."""
+        """Yield all rows, or those in one state, in order of their index."""
         where, values = ("WHERE state = ?", (state,)) if state else ("", ())
-        # Closed even where nobody takes all of them: an open cursor keeps the file from shrinking.
+        # Closed even if the caller does not read all rows: an open cursor keeps the file from shrinking.
         with closing(self._database.execute(f'SELECT {_FIELDS} FROM runs {where} ORDER BY "index"', values)) as cursor:
             for values in cursor:
                 yield _row(values)
 
     def records(self) -> Iterator[JournalRecord]:
-        """Yield what the table has of all runs, in order of their index."""
+        """Yield the records of the table for all runs, in order of their index."""
         names = ", ".join(f'"{name}"' for name in JournalRecord._fields)
         yield from map(JournalRecord._make, self._database.execute(f'SELECT {names} FROM runs ORDER BY "index"'))
 
@@ -174,18 +174,18 @@ class SweepJournal:
         return _row(found) if found else None
 
     def forget(self, state: str) -> int:
-        """Take all rows in a state away, so that these runs are made again; returns how many."""
+        """Delete all rows in a state, so that these runs are repeated; returns their number."""
         return self._database.execute("DELETE FROM runs WHERE state = ?", (state,)).rowcount
 
     def drop(self, indices: Iterable[int]) -> None:
-        """Take rows away that do not belong to the result, if they are there."""
+        """Delete any rows of runs that do not belong to the result."""
         self.commit()
         self._database.execute("BEGIN")
         self._database.executemany('DELETE FROM runs WHERE "index" = ?', ((index,) for index in indices))
         self.commit()
 
     def keep_logs(self, logs: Iterable[tuple[int, str | None]]) -> None:
-        """Note the log of runs, or that there is none any more."""
+        """Store the names of the logs of runs; None if a log no longer exists."""
         self.commit()
         self._database.execute("BEGIN")
         self._database.executemany('UPDATE runs SET log = ? WHERE "index" = ?', [(log, index) for index, log in logs])

@@ -1,4 +1,4 @@
-"""The overview of a sweep: what it varies, how many of its runs are made, and which columns its table has."""
+"""The overview of a sweep: varied parameters, numbers of runs by state, and columns of the table."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class SweepOverview:
-    """The overview of the folder of a sweep.
+    """The overview of a sweep folder.
 
     Attributes:
         folder: The folder.
         scenario: The scenario.
         seed: The seed of the sweep.
-        planned: How many runs are planned.
-        counts: How many runs there are of each state: ``done``, ``failed`` and ``lost``.
-        combinations: How many combinations of parameters and variant there are.
-        varies: What varies, as ``path: values``.
+        planned: The number of planned runs.
+        counts: The number of runs in each state: ``done``, ``failed`` and ``lost``.
+        combinations: The number of combinations of parameters and variant.
+        varies: The varied parameters, as ``path: values``.
         variants: The names of the variants.
-        claim: What is to be certified; None for nothing.
+        claim: The claim to be certified, if any.
         columns: The columns of the table.
     """
 
@@ -38,12 +38,12 @@ class SweepOverview:
     columns: Sequence[str]
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
+        """Return the object as plain data for JSON."""
         return asdict(self)
 
 
 def sweep_overview(folder: Path) -> SweepOverview:
-    """Return the overview of a sweep, also of one that is not finished or is running.
+    """Return the overview of a sweep, which may be unfinished or running.
 
     Raises:
         SweepError: There is no sweep.
@@ -75,7 +75,7 @@ def sweep_overview(folder: Path) -> SweepOverview:
 
 
 def _text(values: Any) -> str:
-    """Values of a list, or a distribution, on one line."""
+    """Format a list of values or a distribution on one line."""
     if isinstance(values, dict):
         return ", ".join(f"{name} {value}" for name, value in values.items())
     return ", ".join(map(str, values)) if isinstance(values, list) else str(values)

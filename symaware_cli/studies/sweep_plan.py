@@ -1,8 +1,8 @@
-"""The plan of a sweep: which runs there are, and what each of them changes.
+"""The plan of a sweep: its runs, and the changes of each to the scenario.
 
 Runs are numbered replicate by replicate: run ``index`` is replicate ``index // cells`` of cell ``index % cells``, so
-runs can be added without renumbering, and the first runs are balanced over the cells. A parameter that is drawn has one
-value for each replicate, which all cells share.
+runs can be added without renumbering, and the first runs are balanced over the cells. A drawn parameter has one value
+per replicate, which all cells share.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ def seed_of(sweep_seed: int, key: int) -> int:
 
     Args:
         sweep_seed: The seed of the sweep.
-        key: The number of the run among all; where variants are paired, the number that they share.
+        key: The index of the run; for paired variants, the number that they share.
     """
     words = SeedSequence(sweep_seed, spawn_key=(key,)).generate_state(2)
     return (int(words[0]) << 32 | int(words[1])) >> 1
 
 
-#: How many samples are turned into values at a time.
+#: The number of samples converted to values at a time.
 _AT_ONCE = 1024
 
 
 class Samples:
-    """What each sample draws; it depends on the sweep's seed and design and on the sample's number alone.
+    """The values of each sample, which depend only on the sweep's seed and design and on the sample's number.
 
     Attributes:
-        paths: The paths of what is drawn.
+        paths: The paths of the drawn parameters.
     """
 
     def __init__(self, document: SweepDocument) -> None:
@@ -50,7 +50,7 @@ class Samples:
         self._block: tuple[int, list[tuple[Any, ...]]] = (-1, [])
 
     def of(self, number: int) -> Mapping[str, Any]:
-        """Return the values of a sample by their paths."""
+        """Return the values of a sample by path."""
         if not self.paths:
             return {}
         block, place = divmod(number, _AT_ONCE)
@@ -63,7 +63,7 @@ class Samples:
         return dict(zip(self.paths, self._block[1][place], strict=True))
 
     def _points(self, block: int) -> Array:
-        """Points between 0 and 1 for a block of samples; shape (n, d)."""
+        """Return the points between 0 and 1 for a block of samples; shape (n, d)."""
         start = block * _AT_ONCE
         if self._document.design == "random":
             return independent(self._document.seed, self.paths, np.arange(start, start + _AT_ONCE))
@@ -71,19 +71,19 @@ class Samples:
 
     @cached_property
     def _whole(self) -> Array:
-        """All points of a design whose points depend on each other."""
+        """All points of a design with dependent points."""
         design = sobol if self._document.design == "sobol" else latin_hypercube
         return design(self._document.seed, self.paths, self._document.runs)
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterChange:
-    """A value of the scenario that is replaced.
+    """A replacement of a value of the scenario.
 
     Attributes:
-        target: Its path in the scenario.
-        value: What replaces it.
-        place: Where that stands in the document of the sweep.
+        target: The path of the value in the scenario.
+        value: The new value.
+        place: The position of the new value in the document of the sweep.
     """
 
     target: str
@@ -97,15 +97,15 @@ class ParameterChange:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One combination of listed parameters and a variant, which is run again and again.
+    """A combination of listed parameters and a variant, which is run repeatedly.
 
     Attributes:
         number: Its number.
         point: The number of its combination of parameters.
-        variant: The name of its variant; None if there are none.
-        parameters: The values of what varies over lists, by their paths.
-        shared: What all of its runs change in the scenario before what is drawn, in this order.
-        own: What its variant changes after that.
+        variant: The name of its variant; None without variants.
+        parameters: The values of the listed parameters, by path.
+        shared: The changes of all its runs that are applied before those of drawn parameters, in order.
+        own: The changes of its variant, applied afterwards.
     """
 
     number: int
@@ -118,17 +118,17 @@ class Cell:
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """Which runs a sweep has.
+    """The plan of a sweep: its cells and runs.
 
     Attributes:
-        document: What the sweep says.
+        document: The document of the sweep.
     """
 
     document: SweepDocument
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:
-        """All cells: each combination of parameters, in each variant."""
+        """All cells: each combination of listed parameters, in each variant."""
         document = self.document
         shared = tuple(ParameterChange(path, value, ("set", path)) for path, value in document.set.items())
         found: list[Cell] = []
@@ -143,12 +143,12 @@ class SweepPlan:
 
     @cached_property
     def points(self) -> int:
-        """How many combinations of parameters there are."""
+        """The number of combinations of listed parameters."""
         return len(self.cells) // max(1, len(self.document.variants))
 
     @property
     def count(self) -> int:
-        """How many runs there are."""
+        """The number of runs."""
         return self.document.runs * len(self.cells)
 
     def cell(self, index: int) -> Cell:
@@ -161,24 +161,24 @@ class SweepPlan:
 
     @cached_property
     def samples(self) -> Samples:
-        """What is drawn."""
+        """The samples of the drawn parameters."""
         return Samples(self.document)
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """The paths of what varies: over lists first."""
+        """The paths of all varied parameters, the listed ones first."""
         return (*self.cells[0].parameters, *self.samples.paths)
 
     def parameters(self, index: int) -> Mapping[str, Any]:
-        """Return the values of what varies in a run, by their paths."""
+        """Return the values of all varied parameters in a run, by path."""
         return {**self.cell(index).parameters, **self.samples.of(self.replicate(index))}
 
     def changes(self, index: int) -> tuple[ParameterChange, ...]:
-        """Return all that a run changes in the scenario, in this order."""
+        """Return all changes of a run to the scenario, in order."""
         return self._changes(self.cell(index), self.samples.of(self.replicate(index)))
 
     def landmark_changes(self) -> Iterator[tuple[ParameterChange, ...]]:
-        """Yield the changes of run 0 with each value that stands for all that a parameter may draw."""
+        """Yield the changes of run 0 with each representative value of each drawn parameter."""
         first = self.samples.of(0)
         for path, drawn in self.document.drawn.items():
             for value in drawn.landmarks:
@@ -190,7 +190,7 @@ class SweepPlan:
         return (*cell.shared, *drawn, *cell.own)
 
     def seed_key(self, index: int) -> int:
-        """Return the number from which the seed of a run is derived; paired variants share it."""
+        """Return the key from which the seed of a run is derived; paired variants share it."""
         if self.document.paired:
             return self.replicate(index) * self.points + self.cell(index).point
         return index
@@ -201,7 +201,7 @@ class SweepPlan:
 
 
 def cell_count(document: SweepDocument) -> int:
-    """Return how many cells there are, without making them."""
+    """Return the number of cells, without creating them."""
     count = max(1, len(document.variants))
     for values in document.listed.values():
         count *= len(values)
@@ -211,7 +211,7 @@ def cell_count(document: SweepDocument) -> int:
 
 
 def _points(document: SweepDocument) -> Iterator[tuple[ParameterChange, ...]]:
-    """Yield every combination of what varies over lists; the last parameter varies fastest."""
+    """Yield every combination of the listed parameters; the last parameter varies fastest."""
     axes: list[list[tuple[ParameterChange, ...]]] = [
         [(ParameterChange(path, value, ("over", path, k)),) for k, value in enumerate(values)]
         for path, values in document.listed.items()

@@ -1,4 +1,4 @@
-"""Rows of a sweep's table that are asked for: which, in what order, how many."""
+"""Queries on the table of a sweep: filter, order and number of rows."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from symaware_cli.studies.sweep_error import SweepError
 if TYPE_CHECKING:
     import pyarrow
 
-#: The most characters of a condition.
+#: The maximum length of a condition [characters].
 _LONGEST = 500
 
 
 def query(
     table: pyarrow.Table, where: str | None = None, sort: str | None = None, limit: int | None = None
 ) -> pyarrow.Table:
-    """Return some rows of a table.
+    """Return the rows of a table that match a query.
 
     Args:
         table: The table.
-        where: A condition on its columns, such as ``closest < 0.6 and verdict.safe == "violated"``. A path that varies
-            may be called by its last part, where no other column has that.
-        sort: The column to sort by, in descending order if a minus stands before it; rows without a value come last.
-        limit: How many rows, at most.
+        where: A condition on its columns, such as ``closest < 0.6 and verdict.safe == "violated"``. A varied parameter
+            may be named by the last part of its path if no other column ends with it.
+        sort: The column to sort by, in descending order if prefixed with a minus; rows without a value come last.
+        limit: The maximum number of rows.
 
     Raises:
-        SweepError: The condition is not valid.
+        SweepError: The condition is invalid.
         UnknownNameError: There is no such column.
     """
     if where is not None:
@@ -46,10 +46,10 @@ def query(
 
 
 def column(table: pyarrow.Table, name: str) -> str:
-    """Return the name of the column that is meant.
+    """Return the full name of a column.
 
     Raises:
-        UnknownNameError: There is none.
+        UnknownNameError: There is no such column.
     """
     if name in table.column_names:
         return name
@@ -61,10 +61,10 @@ def column(table: pyarrow.Table, name: str) -> str:
 
 
 def _single(table: pyarrow.Table, name: str) -> str:
-    """Return the name of a column whose rows have one value each.
+    """Return the name of a column after checking that it contains one value per row.
 
     Raises:
-        SweepError: They have lists.
+        SweepError: The column contains lists.
     """
     import pyarrow
 
@@ -79,7 +79,7 @@ def _mask(table: pyarrow.Table, where: str) -> Any:
     names = {part for each in table.column_names for part in (each.partition(".")[0], each.rpartition(".")[2])}
     functions = {name: count for name, count in ARGUMENTS.items() if name not in ("inside", "signed_distance")}
     try:
-        # Not an `Expression`, whose module takes half a second to import.
+        # Not an `Expression`, because its module takes half a second to import.
         tree = parse(where, names, functions, longest=_LONGEST)
         check_momentary(tree, "a specification: a row has no instants")
         holds = truth(_with_columns(tree))
@@ -90,13 +90,13 @@ def _mask(table: pyarrow.Table, where: str) -> Any:
         raise SweepError(f"--where: {error.problem}{known}") from None
     except KindError as error:
         raise SweepError(f"--where: `{where}`: {error}") from error
-    # `pyarrow.array` would import pandas, if that is installed, and a part of NumPy that is needed nowhere else.
+    # `pyarrow.array` would import pandas, if installed, and a part of NumPy that is not needed elsewhere.
     bits = pyarrow.py_buffer(np.packbits(found, bitorder="little"))
     return pyarrow.BooleanArray.from_buffers(pyarrow.bool_(), len(found), [None, bits])
 
 
 def _with_columns(node: Node) -> Node:
-    """Return a condition in which dotted names of columns, such as ``verdict.safe``, are single names."""
+    """Return a condition with dotted names of columns, such as ``verdict.safe``, replaced by single names."""
     if isinstance(node, Element):
         return Name(node.span, ".".join(_parts(node)))
     return with_children(node, _with_columns)
@@ -111,10 +111,10 @@ def _parts(node: Node) -> Sequence[str]:
 
 
 def _column(table: pyarrow.Table, name: str) -> Any:
-    """Return the values of a column: numbers, truths, or texts as objects; what is missing is NaN or None."""
+    """Return the values of a column: numbers, booleans, or texts as objects; missing values are NaN or None."""
     import pyarrow
 
-    # Not by `to_numpy`, which imports pandas, if that is installed.
+    # Not with `to_numpy`, which imports pandas, if installed.
     values = table[_single(table, column(table, name))].combine_chunks()
     if pyarrow.types.is_string(values.type):
         coded = values.dictionary_encode()

@@ -1,4 +1,4 @@
-"""Reads the folders of sweeps, also of those that are not finished or are running."""
+"""Reading of sweep folders, including those of unfinished and running sweeps."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def require_pyarrow() -> None:
-    """Make sure that tables can be written.
+    """Check that PyArrow, which tables need, is installed.
 
     Raises:
-        LogError: They cannot.
+        LogError: PyArrow is not installed.
     """
     from importlib.util import find_spec
 
@@ -35,20 +35,20 @@ def read_rows(
     limit: int | None = None,
     columns: Iterable[str] = (),
 ) -> tuple[pyarrow.Table, int]:
-    """Read rows of a sweep, also of one that is not finished or is running.
+    """Read rows of a sweep, which may be unfinished or running.
 
     Args:
         folder: The folder of the sweep.
-        where: See `symaware_cli.studies.sweep_query.query`, as for the next two.
-        sort: See there.
-        limit: See there.
+        where: See `symaware_cli.studies.sweep_query.query`.
+        sort: See `symaware_cli.studies.sweep_query.query`.
+        limit: See `symaware_cli.studies.sweep_query.query`.
         columns: The columns; by default all.
 
     Returns:
-        The rows, and how many runs are planned.
+        The rows, and the number of planned runs.
 
     Raises:
-        SweepError: There is no sweep, or the condition is not valid.
+        SweepError: There is no sweep, or the condition is invalid.
         UnknownNameError: There is no such column.
     """
     folder = Path(folder)
@@ -89,7 +89,7 @@ def read_shares(folder: Path) -> Sequence[VerdictShare]:
 
 
 def read_differences(folder: Path, name: str) -> Sequence[VariantDifference]:
-    """Return what paired variants differ by from the first one in a column, run by run.
+    """Return the paired difference of each variant from the first one, in one column.
 
     Raises:
         SweepError: There is no sweep, or its variants cannot be compared.

@@ -25,7 +25,7 @@ def sweep_schema(
     definitions = schema["$defs"]
     broken: list[str] = []
     describe_plugins("metric", ("MetricUse",), definitions, broken, catalogue or Catalogue(), built_in_only)
-    # Most metrics are those of plugins, which need not be installed where a file is written.
+    # Names are open: most metrics come from plugins, which need not be installed where a file is written.
     definitions["MetricUse"]["properties"]["use"]["anyOf"].append({"type": "string"})
     drawn = definitions["ProbabilityDistribution"]
     for name in (*RANDOM, *MODIFIERS):

@@ -1,4 +1,4 @@
-"""From a file or options to a plan whose every cell is sound: all problems are found before the first run."""
+"""Reading of sweeps from files or options into valid plans; all problems are found before the first run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from symaware_cli.studies.request import SweepRequest
 from symaware_cli.studies.sweep_document import FORMAT, MOST_CELLS, MOST_RUNS, SweepDocument
 from symaware_cli.studies.sweep_plan import ParameterChange, SweepPlan, cell_count
 
-#: The key by which a file of a sweep is known.
+#: The key that identifies the file of a sweep.
 MARK = "symaware-sweep"
 
 #: The suffix of logs.
@@ -43,13 +43,13 @@ _LOG = ".mcap"
 
 @dataclass(frozen=True, slots=True, weakref_slot=True)
 class SweepSource:
-    """A plan that was read, with where it says what.
+    """A plan with the positions of its values in the source files.
 
     Attributes:
         plan: The plan.
-        scenario: The scenario file; of a log, a copy that lives as long as this does.
-        name: What it is called in messages.
-        written: The file of the sweep as written; None where options alone say what to run.
+        scenario: The scenario file; for a log, a temporary copy that lives as long as this object.
+        name: Its name in messages.
+        written: The content of the sweep file; None if the sweep was specified only by options.
     """
 
     plan: SweepPlan
@@ -66,7 +66,7 @@ class SweepSource:
         return [self._assignment(change, sources) for change in changes]
 
     def problem(self, code: str, message: str, path: Path) -> Problem:
-        """Return a problem with a value of the sweep."""
+        """Return a problem located at a value of the sweep."""
         span = self._root.nearest_span(path)
         return Problem(code, message, span, dotted(path), source_line=self._sources[span.file].line_text(span.line))
 
@@ -80,14 +80,14 @@ class SweepSource:
 
 
 def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSource:
-    """Read what to run, and check it but for the scenario.
+    """Read a sweep, and check everything except the scenario.
 
     Args:
         target: A scenario, the file of a sweep, or a log, whose scenario is swept.
-        request: What is asked for beside.
+        request: Additional options.
 
     Raises:
-        ScenarioError: With every problem found.
+        ScenarioError: The sweep is invalid; contains every problem found.
         LogError: The log cannot be read, or contains no scenario.
     """
     source = None if target.suffix == _LOG else read(target, str(target))
@@ -125,13 +125,13 @@ def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSo
 
 
 def _implied(scenario: FilePath) -> tuple[SourceNode, Source]:
-    """Return the document of a sweep about a scenario that nothing more is said about."""
+    """Return the default document of a sweep for a scenario."""
     source = decode("symaware sweep", scenario.name.encode())
     return SourceNode.of({MARK: FORMAT, "scenario": scenario.name}, source.at(0)), source
 
 
 def _faults(document: SweepDocument, composition: Composition) -> Iterator[Problem]:
-    """Yield what is wrong with a document beyond its types."""
+    """Yield the problems of a document that its types do not rule out."""
     seen: dict[str, Path] = {}
     places: list[Path] = [("over", path) for path in document.over]
     places += [("together", number, path) for number, lists in enumerate(document.together) for path in lists]
@@ -180,7 +180,7 @@ def _faults(document: SweepDocument, composition: Composition) -> Iterator[Probl
 
 
 def _claim_faults(document: SweepDocument, composition: Composition) -> Iterator[Problem]:
-    """Yield what is wrong with a claim."""
+    """Yield the problems of a claim."""
     claim = document.claimed
     if claim is None:
         return
@@ -200,10 +200,10 @@ def _claim_faults(document: SweepDocument, composition: Composition) -> Iterator
 
 
 def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
-    """Build the first run of every cell of a plan, and check the ends of what is drawn.
+    """Build the first run of every cell of a plan, and check representative values of drawn parameters.
 
     Raises:
-        ScenarioError: With the problems of all cells, each once.
+        ScenarioError: A cell is invalid; contains the problems of all cells, each once.
     """
     plan = source.plan
     problems: dict[Problem, None] = {}
@@ -232,12 +232,12 @@ def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
 
 
 def written_again(document: SweepDocument, scenario: str, runs: int | None = None) -> bytes:
-    """Write a document as a file of a sweep.
+    """Serialize a document as the file of a sweep.
 
     Args:
-        document: What to write.
-        scenario: The scenario file, as the file is to name it.
-        runs: How many runs of each cell, if not those of the document.
+        document: The document.
+        scenario: The path of the scenario file to write.
+        runs: The number of runs per cell; None for that of the document.
     """
     said = document.model_dump(by_alias=True, mode="json", exclude_defaults=True)
     said = {MARK: FORMAT, **said, "scenario": scenario}

@@ -1,4 +1,4 @@
-"""The table of a sweep: one row a run in order of its index, whoever made it."""
+"""The table of a sweep: one row per run, in order of the index, independent of where it was executed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from symaware_cli.studies.table_file import PLANNED, write
 if TYPE_CHECKING:
     import pyarrow
 
-#: How many rows are in memory at a time, which is also a row group of the file.
+#: The number of rows held in memory at a time, which is also the size of a row group of the file.
 _AT_ONCE = 16_384
 
 
@@ -69,15 +69,15 @@ def schema(plan: SweepPlan, specifications: Sequence[str]) -> pyarrow.Schema:
 def batches(
     records: Iterator[JournalRecord], plan: SweepPlan, specifications: Sequence[str]
 ) -> Iterator[pyarrow.RecordBatch]:
-    """Yield what a journal has as columns, a bounded number of rows at a time.
+    """Yield the records of a journal as columns, a bounded number of rows at a time.
 
     Args:
-        records: In order of their index.
-        plan: Whose rows they are.
+        records: The records, in order of their index.
+        plan: The plan of the sweep.
         specifications: The names of the specifications.
 
     Raises:
-        SweepError: The journal has a value that no run gives.
+        SweepError: The journal contains a value that no run can produce.
     """
     import pyarrow
 
@@ -85,7 +85,7 @@ def batches(
     while some := list(islice(records, _AT_ONCE)):
         try:
             values = _columns(some, plan)
-            # What no row has, such as the verdict of a specification of another cell, is missing.
+            # Values that no row has, such as the verdict of another cell's specification, are missing.
             arrays = [
                 pyarrow.array(_told(values[field.name], field.type), field.type)
                 if field.name in values
@@ -98,7 +98,7 @@ def batches(
 
 
 def write_times(path: Path, times: Iterator[tuple[int, float]]) -> None:
-    """Write how long each run took, which is the only thing about it that differs from time to time."""
+    """Write the wall times of runs, apart from the table because they alone differ between repetitions."""
     import pyarrow
 
     columns = pyarrow.schema(
@@ -117,7 +117,7 @@ def write_times(path: Path, times: Iterator[tuple[int, float]]) -> None:
 
 
 def _columns(records: Sequence[JournalRecord], plan: SweepPlan) -> Mapping[str, Sequence[Any]]:
-    """The values of all rows by the name of their column."""
+    """Return the values of all rows by column."""
     fields = JournalRecord(*zip(*records, strict=True))
     found: dict[str, Sequence[Any]] = {
         "index": fields.index,
@@ -134,7 +134,7 @@ def _columns(records: Sequence[JournalRecord], plan: SweepPlan) -> Mapping[str, 
         ("robustness.", fields.robustness),
         ("", fields.metrics),
     ):
-        # All at once, which takes half the time of one by one.
+        # Parsed all at once, which takes half as long as one by one.
         contents = json.loads(f"[{','.join(texts)}]")
         for name in dict.fromkeys(chain.from_iterable(contents)):
             found[prefix + name] = [each.get(name) for each in contents]
@@ -142,7 +142,7 @@ def _columns(records: Sequence[JournalRecord], plan: SweepPlan) -> Mapping[str, 
 
 
 def _kind(values: Sequence[Any]) -> str:
-    """The type of a column in which all values have their place."""
+    """Return the type of a column that can hold all values."""
     if all(isinstance(each, bool) for each in values):
         return "truth"
     if any(isinstance(each, bool) or not isinstance(each, int | float) for each in values):
@@ -151,7 +151,7 @@ def _kind(values: Sequence[Any]) -> str:
 
 
 def _told(values: Sequence[Any], kind: pyarrow.DataType) -> Sequence[Any]:
-    """The values of a column; what is not text in a column of texts is written as JSON."""
+    """Return the values of a column; non-text values in a column of texts are written as JSON."""
     import pyarrow
 
     if not pyarrow.types.is_string(kind) or all(each is None or isinstance(each, str) for each in values):

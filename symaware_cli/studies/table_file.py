@@ -1,4 +1,4 @@
-"""The table of a sweep as a file, which is written whole and read without anything that makes runs."""
+"""The table of a sweep as a file, written atomically; reading it imports nothing that runs simulations."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from symaware_cli.studies.sweep_files import TABLE
 if TYPE_CHECKING:
     import pyarrow
 
-#: The entry of the metadata of a table that says how many runs are planned.
+#: The metadata key of a table for the number of planned runs.
 PLANNED = b"symaware.planned"
 
 
 def write(path: Path, content: Iterator[pyarrow.RecordBatch], columns: pyarrow.Schema) -> None:
-    """Write a Parquet file that appears as a whole."""
+    """Write a Parquet file atomically."""
     import pyarrow
     from pyarrow import parquet
 
@@ -30,9 +30,9 @@ def write(path: Path, content: Iterator[pyarrow.RecordBatch], columns: pyarrow.S
 
 
 def read(folder: Path) -> tuple[pyarrow.Table, int] | None:
-    """Return the table in the folder of a sweep, and how many runs are planned; None where there is none.
+    """Return the table in a sweep folder and the number of planned runs; None without a table.
 
-    There is none while the sweep is made, and after runs were added to it.
+    There is no table while the sweep is running or after runs were added to it.
 
     Raises:
         SweepError: The file is damaged.
@@ -40,7 +40,7 @@ def read(folder: Path) -> tuple[pyarrow.Table, int] | None:
     from pyarrow import parquet
 
     try:
-        # `read_table` would import what reads whole folders first.
+        # `read_table` would import the support for folders of files first.
         with parquet.ParquetFile(folder / TABLE) as file:
             table = file.read()
         return table, int(table.schema.metadata[PLANNED])

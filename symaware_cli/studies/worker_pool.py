@@ -1,4 +1,4 @@
-"""Worker processes, which are started once and take blocks; one that dies or hangs costs the run it was at."""
+"""A pool of worker processes that execute blocks; a worker that dies or hangs costs only its current run."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from symaware_cli.studies.identity import CodeIdentity
 from symaware_cli.studies.sweep_error import SweepError, listed
 from symaware_cli.world import PythonChild, how_it_ended
 
-#: Wall time beyond its time-out after which a run that does not heed it is ended with its worker [s].
+#: Wall time beyond its time-out after which a run that ignores the time-out is ended with its worker [s].
 _GRACE = 2.0
 
-#: How many workers may die one after the other before they are ready.
+#: The maximum number of consecutive workers that die before they are ready.
 _PATIENCE = 3
 
 
@@ -40,7 +40,7 @@ class WorkerPoolError(Exception):
 
 
 class CodeDifferenceError(SweepError):
-    """A worker process on another machine has other code than the process that sent for it."""
+    """A worker process on another machine has different code from the requesting process."""
 
 
 class WorkerPool(Generic[ResultT]):
@@ -53,14 +53,14 @@ class WorkerPool(Generic[ResultT]):
         timeout: float | None = None,
         code: CodeIdentity | None = None,
     ) -> None:
-        """Prepare; workers are started when there is something to do.
+        """Prepare; workers are started when there are blocks.
 
         Args:
-            work: What they make.
-            count: How many workers, at most.
-            timeout: Wall time after which a run is given up [s]; None for never.
-            code: The code that workers have to have, where rows are made for another machine; None to let them have
-                that of this process.
+            work: The work.
+            count: The maximum number of workers.
+            timeout: Wall time after which a run is abandoned [s]; None for never.
+            code: The code that workers must have if they compute rows for another machine; None if they share the
+                environment and code of this process.
         """
         self._work = work
         self._code = code
@@ -75,8 +75,8 @@ class WorkerPool(Generic[ResultT]):
 
         Raises:
             WorkerPoolError: No worker can be started.
-            CodeDifferenceError: One has other code.
-            SweepError: One cannot make a result; the message is its reason.
+            CodeDifferenceError: A worker has different code.
+            SweepError: A worker cannot compute a result; the message gives the reason.
         """
         while True:
             self._employ(blocks)
@@ -96,7 +96,7 @@ class WorkerPool(Generic[ResultT]):
                 yield from self._buried(worker, blocks, f"it did not end within {self._timeout:g} s")
 
     def close(self) -> None:
-        """End all workers, whatever they do."""
+        """End all workers immediately."""
         for worker in self._workers:
             worker.kill()
             self._selector.unregister(worker.answers)
@@ -104,7 +104,7 @@ class WorkerPool(Generic[ResultT]):
         self._workers.clear()
 
     def _employ(self, blocks: Blocks) -> None:
-        """Give every idle worker something to do, and start workers where there is more."""
+        """Give every idle worker a block, and start workers for further blocks."""
         for worker in self._workers:
             if not worker.tasks:
                 block = blocks.take(self._count)
@@ -115,7 +115,7 @@ class WorkerPool(Generic[ResultT]):
             block = blocks.take(self._count)
             if block is None:
                 return
-            # If it was interrupted in between, nobody would end the worker.
+            # An interrupt in between would leave a worker that is never ended.
             with signals_deferred():
                 worker = _Worker(description(self._work), self._timeout, self._code)
                 self._workers.append(worker)
@@ -129,7 +129,7 @@ class WorkerPool(Generic[ResultT]):
         return [key.data for key, _ in self._selector.select(patience)]
 
     def _buried(self, worker: _Worker, blocks: Blocks, why: str) -> Iterator[ResultT]:
-        """Go on without a worker: what it was at is lost, the rest of its block is for others."""
+        """Remove a dead worker: its current run is lost, and the rest of its block is returned for other workers."""
         self._workers.remove(worker)
         self._selector.unregister(worker.answers)
         worker.end()
@@ -147,11 +147,11 @@ class WorkerPool(Generic[ResultT]):
 
 @contextmanager
 def executor_of(work: Work[ResultT], jobs: int, timeout: float | None = None) -> Iterator[Executor[ResultT]]:
-    """Have some work done in this process, or in worker processes.
+    """Provide an executor of work in this process or in worker processes.
 
     Args:
         work: The work.
-        jobs: How many worker processes; 0 for this process.
+        jobs: The number of worker processes; 0 for this process.
         timeout: See `WorkerPool`.
     """
     executor: Executor[ResultT] = LocalExecutor(work) if jobs == 0 else WorkerPool(work, jobs, timeout)
@@ -165,9 +165,9 @@ class _Worker:
     """One worker process.
 
     Attributes:
-        tasks: The runs that it still has to make, the one it is at first.
+        tasks: Its remaining runs, the current one first.
         is_ready: Whether it has started.
-        deadline: When the run it is at is given up, on the monotonic clock [s]; None for never.
+        deadline: When its current run is abandoned, on the monotonic clock [s]; None for never.
     """
 
     def __init__(self, work: Mapping[str, Any], timeout: float | None, code: CodeIdentity | None) -> None:
@@ -180,24 +180,24 @@ class _Worker:
             "symaware_cli.studies.pool_worker:serve",
             variables=None if code is None else _chosen(code.variables),
             shares_path=code is None,
-            # Ctrl-C is for the driver alone, which ends its workers.
+            # Ctrl-C must reach only the driver, which ends its workers.
             own_session=True,
         )
         self.answers = self._child.answers
         self._send({"work": work, "code": None if code is None else code.to_json()})
 
     def give(self, block: Block) -> None:
-        """Tell it what to do next."""
+        """Send the next block to the worker."""
         self.tasks.extend(block.indices)
         self._send(asdict(block))
         self._start_clock()
 
     def read(self) -> tuple[list[dict[str, Any]], bool]:
-        """Return the results that it has told, and whether there may be more.
+        """Return the results received so far, and whether there may be more.
 
         Raises:
-            CodeDifferenceError: It has other code.
-            SweepError: It cannot make a result; the message is its reason.
+            CodeDifferenceError: The worker has different code.
+            SweepError: The worker cannot compute a result; the message gives the reason.
         """
         data = os.read(self.answers.fileno(), 1 << 20)
         *lines, self._rest = (self._rest + data).split(b"\n")
@@ -221,11 +221,11 @@ class _Worker:
         return received, bool(data)
 
     def kill(self) -> None:
-        """End it, whatever it does."""
+        """Kill the worker."""
         self._child.kill()
 
     def end(self) -> str:
-        """Wait for its end, and say how it came."""
+        """Wait for the end of the process, and describe how it ended."""
         return f"the worker process {how_it_ended(self._child.close())}"
 
     def _start_clock(self) -> None:
@@ -234,12 +234,12 @@ class _Worker:
             self.deadline = time.monotonic() + self._timeout + _GRACE if running else None
 
     def _send(self, content: object) -> None:
-        # If it is gone, that is seen where its answers are read.
+        # A dead worker is detected where its answers are read.
         with suppress(BrokenPipeError):
             self._child.requests.write(json.dumps(content).encode() + b"\n")
             self._child.requests.flush()
 
 
 def _chosen(variables: Mapping[str, str]) -> dict[str, str]:
-    """The environment of this process, with other variables that choose among kernels."""
+    """Return this process's environment with the given values of the variables that select kernels."""
     return {name: each for name, each in os.environ.items() if name not in processor.VARIABLES} | {**variables}

@@ -1,1 +1,1 @@
-"""The report of a log or of a sweep as a page of HTML."""
+"""The report of a log or a sweep as an HTML page."""

@@ -1,4 +1,4 @@
-"""A run or a sweep as one page of HTML, with all that a reader needs to judge and to repeat it, and no network."""
+"""A report as one self-contained HTML page, with everything needed to assess and repeat a run or a sweep."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 def write_report(path: FilePath, output: FilePath, viewer: bool = False, pdf: FilePath | None = None) -> Path:
     """Write the report of a log or of the folder of a sweep.
 
-    That of a sweep shows the run with the least robustness, which is made again for it. It has the sections that are
-    installed (``symaware.reports``); one of another package that fails is left out, with a `PluginWarning`.
+    The report of a sweep shows its least robust run, which is repeated for this. The report consists of all installed
+    sections (``symaware.reports``); a failing section of another package is left out with a `PluginWarning`.
 
     Args:
         path: The log or the folder.
-        output: The page; one that is there is replaced.
-        viewer: Whether the page has the Rerun viewer with a replay of the run in it, which takes about 19 MB.
-        pdf: A file for the page as a browser prints it; None for none.
+        output: The path of the page; an existing file is replaced.
+        viewer: Whether to embed the Rerun viewer with a replay of the run, which takes about 19 MB.
+        pdf: A file for the page as printed by a browser; None for no PDF.
 
     Returns:
         The page.
 
     Raises:
-        LogError: There is no log and no sweep, a package is missing, or there is no browser for a PDF.
+        LogError: There is neither a log nor a sweep, a package is missing, or there is no browser for a PDF.
         OutputError: The page cannot be written.
     """
     path, output = Path(path), Path(output)
@@ -76,7 +76,7 @@ def _title(subject: ReportSubject) -> str:
 
 
 def _least_robust(journal: SweepJournal) -> Row | None:
-    """Return the run with the least robustness; the first that is done where none has any."""
+    """Return the run with the least robustness; the first finished run if none has a robustness."""
     done = list(journal.rows("done"))
     return min(done, key=lambda row: (min(_known(row), default=float("inf")), row.index), default=None)
 
@@ -95,7 +95,7 @@ def _sections(subject: ReportSubject) -> Iterator[Markup]:
 
 
 def _section(kind: type[ReportSection], listing: Listing, subject: ReportSubject) -> Markup | None:
-    """Return a section as HTML; None if it does not apply, has no content, or is of another package and fails."""
+    """Return a section as HTML; None if it does not apply, has no content, or fails and belongs to another package."""
     try:
         section = kind()
         blocks = list(section.content(subject)) if section.applies(subject) else []

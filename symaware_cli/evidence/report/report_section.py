@@ -1,4 +1,4 @@
-"""Sections of a report, each of which says one thing about a log or a sweep."""
+"""Sections of reports, each about one aspect of a log or a sweep."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from symaware_cli.world import PluginKind
 
 @dataclass(frozen=True)
 class ReportSubject:
-    """What is reported.
+    """The subject of a report: a log or a sweep.
 
     Attributes:
         path: The log, or the folder of a sweep.
         log: The log; None for a sweep.
         folder: The sweep; None for a log.
-        run: The log of the run that is shown: the log itself, or of a sweep the run with the least robustness, made
-            again. None for a log by another program, and for a sweep without a finished run.
+        run: The log of the run that is shown: the log itself, or a repetition of the least robust run of a sweep. None
+            for a log by another program, and for a sweep without a finished run.
         row: The row of that run in the table of the sweep.
-        has_viewer: Whether the viewer with a replay of the run was asked for.
+        has_viewer: Whether the viewer with a replay of the run was requested.
     """
 
     path: Path
@@ -48,9 +48,9 @@ class ReportSection(ABC):
 
     Attributes:
         title: Its heading; empty for none.
-        order: Sections are shown in this order. Those of this package have orders below 100, if they are about the
-            result, and from 1,000 on, if they are about the scenario and how to repeat it.
-        on_paper: Whether it is shown on paper, too.
+        order: The sort key of the section. Sections of this package have orders below 100 if they are about the result,
+            and from 1,000 on if they are about the scenario and its repetition.
+        on_paper: Whether it is printed, too.
     """
 
     title: ClassVar[str] = ""
@@ -58,7 +58,7 @@ class ReportSection(ABC):
     on_paper: ClassVar[bool] = True
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Return whether a report of a log or a sweep has this section; by default every report of a run has it."""
+        """Return whether the report of a subject has this section; by default, whether it shows a run."""
         return subject.run is not None
 
     def heading(self, subject: ReportSubject) -> str:
@@ -67,11 +67,11 @@ class ReportSection(ABC):
 
     @abstractmethod
     def content(self, subject: ReportSubject) -> Iterable[Block]:
-        """Yield the content, top down. Without any, the section is left out."""
+        """Yield the content from top to bottom; a section without content is left out."""
 
 
 class _SectionKind(PluginKind):
-    """Sections, which declare their titles and order."""
+    """The plugin kind of sections, which declare their titles and order."""
 
     def fault(self, loaded: Any) -> str | None:
         """Return why an object is not a section, or declares something invalid."""

@@ -1,1 +1,1 @@
-"""Methods that search for a violation; each is a plugin."""
+"""Search methods for violations; each is a plugin."""

@@ -9,7 +9,7 @@ import numpy as np
 from symaware_cli.evidence.search_method import Look, SearchMethod, number_of
 from symaware_cli.studies import independent
 
-#: The standard deviation at the beginning, of coordinates between 0 and 1.
+#: The initial standard deviation of coordinates between 0 and 1.
 _DEVIATION = 0.3
 
 
@@ -26,7 +26,7 @@ class CovarianceAdaptation(SearchMethod):
     install = "pip install 'symaware-cli[falsify]'"
 
     def minimise(self, look: Look, names: Sequence[str], most: int, seed: int) -> None:
-        """Look at the points of each generation."""
+        """Evaluate the points of each generation."""
         from cmaes import CMA
 
         square = np.tile([0.0, 1.0], (len(names), 1))

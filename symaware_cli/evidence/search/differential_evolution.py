@@ -10,7 +10,7 @@ import numpy as np
 from symaware_cli.evidence.search_method import Look, SearchMethod
 from symaware_cli.studies import independent
 
-#: The least number of points of a generation, and how many for each coordinate.
+#: The minimum number of points in a generation, and the number per coordinate.
 _LEAST, _EACH = 8, 5
 
 
@@ -22,13 +22,13 @@ class DifferentialEvolution(SearchMethod):
     """
 
     def minimise(self, look: Look, names: Sequence[str], most: int, seed: int) -> None:
-        """Look at the points of each generation."""
+        """Evaluate the points of each generation."""
         from scipy.optimize import Bounds, differential_evolution
 
         size = max(_LEAST, _EACH * len(names))
         bounds = Bounds(np.zeros(len(names)), np.ones(len(names)))
 
-        def of_columns(points: Any) -> Any:  # a generation of points (d, n), of which the types of SciPy know nothing
+        def of_columns(points: Any) -> Any:  # a generation of points (d, n), which SciPy's type stubs do not cover
             return look(points.T)
 
         for attempt in range(-(-most // size)):

@@ -24,7 +24,7 @@ class ParzenTree(SearchMethod):
     install = "pip install 'symaware-cli[falsify]'"
 
     def minimise(self, look: Look, names: Sequence[str], most: int, seed: int) -> None:
-        """Look at the points that the sampler proposes."""
+        """Evaluate the points that the sampler proposes."""
         import optuna
 
         with _quiet():
@@ -42,7 +42,7 @@ class ParzenTree(SearchMethod):
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Let Optuna report nothing but trouble meanwhile."""
+    """Limit Optuna's log messages to warnings in the block."""
     import optuna
 
     before = optuna.logging.get_verbosity()

@@ -19,6 +19,6 @@ class RandomDraws(SearchMethod):
     is_independent = True
 
     def minimise(self, look: Look, names: Sequence[str], most: int, seed: int) -> None:
-        """Look at independent points."""
+        """Evaluate independent points."""
         for begin in range(0, most, _DRAWN):
             look(independent(seed, names, np.arange(begin, begin + _DRAWN)))

@@ -1,1 +1,1 @@
-"""Pictures of sweeps: what each combination of parameters came to, as curves, maps and distributions."""
+"""Pictures of sweeps: the results of each combination of parameters as curves, maps and distributions."""

@@ -18,31 +18,31 @@ from matplotlib.patches import Patch
 from symaware_cli.log import LogError
 from symaware_cli.views import FAINT, HEADING, LEAST_TYPE, SMALL, require_writable, save, settle, styled, type_scale
 
-#: Inches: a line of text, the width of a character, that of an entry of a legend, the title with what surrounds all
-#: panels, and the least natural width of a figure.
+#: Lengths in inches: the height of a line of text, the width of a character and of a legend entry, the height of the
+#: title with the outer margins, and the least natural width of a figure.
 _LINE, _CHARACTER, _ENTRY, _AROUND, _LEAST = 0.19, 0.071, 1.7, 0.55, 6.02
 
 Handles: TypeAlias = Sequence[Line2D | Patch]
 
-#: So many panels stand side by side.
+#: The maximum number of panels side by side.
 _COLUMNS = 3
 
 
 def columns_of(count: int) -> int:
-    """Return how many of some panels stand side by side; four stand two by two."""
+    """Return the number of columns for a number of panels; four panels are arranged two by two."""
     return 2 if count == 4 else min(_COLUMNS, count)
 
 
 @dataclass(frozen=True, slots=True)
 class FigureSheet:
-    """What a figure is to be like.
+    """The layout of a figure.
 
     Attributes:
         grid: Rows and columns of panels.
         panel: Width and height of a panel [inch].
-        title: What stands above.
-        notes: What is said below.
-        count: How many panels there are.
+        title: The text above the panels.
+        notes: The lines of text below the panels.
+        count: The number of panels.
     """
 
     grid: tuple[int, int]
@@ -57,10 +57,10 @@ class FigureSheet:
         """Draw a figure into a file.
 
         Args:
-            path: The file; its suffix says the format.
-            size: Width and height [inch]; None for what suits the panels.
-            dpi: Dots for each inch.
-            fill: Draws the panels, and returns the entries of a legend that they share.
+            path: The file; its suffix determines the format.
+            size: Width and height [inch]; None to fit the panels.
+            dpi: Dots per inch.
+            fill: Draws the panels and returns the entries of their shared legend.
 
         Raises:
             LogError: The title cannot be written with the font, or the panels do not fit.

@@ -1,4 +1,4 @@
-"""The finished runs of a sweep, in columns, and what a metric comes to in each combination of parameters."""
+"""The finished runs of a sweep, in columns, and estimates of metrics for each combination of parameters."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class ParameterAxis:
     """A parameter of a sweep, or several that vary together, and its values in the order of the sweep.
 
     Attributes:
-        name: The path in the scenario, or several.
-        values: What it takes, one after the other.
+        name: Its path in the scenario, or several paths.
+        values: Its values, in order.
     """
 
     name: str
@@ -42,7 +42,7 @@ class ParameterAxis:
 
     @property
     def positions(self) -> Array | None:
-        """Where the values stand on an axis of numbers, ascending; None for what has no such place."""
+        """The values as positions on a numeric axis; None unless they are ascending numbers."""
         if not all(isinstance(each, int | float) and not isinstance(each, bool) for each in self.values):
             return None
         positions = np.array(self.values, float)
@@ -56,13 +56,13 @@ class ParameterAxis:
 
 @dataclass(frozen=True, slots=True)
 class DrawnParameter:
-    """A parameter that each run draws.
+    """A parameter that is drawn for each run.
 
     Attributes:
         name: The path in the scenario.
-        values: What each run drew: a number, or which of the options. Shape (n,).
-        options: What there is to choose from; None for numbers.
-        is_logarithmic: Whether their magnitudes are what varies.
+        values: The value drawn for each run: a number, or the index of an option. Shape (n,).
+        options: The options of a choice; None for numbers.
+        is_logarithmic: Whether the values are shown on a logarithmic axis.
     """
 
     name: str
@@ -72,7 +72,7 @@ class DrawnParameter:
 
     @property
     def scale(self) -> Scale:
-        """How an axis of it is laid out."""
+        """The scale of its axis."""
         return "options" if self.options is not None else "logarithmic" if self.is_logarithmic else "linear"
 
 
@@ -85,7 +85,7 @@ class MetricColumn:
         unit: Its unit; empty for none.
         is_share: Whether it is 0 or 1 for each run, so that its mean is a share.
         values: The value of each run; NaN where it has none. Shape (n,).
-        bounds: The least and the greatest possible value; None where they are not declared.
+        bounds: The least and the greatest possible value; None if not declared.
     """
 
     name: str
@@ -96,31 +96,31 @@ class MetricColumn:
 
     @property
     def label(self) -> str:
-        """The name with the unit."""
+        """The name with its unit."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     @property
     def varies(self) -> bool:
-        """Whether two runs have different values."""
+        """Whether the metric differs between runs."""
         present = self.values[~np.isnan(self.values)]
         return len(present) > 0 and bool(present.min() < present.max())
 
 
 @dataclass(frozen=True, slots=True)
 class FinishedRuns:
-    """The runs of a sweep that have ended: of each combination of parameters, those before the first that has not.
+    """The finished runs of a sweep: for each combination of parameters, the runs before its first unfinished one.
 
     Attributes:
         name: The name of the scenario.
         seed: The seed of the sweep.
-        axes: What varies over lists; every combination of their values has runs.
-        variants: The names of the variants; empty where there are none.
-        planned: How many runs there are to be, at most.
-        intervals: How intervals are chosen.
-        failed: How many of those that have ended have no metrics, since they failed or were lost.
+        axes: The listed parameters; every combination of their values has runs.
+        variants: The names of the variants; empty if there are none.
+        planned: The maximum number of runs planned.
+        intervals: The choice of confidence intervals.
+        failed: The number of ended runs without metrics, because they failed or were lost.
         indices: The index of each run, ascending; shape (n,).
-        metrics: What was measured.
-        drawn: What each run drew.
+        metrics: The metrics by name.
+        drawn: The drawn parameters.
     """
 
     name: str
@@ -136,11 +136,11 @@ class FinishedRuns:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """How many values each axis has, and how many variants there are, at least 1."""
+        """The number of values of each axis, and the number of variants, at least 1."""
         return (*(len(axis.values) for axis in self.axes), max(1, len(self.variants)))
 
     def cells(self) -> NDArray[np.int64]:
-        """The number of each run's combination; `shape` says how these count. Shape (n,)."""
+        """Return the number of each run's combination, a flat index into `shape`; shape (n,)."""
         cells: NDArray[np.int64] = self.indices % int(np.prod(self.shape))
         return cells
 
@@ -151,17 +151,17 @@ def _label(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-#: Runs of a combination in each part, if there are so many, and the most parts.
+#: The intended number of runs of a combination in each part, and the maximum number of parts.
 _RUNS, _MOST = 20, 16
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnParts:
-    """The range of a drawn parameter, taken apart.
+    """A partition of the range of a drawn parameter.
 
     Attributes:
         parameter: The parameter.
-        axis: The parameter's axis, with the mean of each part, or with the options of a choice.
+        axis: The axis of the parameter, with the mean of each part or with the options of a choice.
         of: The part of each run; shape (n,).
     """
 
@@ -171,7 +171,7 @@ class DrawnParts:
 
 
 def parted(runs: FinishedRuns, parameter: DrawnParameter) -> DrawnParts:
-    """Take the range of a parameter apart: into its options, or such that each part has about as many runs."""
+    """Partition the range of a parameter into its options, or into parts with about equally many runs."""
     values = parameter.values
     if parameter.options is not None:
         return DrawnParts(parameter, ParameterAxis(parameter.name, parameter.options), values.astype(np.intp))
@@ -179,7 +179,7 @@ def parted(runs: FinishedRuns, parameter: DrawnParameter) -> DrawnParts:
     count = min(_MOST, max(1, len(values) // cells // _RUNS))
     inner: Array = np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1]))
     of = np.searchsorted(inner, values, side="right")
-    # Without the parts that have no runs, since many drew the same.
+    # Parts without runs are left out; they occur if many runs drew the same value.
     _, of = np.unique(of, return_inverse=True)
     means = np.bincount(of, values) / np.bincount(of)
     return DrawnParts(parameter, ParameterAxis(parameter.name, means.tolist()), of)
@@ -187,16 +187,16 @@ def parted(runs: FinishedRuns, parameter: DrawnParameter) -> DrawnParts:
 
 @dataclass(frozen=True, slots=True)
 class CellEstimates:
-    """A metric in each combination of parameters; each array has the shape `FinishedRuns.shape`, and parts after it.
+    """Estimates of a metric for each combination of parameters; arrays have the shape `FinishedRuns.shape`, then parts.
 
     Attributes:
-        value: The mean or the share; NaN where no run has a value.
-        lower: The lower end of its interval; NaN where there is none.
+        value: The mean or the share; NaN if no run has a value.
+        lower: The lower end of its interval; NaN without an interval.
         upper: The upper end.
         low: The tenth percentile of the runs' values; NaN for shares.
         high: The ninetieth.
-        count: How many runs have a value.
-        method: How the intervals are made; several where the numbers of runs differ.
+        count: The number of runs with a value.
+        method: The methods of the intervals; several if the numbers of runs differ.
     """
 
     value: Array
@@ -211,13 +211,13 @@ class CellEstimates:
 def estimated(
     runs: FinishedRuns, metric: MetricColumn, with_intervals: bool = True, parts: DrawnParts | None = None
 ) -> CellEstimates:
-    """Estimate a metric in each combination of parameters.
+    """Estimate a metric for each combination of parameters.
 
     Args:
         runs: The runs.
         metric: The metric.
-        with_intervals: Whether to make intervals.
-        parts: The parts of a drawn parameter, each of which is estimated by itself.
+        with_intervals: Whether to compute intervals.
+        parts: The parts of a drawn parameter, which are estimated separately.
     """
     cells, shape = runs.cells(), runs.shape
     if parts is not None:
@@ -248,10 +248,10 @@ def _estimate(runs: FinishedRuns, metric: MetricColumn, values: Array, cell: int
 
 
 def finished_runs(folder: SweepFolder) -> FinishedRuns:
-    """Read the runs of a sweep that have ended, those of each combination up to its first that has not.
+    """Read the finished runs of a sweep, those of each combination before its first unfinished one.
 
-    A specification counts as satisfied only if its verdict says so: a run that failed or was undecided counts against
-    it. One that was lost has no values at all.
+    A specification counts as satisfied only if its verdict is "satisfied": failed and undecided runs count against it.
+    A lost run has no values at all.
     """
     plan = folder.plan
     with SweepJournal(folder.path / JOURNAL) as journal:
@@ -281,7 +281,7 @@ def _without_gaps(rows: Iterator[Row], cells: int) -> Iterator[Row]:
 
 
 def _axes(document: SweepDocument) -> Iterator[ParameterAxis]:
-    """The parameters in the order in which a plan combines them; see `sweep_plan`."""
+    """Yield the parameters in the order in which a plan combines them; see `sweep_plan`."""
     for path, values in document.listed.items():
         yield ParameterAxis(path, values)
     for lists in document.together:
@@ -319,5 +319,5 @@ def _metrics(rows: Sequence[Row], specifications: Sequence[str], document: Sweep
 
 def _numbers(values: Sequence[Any]) -> Array:
     numbers = np.array([math.nan if each is None else float(each) for each in values], float)
-    # What is infinite, such as the robustness of what cannot fail, has no mean.
+    # Infinite values, such as the robustness of a specification that cannot be violated, have no mean.
     return np.where(np.isfinite(numbers), numbers, np.nan)

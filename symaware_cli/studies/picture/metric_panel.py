@@ -1,4 +1,4 @@
-"""What a picture of a sweep shows in each of its panels."""
+"""The panels of a picture of a sweep: their metrics, axes and estimates."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from symaware_cli.studies.picture.finished_runs import (
     parted,
 )
 
-#: The most panels of a picture, and how many there are unless somebody asks for more.
+#: The maximum number of panels in a picture, and the maximum unless metrics are requested by name.
 _MOST, _USUAL = 48, 6
 
 Kind = Literal["curve", "map", "scatter", "distribution"]
@@ -31,23 +31,23 @@ Kind = Literal["curve", "map", "scatter", "distribution"]
 
 @dataclass(frozen=True, slots=True)
 class MetricPanel:
-    """A metric in some of the combinations of parameters.
+    """A metric for some of the combinations of parameters.
 
     Attributes:
-        kind: "curve" over one listed parameter, "map" over two, "scatter" over one that is drawn, or "distribution"
-            where none varies.
+        kind: "curve" over one listed parameter, "map" over two, "scatter" over one that is drawn, or "distribution" if
+            none varies.
         metric: The metric.
-        axes: The parameters that the panel is about: none, one or two, the one across before the one up.
-        series: The names of what is told apart by colour: the variants, or one name that is empty.
-        caption: Which values the other parameters have; empty where there are no others.
+        axes: The parameters on the axes of the panel: none, one or two, the horizontal one first.
+        series: The names of the series that colours distinguish: the variants, or one empty name.
+        caption: The values of the other parameters; empty if there are none.
         value: The mean or share; shape (series, *axes).
-        lower: The lower end of its interval, likewise; NaN where there is none, as in maps.
+        lower: The lower end of its interval, of the same shape; NaN without an interval, as in maps.
         upper: The upper end.
         low: The tenth percentile of the runs; NaN for shares.
         high: The ninetieth.
-        samples: The runs' values of each series, for a distribution or a scatter alone.
-        drawn: What these runs drew, for a scatter alone.
-        scale: How the axis of a scatter is laid out.
+        samples: The values of each series' runs, only for a distribution or a scatter.
+        drawn: The values that these runs drew, only for a scatter.
+        scale: The scale of a scatter's axis.
     """
 
     kind: Kind
@@ -67,12 +67,12 @@ class MetricPanel:
 
 @dataclass(frozen=True, slots=True)
 class SweepPicture:
-    """What a picture of a sweep shows.
+    """The content of a picture of a sweep.
 
     Attributes:
         runs: The runs.
-        panels: Its panels, those of a metric one after the other.
-        notes: What is said below.
+        panels: Its panels, ordered by metric.
+        notes: The lines of text below the panels.
     """
 
     runs: FinishedRuns
@@ -81,7 +81,7 @@ class SweepPicture:
 
     @property
     def facets(self) -> int:
-        """How many panels there are of each metric."""
+        """The number of panels per metric."""
         return len(self.panels) // len({panel.metric.name for panel in self.panels})
 
 
@@ -90,7 +90,7 @@ def composed(runs: FinishedRuns, show: Sequence[str] = ()) -> SweepPicture:
 
     Args:
         runs: The runs of a sweep.
-        show: The metrics, in their order; empty for those that differ from run to run.
+        show: The metrics, in this order; empty for those that differ between runs.
 
     Raises:
         UnknownNameError: There is no such metric.
@@ -99,10 +99,10 @@ def composed(runs: FinishedRuns, show: Sequence[str] = ()) -> SweepPicture:
     if not len(runs.indices):
         raise LogError("there are no runs to draw: run 0 has not ended")
     varied = [number for number, axis in enumerate(runs.axes) if len(axis.values) > 1]
-    # The two with the most values, in the order of the sweep, are the axes of maps.
+    # The two parameters with the most values, in the order of the sweep, are the axes of maps.
     shown = tuple(sorted(sorted(varied, key=lambda number: -len(runs.axes[number].values))[:2]))
     if runs.drawn:
-        shown = ()  # what is drawn is the axis of each panel
+        shown = ()  # the drawn parameter is the axis of each panel
     others = [number for number in varied if number not in shown]
     facets = int(np.prod([len(runs.axes[number].values) for number in others]))
     facets *= max(1, len(runs.variants)) if len(shown) == 2 else max(1, len(runs.drawn))
@@ -114,7 +114,8 @@ def composed(runs: FinishedRuns, show: Sequence[str] = ()) -> SweepPicture:
     methods: set[str] = set()
     for metric in metrics:
         for parts in [parted(runs, each) for each in runs.drawn] or (None,):
-            # Maps show none, and of many cells they would take seconds; while runs are made, parts of them move.
+            # Maps show no intervals, which would take seconds for many cells; while runs proceed, the parts keep
+            # changing.
             with_intervals = len(shown) < 2 and (parts is None or runs.intervals.is_final)
             estimates = estimated(runs, metric, with_intervals, parts)
             methods.update(estimates.method)
@@ -183,7 +184,7 @@ def _panels(
 
 
 def _own(runs: FinishedRuns, metric: MetricColumn, fixed: Mapping[int, int]) -> Iterator[NDArray[np.bool_]]:
-    """Which runs of each variant have a value where some axes are fixed."""
+    """Yield, for each variant, which runs have a value at fixed values of some axes."""
     places = np.unravel_index(runs.cells(), runs.shape)
     here = ~np.isnan(metric.values)
     for number, at in fixed.items():

@@ -1,4 +1,4 @@
-"""Draws two sweeps side by side: the value of each run in one of them, against that of the same run in the other."""
+"""Figure of two sweeps: the value of each run in one sweep against that of the same run in the other."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from symaware_cli.views import AGENTS, FAINT, hexadecimal
 #: Width and height of a panel [inch].
 _PANEL = (4.3, 3.4)
 
-#: The most panels.
+#: The maximum number of panels.
 _MOST = 9
 
 #: The greatest area of a point, in square points.
 _LARGEST = 160
 
-#: With more runs than this, points are pixels in every format.
+#: With more runs than this, points are rasterized in every format.
 _VECTORS = 2_000
 
 
 @dataclass(frozen=True, slots=True)
 class PairedValues:
-    """A column of two tables, of the runs that have a value in both.
+    """A column of two tables, for the runs that have a value in both.
 
     Attributes:
         label: The name of the column.
-        caption: The mean difference in words.
+        caption: The text about the mean difference.
         is_share: Whether values are 0 or 1.
         first: The values in the first table; shape (n,).
         second: The values of the same runs in the second; shape (n,).
@@ -58,8 +58,8 @@ def draw_pairs(
     Args:
         columns: The columns.
         names: The names of the sweeps.
-        path: The file; its suffix says the format.
-        notes: What stands below.
+        path: The file; its suffix determines the format.
+        notes: The lines of text below the panels.
 
     Raises:
         OutputError: The file cannot be written.
@@ -87,7 +87,7 @@ def _fill(columns: Sequence[PairedValues], names: tuple[str, str], figure: Figur
 
 
 def _draw_points(axes: Axes, column: PairedValues, names: tuple[str, str]) -> None:
-    """A point for each run, on the line if both values are equal; its area grows with the runs that it stands for."""
+    """Draw a point for each run, on the diagonal if both values are equal; equal points merge into a larger one."""
     both = np.concatenate([column.first, column.second])
     low, high = float(both.min()), float(both.max())
     margin = 0.04 * (high - low) or 0.5
@@ -107,7 +107,7 @@ def _draw_points(axes: Axes, column: PairedValues, names: tuple[str, str]) -> No
 
 
 def _draw_counts(axes: Axes, column: PairedValues, names: tuple[str, str]) -> None:
-    """How many runs have a yes in both, in one of them, and in none."""
+    """Draw the numbers of runs for which the column is true in both sweeps, in one of them, and in none."""
     first, second = column.first > 0.5, column.second > 0.5
     counts = {
         "both": first & second,

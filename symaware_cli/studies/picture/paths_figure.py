@@ -1,4 +1,4 @@
-"""Draws the trajectories of many runs over the map, those of runs that violate a specification in red."""
+"""Figure of the trajectories of many runs on the map; runs that violate a specification are red."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from symaware_cli.views import (
 
 Array = NDArray[np.float64]
 
-#: The greatest side of a panel [inch], alone and among others, and what surrounds a map in it.
+#: The greatest side of a panel [inch], alone and among others, and the margins of the map in it.
 _ALONE, _AMONG, _AROUND = 7.0, 4.3, (0.9, 0.85)
 
-#: The most obstacles whose names are written, and the most places of the start that are marked.
+#: The maximum numbers of obstacles with written names and of marked start positions.
 _NAMED, _STARTS = 24, 60
 
-#: Paths of more points than this are pixels in vector formats, too, whose files would be too large otherwise.
+#: Paths with more points than this are rasterized in vector formats, too, whose files would be too large otherwise.
 _PIXELS = 20_000
 
 
@@ -52,11 +52,11 @@ def draw(
     """Draw a picture into a file; the same picture and versions give the same bytes.
 
     Args:
-        picture: What to show.
-        path: The file; its suffix says the format.
-        title: What stands above; None for the name of the folder.
-        size: Width and height [inch]; None for what suits the panels.
-        dpi: Dots for each inch.
+        picture: The content.
+        path: The file; its suffix determines the format.
+        title: The text above the panels; None for the default: name, number of runs and seed.
+        size: Width and height [inch]; None to fit the panels.
+        dpi: Dots per inch.
 
     Raises:
         LogError: The title cannot be written with the font, or the panels do not fit.
@@ -74,7 +74,7 @@ def draw(
 
 
 def _extent(picture: PathsPicture) -> tuple[Array, Array]:
-    """The corners of the area that all panels show [m]."""
+    """Return the corners of the area that all panels show [m]."""
     corners = [
         extent(panel.surroundings, np.concatenate([path.reshape(-1, 2) for path in panel.paths]))
         for panel in picture.panels
@@ -120,7 +120,7 @@ def _draw_panel(axes: Axes, panel: PathsPanel, low: Array, high: Array) -> list[
 
 
 def _coloured_by_group(content: Trajectories) -> Trajectories:
-    """All agents of a group have its colour: those of a thousand runs cannot be told apart."""
+    """Give all agents of a group its colour, because the agents of a thousand runs cannot be distinguished."""
     members = {
         group: tuple(LineStyle(line.name, hexadecimal(AGENTS[number % len(AGENTS)])) for line in lines)
         for number, (group, lines) in enumerate(content.chosen.members.items())
@@ -129,7 +129,7 @@ def _coloured_by_group(content: Trajectories) -> Trajectories:
 
 
 def _draw_paths(axes: Axes, paths: Sequence[Array], colours: Sequence[str]) -> None:
-    """Draw paths, the fainter the more runs there are, and a dot where each ends."""
+    """Draw paths, fainter for more runs, and a dot at the end of each."""
     lines: list[Array] = []
     shades: list[str] = []
     for path in paths:
@@ -154,7 +154,7 @@ def _draw_paths(axes: Axes, paths: Sequence[Array], colours: Sequence[str]) -> N
 
 
 def _draw_starts(axes: Axes, paths: Iterable[Array]) -> None:
-    """Mark where agents start, unless they start anywhere."""
+    """Mark the start positions of agents, as faint dots if there are many."""
     starts = [path[~np.isnan(path[:, agent, 0]), agent][:1] for path in paths for agent in range(path.shape[1])]
     places = np.unique(np.concatenate(starts).round(6), axis=0)
     if len(places) <= _STARTS:

@@ -1,4 +1,4 @@
-"""Which runs of a sweep have their trajectories drawn, and what these are: they are made again for it."""
+"""Trajectories of selected runs of a sweep, which are repeated to record them."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from symaware_cli.views import PlotRequest, Trajectories, gather
 
 Array = NDArray[np.float64]
 
-#: A path has this many points at least, if the run has as many steps, and less than twice as many.
+#: The minimum number of points of a path, if the run has as many steps; the maximum is just below twice this.
 _POINTS = 80
 
 
 class RunPaths:
-    """Follows runs that are made, alone or in batches, and keeps a bounded number of positions of each agent.
+    """Records a bounded number of positions of each agent during runs, single or in batches.
 
     Attributes:
-        goals_differ: Whether the knowledge of the agents differs from run to run, and with it perhaps their goals.
+        goals_differ: Whether the knowledge of the agents, and possibly their goals, differs between runs.
     """
 
     def __init__(self) -> None:
@@ -40,11 +40,11 @@ class RunPaths:
         self._of: dict[int, tuple[_Followed, int]] = {}
 
     def follow(self, indices: Sequence[int], simulation: Simulation) -> None:
-        """Follow runs that are about to begin.
+        """Attach to runs that are about to begin.
 
         Args:
             indices: Their numbers, in the order of their rows.
-            simulation: What runs.
+            simulation: The simulation.
         """
         followed = _Followed(simulation, len(indices))
         for place, index in enumerate(indices):
@@ -56,13 +56,13 @@ class RunPaths:
             self.goals_differ = self.goals_differ or known != self._known
 
     def take(self, index: int) -> Array:
-        """Return the positions (k, n, 2) of the agents of a run that ended [m]; NaN where one is absent."""
+        """Return the positions (k, n, 2) of the agents of a finished run [m]; NaN while an agent is absent."""
         followed, place = self._of.pop(index)
         return followed.positions(place)
 
 
 class _Followed:
-    """The runs of a simulation."""
+    """The recorded runs of one simulation."""
 
     def __init__(self, simulation: Simulation, runs: int) -> None:
         self._simulation = simulation
@@ -104,12 +104,12 @@ class _Followed:
 
 
 def _rows(group: AgentGroup, runs: int, place: int) -> slice:
-    """The rows of a group that belong to one of the runs that share it."""
+    """Return the rows of a group that belong to one of the runs in it."""
     share = len(group) // runs
     return slice(place * share, (place + 1) * share)
 
 
-#: The most panels, and how many runs are made again for all of them unless somebody says how many.
+#: The maximum number of panels, and the default number of runs repeated for all of them together.
 _MOST, _USUAL = 12, 1000
 
 
@@ -118,11 +118,11 @@ class PathsPanel:
     """The trajectories of one combination of parameters, in one variant.
 
     Attributes:
-        caption: Which one; empty if it is the only one.
-        surroundings: What is there beside: regions, obstacles, goals.
-        paths: The positions (k, n, 2) of the agents in each run; NaN where one is absent [m].
-        violated: Whether a specification was violated in each run.
-        goals_differ: Whether goals may differ from run to run, so that none are drawn.
+        caption: The values of the combination; empty if it is the only one.
+        surroundings: The surroundings: regions, obstacles, goals.
+        paths: The positions (k, n, 2) of the agents in each run [m]; NaN while an agent is absent.
+        violated: Whether each run violated a specification.
+        goals_differ: Whether goals may differ between runs, so that none are drawn.
     """
 
     caption: str
@@ -134,14 +134,14 @@ class PathsPanel:
 
 @dataclass(frozen=True, slots=True)
 class PathsPicture:
-    """What a picture of trajectories shows.
+    """The content of a picture of trajectories.
 
     Attributes:
         name: The name of the sweep.
         seed: Its seed.
         specifications: The names of its specifications.
         panels: Its panels.
-        notes: What is said below.
+        notes: The lines of text below the panels.
     """
 
     name: str
@@ -152,25 +152,25 @@ class PathsPicture:
 
     @property
     def runs(self) -> int:
-        """How many runs are drawn."""
+        """The number of runs drawn."""
         return sum(len(panel.paths) for panel in self.panels)
 
 
 def gathered(
     folder: SweepFolder, count: int | None = None, on_progress: Callable[[int, int], object] | None = None
 ) -> PathsPicture:
-    """Make runs again, and keep the paths of their agents.
+    """Repeat runs, and record the paths of their agents.
 
-    They are the first of each combination, whatever became of them, so that shares are not distorted.
+    The first runs of each combination are drawn regardless of their outcome, so that shares are not biased.
 
     Args:
         folder: The sweep, which need not be finished.
-        count: How many runs of each combination at most; None for 1,000 among all of them.
-        on_progress: Called after each run with how many were made, and how many there are.
+        count: The maximum number of runs per combination; None for 1,000 in total.
+        on_progress: Called after each run with the number of completed runs and the total.
 
     Raises:
         LogError: There are no runs, or they recorded no positions.
-        SweepError: A run came out otherwise than before.
+        SweepError: A repeated run differs from the original.
     """
     plan = folder.plan
     numbers = np.unique(np.linspace(0, len(plan.cells) - 1, min(_MOST, len(plan.cells))).round().astype(int))
@@ -202,7 +202,7 @@ def gathered(
 
 
 def _first_done(folder: SweepFolder, cells: Sequence[Cell], count: int) -> list[list[Row]]:
-    """The first runs of each cell that came to their ends."""
+    """Return the first runs of each cell that are done."""
     found: dict[int, list[Row]] = {cell.number: [] for cell in cells}
     missing = len(found) * count
     with SweepJournal(folder.path / JOURNAL) as journal:
@@ -217,7 +217,7 @@ def _first_done(folder: SweepFolder, cells: Sequence[Cell], count: int) -> list[
 
 
 def _surroundings(folder: SweepFolder, row: Row) -> Trajectories:
-    """What the log of a run shows of its world."""
+    """Return the content of the map from the log of a run."""
     with tempfile.TemporaryDirectory() as temporary:
         logged = folder.runner().run(row.index, Path(temporary))
         _require_equal(folder, row, logged)
@@ -230,7 +230,7 @@ def _surroundings(folder: SweepFolder, row: Row) -> Trajectories:
 
 def _require_equal(folder: SweepFolder, before: Row, again: Row) -> None:
     if before.digest != again.digest:
-        folder.check()  # says which version differs, if one does
+        folder.check()  # names the version that differs, if one does
         raise SweepError(f"run {before.index} of {folder.path} came out otherwise when it was made again")
 
 

@@ -1,4 +1,4 @@
-"""Draws the picture of a sweep: curves with bands, maps, runs over what they drew, distributions."""
+"""Figure of a sweep: curves with bands, maps, scatters over drawn parameters, distributions."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from symaware_cli.views import AGENTS, SMALL, hexadecimal, type_scale
 #: Width and height of a panel [inch].
 _PANEL = (4.3, 3.0)
 
-#: Maps of at most so many cells have their values written in.
+#: Maps of at most this many cells show their values as text.
 _WRITTEN = 150
 
-#: The most characters of the name of a parameter.
+#: The maximum length of the name of a parameter [characters].
 _LABEL = 28
 
-#: With more runs than this, the points of a scatter are pixels in every format.
+#: With more runs than this, the points of a scatter are rasterized in every format.
 _VECTORS = 2_000
 
-#: The least and the most bars of a distribution.
+#: The minimum and maximum numbers of bars of a distribution.
 _BARS = 8, 40
 
-#: How far apart the estimates of two variants are drawn, where the values of a parameter are 1 apart.
+#: The offset between the estimates of two variants, where the values of a parameter are 1 apart.
 _APART = 0.16
 
 
@@ -44,11 +44,11 @@ def draw(
     """Draw a picture into a file; the same picture and versions give the same bytes.
 
     Args:
-        picture: What to show.
-        path: The file; its suffix says the format.
-        title: What stands above; None for the name of the folder.
-        size: Width and height [inch]; None for what suits the panels.
-        dpi: Dots for each inch.
+        picture: The content.
+        path: The file; its suffix determines the format.
+        title: The text above the panels; None for the default: name, number of runs and seed.
+        size: Width and height [inch]; None to fit the panels.
+        dpi: Dots per inch.
 
     Raises:
         LogError: The title cannot be written with the font, or the panels do not fit.
@@ -91,7 +91,7 @@ def _draw_panel(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[fl
         _draw_distribution(axes, panel)
     axes.set_title(panel.metric.label, loc="left")
     if panel.caption:
-        # Below the name of the metric, in a line of its own.
+        # Below the name of the metric, on a separate line.
         axes.set_title(f"{panel.metric.label}\n{panel.caption}", loc="left")
     is_named = panel.kind == "distribution" and panel.metric.is_share  # beside the axis
     if panel.kind != "map" and len(panel.series) > 1 and not is_named:
@@ -113,10 +113,10 @@ def _draw_curves(axes: Axes, panel: MetricPanel) -> None:
 
 
 def _draw_estimates(axes: Axes, axis: ParameterAxis, positions: Array, panel: MetricPanel, number: int) -> None:
-    """The estimates of a variant and their intervals: a curve over numbers, points over what is not a number."""
+    """Draw the estimates of a variant with their intervals: a curve over numbers, points over other values."""
     style: dict[str, Any] = {**_line(number), "linewidth": 1.4}
     if axis.positions is None:
-        # Side by side, as those of other variants may have the same values.
+        # Side by side, because estimates of other variants may have the same values.
         positions = positions + _APART * (number - (len(panel.series) - 1) / 2)
         style = {"color": _colour(number), "linestyle": "none"}
     interval = panel.lower[number], panel.upper[number]
@@ -134,7 +134,7 @@ def _draw_ranges(
 
 
 def _draw_scatter(axes: Axes, panel: MetricPanel) -> None:
-    """The runs over what they drew, and what they come to in parts of it."""
+    """Draw the runs over the values they drew, and the estimates for parts of the range."""
     (axis,) = panel.axes
     is_choice = panel.scale == "options"
     positions = _across(axes, axis) if is_choice else np.array(axis.values, float)
@@ -186,7 +186,7 @@ def _draw_map(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[floa
 
 
 def _draw_shares(axes: Axes, panel: MetricPanel) -> None:
-    """A share of each variant, with its interval."""
+    """Draw the share of each variant with its interval."""
     places = np.arange(len(panel.series))[::-1]
     for number, place in enumerate(places.tolist()):
         colour = _colour(number)
@@ -199,7 +199,7 @@ def _draw_shares(axes: Axes, panel: MetricPanel) -> None:
 
 
 def _draw_distribution(axes: Axes, panel: MetricPanel) -> None:
-    """How the values of the runs are distributed, with the mean and its interval."""
+    """Draw a histogram of the runs' values, with the mean and its interval."""
     edges = _edges(np.concatenate(panel.samples))
     for number, sample in enumerate(panel.samples):
         colour = _colour(number)
@@ -214,7 +214,7 @@ def _draw_distribution(axes: Axes, panel: MetricPanel) -> None:
 
 
 def _edges(values: Array) -> Array:
-    """Where the bars of a distribution begin and end: around the numbers where these are whole and few."""
+    """Return the edges of the bars of a distribution, centred on the values if these are few integers."""
     low, high = float(values.min()), float(values.max())
     if (values == np.round(values)).all() and high - low < _BARS[1]:
         return np.arange(low - 0.5, high + 1.0)
@@ -224,7 +224,7 @@ def _edges(values: Array) -> Array:
 
 
 def _across(axes: Axes, axis: ParameterAxis) -> Array:
-    """Lay out the axis from left to right, and return where the values stand."""
+    """Set up the horizontal axis, and return the positions of the values on it."""
     axes.set_xlabel(_named(axis))
     positions = axis.positions
     if positions is None:
@@ -240,13 +240,13 @@ def _across(axes: Axes, axis: ParameterAxis) -> Array:
 
 
 def _marked(ticks: Any, axis: ParameterAxis) -> None:
-    """Write the values at their numbers, some of them where there are many."""
+    """Label the ticks with the values, only some of them if there are many."""
     step = -(-len(axis.values) // 12)
     ticks.set_ticks(np.arange(0, len(axis.values), step), axis.labels[::step])
 
 
 def _range(picture: SweepPicture, metric: str) -> tuple[float, float]:
-    """The least and the greatest value of a metric, the same for all its maps."""
+    """Return the least and the greatest value of a metric, which all its maps share."""
     panels = [panel for panel in picture.panels if panel.metric.name == metric]
     if panels[0].metric.is_share:
         return 0.0, 1.0
@@ -256,12 +256,12 @@ def _range(picture: SweepPicture, metric: str) -> tuple[float, float]:
 
 
 def _line(number: int) -> dict[str, Any]:
-    """How the line of a variant is told from others, where it lies upon them as well."""
+    """Return the style of a variant's line, which remains distinguishable where lines coincide."""
     return {"color": _colour(number), "linestyle": "dashed" if number % 2 else "solid"}
 
 
 def _named(axis: ParameterAxis) -> str:
-    """The end of a path, as much of it as fits beside a panel."""
+    """Return the end of a parameter's path, as much of it as fits beside a panel."""
     parts = axis.name.split(".")
     while len(parts) > 1 and len(".".join(parts)) > _LABEL:
         parts = parts[1:]

@@ -1,4 +1,4 @@
-"""From the folder of a sweep to a picture in a file."""
+"""Pictures of sweep folders, written to files."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ def plot_sweep(
     size: tuple[float, float] | None = None,
     dpi: int = 150,
 ) -> SweepPicture:
-    """Draw what a sweep came to into a file, which appears whole or not at all.
+    """Draw the results of a sweep into a file, which is written completely or not at all.
 
-    A metric is a curve over the parameter that varies, a map over two, a map for each combination of the others where
-    more vary, and a distribution where none does. Over each parameter that is drawn, runs are points with their means.
-    Variants are told apart by colour, or have maps of their own.
+    A metric is shown as a curve if one parameter varies, as a map if two vary, as one map for each combination of the
+    remaining parameters if more vary, and as a distribution if none varies. Over each drawn parameter, runs are points
+    with their means. Variants are distinguished by colour or have separate maps.
 
     Args:
         folder: The folder of the sweep, which need not be finished.
-        path: The file; its suffix says the format.
-        show: The metrics, in their order; "satisfied.NAME" and "robustness.NAME" are those of a specification. Empty
-            for those that differ from run to run.
-        title: What stands above; None for the name of the folder.
-        size: Width and height [inch]; None for what suits the panels.
-        dpi: Dots for each inch.
+        path: The file; its suffix determines the format.
+        show: The metrics, in this order; "satisfied.NAME" and "robustness.NAME" are those of a specification. Empty for
+            those that differ between runs.
+        title: The text above the panels; None for the default: name, number of runs and seed.
+        size: Width and height [inch]; None to fit the panels.
+        dpi: Dots per inch.
 
     Returns:
-        What was drawn.
+        The content of the picture.
 
     Raises:
         LogError: There is nothing to draw, no such metric, or matplotlib is not installed.
@@ -63,25 +63,25 @@ def plot_paths(
     dpi: int = 150,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> PathsPicture:
-    """Draw the trajectories of the runs of a sweep into a file, which appears whole or not at all.
+    """Draw the trajectories of the runs of a sweep into a file, which is written completely or not at all.
 
-    The runs are made again for that, so that nothing of them need be kept, and have to come out as they did.
+    The runs are repeated for this, so that no logs need be kept, and must have the same results as before.
 
     Args:
         folder: The folder of the sweep, which need not be finished.
-        path: The file; its suffix says the format.
-        count: How many runs of each combination at most; None for 1,000 among all of them.
-        title: See `plot_sweep`, as for the next two.
-        size: See there.
-        dpi: See there.
-        on_progress: Called after each run with how many were made, and how many there are.
+        path: The file; its suffix determines the format.
+        count: The maximum number of runs per combination; None for 1,000 in total.
+        title: See `plot_sweep`.
+        size: See `plot_sweep`.
+        dpi: See `plot_sweep`.
+        on_progress: Called after each run with the number of completed runs and the total.
 
     Returns:
-        What was drawn.
+        The content of the picture.
 
     Raises:
         LogError: There is nothing to draw, or matplotlib is not installed.
-        SweepError: A run came out otherwise than before.
+        SweepError: A repeated run differs from the original.
         OutputError: The file cannot be written.
     """
     path = Path(path)

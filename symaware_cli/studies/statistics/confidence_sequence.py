@@ -1,4 +1,4 @@
-"""Intervals that hold at all times together, so that they may be watched while runs come in.
+"""Confidence sequences: intervals valid at all times simultaneously, so that they may be watched as runs finish.
 
 Reasons: docs/decisions/0030-statistics.md
 """
@@ -15,27 +15,27 @@ from symaware_cli.studies.statistics.interval_estimate import Array, IntervalEst
 
 
 class ConfidenceSequence(ABC):
-    """An interval after each value of a sequence; with probability at least 1 - alpha, all of them cover the quantity.
+    """A sequence of intervals, one after each value, that all cover the quantity with probability at least 1 - alpha.
 
-    The values are independent and identically distributed, as those of runs with seeds of their own are. The interval
-    after n values is the intersection of those made from the first 1, 2, ..., n values: it never grows. Should the
-    intersection become empty, which has a probability of at most alpha, it stays a point.
+    The values are independent and identically distributed, as are those of runs with separate seeds. The interval after
+    n values is the intersection of those computed from the first 1, 2, ..., n values: it never grows. If the
+    intersection becomes empty, which has a probability of at most alpha, the interval stays a point.
 
-    Several sequences may be followed at once, along further axes.
+    Several sequences may be computed at once, along further axes.
 
     Attributes:
-        count: How many values there were so far, n.
+        count: The number of values so far, n.
     """
 
-    #: How the intervals are made.
+    #: The name of the method.
     method: str
 
     def __init__(self, low: float, high: float, confidence: float, streams: tuple[int, ...] = ()) -> None:
         """Begin without values.
 
         Args:
-            low: What no value is less than.
-            high: What no value is greater than.
+            low: The lower bound of the values.
+            high: The upper bound of the values.
             confidence: 1 - alpha.
             streams: The shape of a value: () for one sequence, (k,) for k at once.
 
@@ -54,10 +54,10 @@ class ConfidenceSequence(ABC):
         self._sum = np.zeros(streams)
 
     def update(self, values: ArrayLike) -> tuple[Array, Array]:
-        """Take further values.
+        """Add values.
 
         Args:
-            values: In their unit; shape (m, *streams). It makes no difference in how many blocks they come.
+            values: In their unit; shape (m, *streams). The result does not depend on how they are split into blocks.
 
         Returns:
             The lower and the upper end after each of them; each of shape (m, *streams).
@@ -77,7 +77,7 @@ class ConfidenceSequence(ABC):
         lower, upper = self._bounds(scaled, sums)
         lower = np.maximum.accumulate(np.concatenate([self._lower[None], lower]))[1:]
         upper = np.minimum.accumulate(np.concatenate([self._upper[None], upper]))[1:]
-        # Once they have crossed, both stay where the one was that had not moved.
+        # Once the ends have crossed, both stay at the end that did not move.
         lower, upper = self._uncrossed(lower, upper)
         self._sum, self._lower, self._upper = sums[-1], lower[-1], upper[-1]
         self.count += len(array)
@@ -93,18 +93,18 @@ class ConfidenceSequence(ABC):
 
     @abstractmethod
     def _bounds(self, values: Array, sums: Array) -> tuple[Array, Array]:
-        """The interval made of all values up to each of these; `self.count` is how many came before.
+        """Return the interval computed from all values up to each of these; `self.count` values came before.
 
         Args:
-            values: Scaled to 0 to 1; shape (m, *streams).
-            sums: The sums of all up to before each, and of all; shape (m + 1, *streams).
+            values: Values scaled to 0 to 1; shape (m, *streams).
+            sums: The sum of all values before each of these, and of all values; shape (m + 1, *streams).
 
         Returns:
             Its ends, scaled likewise; each of shape (m, *streams).
         """
 
     def _counts(self, values: Array) -> Array:
-        """How many values there are up to each of these; shape (m, 1, ...)."""
+        """Return the number of values up to each of these; shape (m, 1, ...)."""
         counts = np.arange(self.count + 1.0, self.count + len(values) + 1.0)
         return counts.reshape(-1, *[1] * (values.ndim - 1))
 
@@ -114,7 +114,7 @@ class ConfidenceSequence(ABC):
             return lower, upper
         first = np.argmax(crossed, axis=0)[None]
         ever = crossed.any(axis=0)
-        # The ends before they crossed; one of them is the point that is nearest to what crossed it.
+        # The ends before they crossed; one of them is the point nearest to the end that crossed it.
         before_lower = np.where(first > 0, np.take_along_axis(lower, np.maximum(first - 1, 0), 0), self._lower[None])[0]
         before_upper = np.where(first > 0, np.take_along_axis(upper, np.maximum(first - 1, 0), 0), self._upper[None])[0]
         rose = np.take_along_axis(lower, first, 0)[0] > before_upper
@@ -124,15 +124,15 @@ class ConfidenceSequence(ABC):
 
 
 def accumulated(before: Array, terms: Array) -> Array:
-    """The sums of terms, one after the other, onto what there was before; shape (m + 1, *streams)."""
+    """Return the cumulative sums of terms, starting from a previous sum; shape (m + 1, *streams)."""
     return np.cumsum(np.concatenate([before[None], terms]), axis=0)
 
 
-#: Both parameters of the beta distribution that is mixed over: the least regret for every probability (Krichevsky and
-#: Trofimov 1981), and narrow intervals for probabilities near 0 and 1.
+#: Both parameters of the beta distribution that is mixed over, which minimizes the worst-case regret (Krichevsky and
+#: Trofimov 1981) and gives narrow intervals for probabilities near 0 and 1.
 PRIOR = 0.5
 
-#: Newton's method stops where a step is smaller than this, in log-odds.
+#: Newton's method stops at a step smaller than this, in log-odds.
 _STEP = 1e-12
 _MOST_STEPS = 100
 
@@ -144,9 +144,9 @@ class BetaMixture(ConfidenceSequence):
 
         M_n(p) = B(a + s, a + n - s) / (B(a, a) p^s (1 - p)^(n - s)),  a = 1/2,
 
-    is a martingale with mean 1 where p is the probability: the likelihood ratio of a mixture over all probabilities to
-    p. By Ville's inequality it ever reaches 1 / alpha with a probability of at most alpha, so the set of all p for
-    which M_n(p) < 1 / alpha covers the probability at all n together; it is an interval.
+    is a martingale with mean 1 if p is the probability: the likelihood ratio of a mixture over all probabilities to p.
+    By Ville's inequality it ever reaches 1 / alpha with a probability of at most alpha, so the set of all p for which
+    M_n(p) < 1 / alpha covers the probability at all n simultaneously; it is an interval.
 
     Sources: H. Robbins, "Statistical Methods Related to the Law of the Iterated Logarithm", The Annals of Mathematical
     Statistics 41, 1970; S. R. Howard, A. Ramdas, J. McAuliffe, J. Sekhon, "Time-uniform, Nonparametric, Nonasymptotic
@@ -166,21 +166,21 @@ class BetaMixture(ConfidenceSequence):
 
 
 def bounds(successes: Array, counts: Array, alpha: float) -> tuple[Array, Array]:
-    """Return the ends of the interval for numbers of successes s among n values, both of any one shape."""
+    """Return the ends of the intervals for s successes among n values; the arrays have the same, arbitrary shape."""
     from scipy.special import betaln
 
     failures = counts - successes
     threshold = betaln(PRIOR + successes, PRIOR + failures) - betaln(PRIOR, PRIOR) + np.log(alpha)
-    # With one and zero exchanged, the upper end is a lower end.
+    # With ones and zeros exchanged, the upper end is a lower end.
     return _lower(successes, failures, threshold), 1.0 - _lower(failures, successes, threshold)
 
 
 def _lower(successes: Array, failures: Array, threshold: Array) -> Array:
-    """The least probability of which s log p + (n - s) log(1 - p) reaches a threshold.
+    """Return the least probability at which s log p + (n - s) log(1 - p) reaches a threshold.
 
-    In log-odds the function is concave, and s times the log-odds bounds it from above. So Newton's method, begun where
-    that bound reaches the threshold, comes to the root from below, and wherever it stops the interval is no narrower
-    than the exact one.
+    In log-odds the function is concave, and s times the log-odds bounds it from above. Newton's method, started where
+    that bound reaches the threshold, therefore approaches the root from below, and wherever it stops the interval is no
+    narrower than the exact one.
     """
     from scipy.special import expit, log_expit
 
@@ -194,7 +194,7 @@ def _lower(successes: Array, failures: Array, threshold: Array) -> Array:
         slope = s[rows] * (1.0 - p) - f[rows] * p
         value = s[rows] * log_expit(odds) + f[rows] * log_expit(-odds)
         step = (goal[rows] - value) / slope
-        # Each element stops by itself, so its bits do not depend on the others.
+        # Each element stops separately, so its bits do not depend on the others.
         moves = step > _STEP
         found[rows[~moves]] = p[~moves]
         rows, odds = rows[moves], (odds + step)[moves]
@@ -204,7 +204,7 @@ def _lower(successes: Array, failures: Array, threshold: Array) -> Array:
     return found.reshape(shape)
 
 
-#: No bet is larger than this.
+#: The maximum bet.
 _LARGEST = 0.5
 
 

@@ -13,17 +13,17 @@ from numpy.typing import ArrayLike
 from symaware_cli.studies.statistics.interval_estimate import Array
 from symaware_cli.world import generator, key_of, uniform
 
-#: The most parameters of a Sobol sequence.
+#: The maximum number of parameters of a Sobol sequence.
 MOST_SOBOL = 21_201
 
-#: Points keep this distance from 0 and 1, where a normal distribution has no quantiles.
+#: The minimum distance of points from 0 and 1, where a normal distribution has no finite quantiles.
 _MARGIN = 2.0**-53
 
 
 def independent(seed: int, names: Sequence[str], indices: ArrayLike) -> Array:
-    """Draw points that are independent and uniform.
+    """Draw independent, uniformly distributed points.
 
-    A point depends on the seed, the parameter's name and the run's index alone: neither more runs nor more parameters
+    A point depends only on the seed, the parameter's name and the run's index: adding runs or parameters does not
     change it.
 
     Args:
@@ -41,10 +41,10 @@ def independent(seed: int, names: Sequence[str], indices: ArrayLike) -> Array:
 
 
 def latin_hypercube(seed: int, names: Sequence[str], count: int) -> Array:
-    """Draw points of which each of `count` equal parts of each parameter's interval has exactly one.
+    """Draw points such that each of `count` equal parts of each parameter's interval contains exactly one.
 
-    The design is drawn whole: with another count all points are others. A parameter's column depends on its name alone,
-    not on the other parameters.
+    The design is drawn as a whole: another count changes all points. A parameter's column depends only on its name, not
+    on the other parameters.
 
     Args:
         seed: The seed of the sweep.
@@ -67,7 +67,7 @@ def latin_hypercube(seed: int, names: Sequence[str], count: int) -> Array:
 def sobol(seed: int, names: Sequence[str], count: int) -> Array:
     """Draw the first points of a scrambled Sobol sequence, which fill the space of all parameters evenly.
 
-    More runs keep the points of fewer; another set of parameters changes all. The balance is best for powers of two.
+    Adding runs keeps the existing points; another set of parameters changes all. The balance is best for powers of two.
 
     Args:
         seed: The seed of the sweep.
@@ -91,7 +91,7 @@ def sobol(seed: int, names: Sequence[str], count: int) -> Array:
         return np.empty((count, len(names)))
     random = np.random.default_rng(key_of(seed, "sobol", *names))
     sequence = qmc.Sobol(len(names), scramble=True, seed=random)
-    # As many as a power of two, of which the first are taken.
+    # A power of two of points is generated, and the first ones are used.
     return _inside(sequence.random_base2((count - 1).bit_length())[:count])
 
 

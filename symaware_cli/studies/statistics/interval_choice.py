@@ -1,4 +1,4 @@
-"""Which interval an estimate of many runs has: it depends on how the number of runs came about, and on their design."""
+"""Choice of the confidence interval of an estimate, given the design and how the number of runs was determined."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from symaware_cli.studies.statistics.interval_estimate import (
 )
 from symaware_cli.studies.statistics.stopping import Mean, Share
 
-#: From this many values on, the interval of a mean is Student's, which is then close to that of the bootstrap.
+#: From this number of values on, the interval of a mean is Student's, which is then close to the bootstrap interval.
 _MANY = 300
 
 
 @dataclass(frozen=True, slots=True)
 class IntervalChoice:
-    """Makes estimates with the interval that is right for them.
+    """Computes estimates with the interval that is valid for them.
 
-    Of all runs of a planned number, intervals for a fixed number of runs are made. Otherwise shares and means of values
-    with declared bounds have confidence sequences, which may be watched, and other means no intervals. Runs that
-    depend on each other have none at all.
+    If all runs of a planned number are complete, intervals for a fixed number of runs are used. Otherwise shares, and
+    means of values with declared bounds, have confidence sequences, which may be watched, and other means have no
+    intervals. Dependent runs have no intervals at all.
 
     Attributes:
-        is_final: Whether these are all runs of a number that was planned.
+        is_final: Whether these are all runs of a planned number.
         is_independent: Whether the runs are independent of each other.
         confidence: The confidence of the intervals.
     """
@@ -39,7 +39,7 @@ class IntervalChoice:
     confidence: float
 
     def share(self, values: Array) -> IntervalEstimate:
-        """Return the share of ones among zeros and ones; shape (n,)."""
+        """Estimate the share of ones among zeros and ones; shape (n,)."""
         if not self.is_independent:
             return self.plain(values)
         if self.is_final:
@@ -47,13 +47,13 @@ class IntervalChoice:
         return self._watched(values, Share())
 
     def mean(self, values: Array, bounds: tuple[float, float] | None, seed: int, name: str) -> IntervalEstimate:
-        """Return the mean of values.
+        """Estimate the mean of values.
 
         Args:
             values: Shape (n,).
-            bounds: The least and the greatest possible value; None where they are not declared.
+            bounds: The least and the greatest possible value; None if not declared.
             seed: Seed of the bootstrap.
-            name: What is estimated, which tells bootstraps of one seed apart.
+            name: The name of the quantity, which distinguishes bootstraps with the same seed.
         """
         if not self.is_independent or (not self.is_final and bounds is None):
             return self.plain(values)

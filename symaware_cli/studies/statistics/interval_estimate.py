@@ -1,4 +1,4 @@
-"""Estimates with their intervals, at a planned number of runs: of a share, a mean and a quantile."""
+"""Confidence intervals of a share, a mean and a quantile, at a planned number of runs."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class IntervalEstimate:
-    """An estimate of a quantity, and an interval that covers the quantity with at least some probability.
+    """An estimate of a quantity with its confidence interval.
 
     Attributes:
         value: The estimate; NaN without data.
         lower: Lower end of the interval.
         upper: Upper end of the interval.
-        count: How many values it was made from.
+        count: The number of values behind the estimate.
         confidence: The probability that the interval covers the quantity, such as 0.95.
-        method: How the interval was made, such as "Clopper-Pearson".
+        method: The method of the interval, such as "Clopper-Pearson".
     """
 
     value: float
@@ -35,11 +35,11 @@ class IntervalEstimate:
 
     @property
     def halfwidth(self) -> float:
-        """Half the width of the interval; infinite where one end is."""
+        """Half the width of the interval; infinite if an end is infinite."""
         return 0.5 * (self.upper - self.lower)
 
     def covers(self, value: float) -> bool:
-        """Whether a value lies in the interval, its ends included."""
+        """Return whether a value lies in the interval, including its ends."""
         return self.lower <= value <= self.upper
 
 
@@ -55,10 +55,10 @@ def error_probability(confidence: float) -> float:
 
 
 def finite_values(values: ArrayLike) -> Array:
-    """Return the values without those that are missing (NaN); shape (n,).
+    """Return the values that are not missing (NaN); shape (n,).
 
     Raises:
-        ValueError: They have more than one axis, or one is infinite.
+        ValueError: The values have more than one axis, or one is infinite.
     """
     array = np.asarray(values, float)
     if array.ndim != 1:
@@ -70,21 +70,21 @@ def finite_values(values: ArrayLike) -> Array:
 
 
 def unbounded(confidence: float, method: str, count: int = 0, value: float = math.nan) -> IntervalEstimate:
-    """Return the estimate from too few values to say anything."""
+    """Return an estimate with an infinite interval, for too few values."""
     return IntervalEstimate(value, -math.inf, math.inf, count, confidence, method)
 
 
 def student_mean(values: ArrayLike, confidence: float = 0.95) -> IntervalEstimate:
     """Estimate a mean by Student's t distribution: m ± t(1 - alpha / 2; n - 1) s / sqrt(n).
 
-    The interval is exact for normal values and approximate otherwise; for skewed values it needs many of them.
+    The interval is exact for normal values and approximate otherwise; skewed distributions need many values.
 
     Args:
-        values: The values, in their unit; those that are missing (NaN) are left out. Shape (n,).
+        values: The values, in their unit; missing ones (NaN) are left out. Shape (n,).
         confidence: 1 - alpha.
 
     Returns:
-        The mean with its interval; unbounded for fewer than two values, a point for values that are all the same.
+        The mean with its interval; unbounded for fewer than two values, a point if all values are equal.
 
     Source: W. S. Gosset ("Student"), "The Probable Error of a Mean", Biometrika 6, 1908.
     """
@@ -101,7 +101,7 @@ def student_mean(values: ArrayLike, confidence: float = 0.95) -> IntervalEstimat
 
 
 def variance(values: ArrayLike) -> float:
-    """The sample variance; exactly 0 for values that are all equal, NaN for fewer than two."""
+    """Return the sample variance; exactly 0 if all values are equal, NaN for fewer than two."""
     array = np.asarray(values, float)
     if len(array) < 2:
         return math.nan
@@ -111,17 +111,17 @@ def variance(values: ArrayLike) -> float:
 def clopper_pearson(successes: int, count: int, confidence: float = 0.95) -> IntervalEstimate:
     """Estimate a probability from the number of successes among runs whose number was fixed beforehand.
 
-    The interval is exact in that it covers the probability at least as often as it says, for every number of runs:
+    The interval is exact: its coverage is at least the confidence for every number of runs:
 
         lower = BetaInv(alpha / 2; s, n - s + 1),  upper = BetaInv(1 - alpha / 2; s + 1, n - s).
 
     Args:
-        successes: How many runs succeeded, s.
-        count: How many runs there were, n.
+        successes: The number of successful runs, s.
+        count: The number of runs, n.
         confidence: 1 - alpha.
 
     Raises:
-        ValueError: There are more successes than runs, or fewer than none.
+        ValueError: There are more successes than runs, or a negative number.
 
     Source: C. J. Clopper and E. S. Pearson, "The Use of Confidence or Fiducial Limits Illustrated in the Case of the
     Binomial", Biometrika 26, 1934.
@@ -142,18 +142,18 @@ _ORDER_STATISTICS = "order statistics"
 
 
 def quantile(values: ArrayLike, probability: float, confidence: float = 0.95) -> IntervalEstimate:
-    """Estimate a quantile, whatever the distribution, by two of the sorted values.
+    """Estimate a quantile of any distribution; the interval's ends are order statistics.
 
-    The number of values at most the quantile is binomial, so the l-th and the u-th value bracket it with at least the
-    stated probability, where l and u are the greatest and the least with
+    The number of values not exceeding the quantile is binomial, so the l-th and the u-th value bracket it with at least
+    the stated probability, where l and u are the greatest and the least with
 
         P(Bin(n, q) <= l - 1) <= alpha / 2  and  P(Bin(n, q) >= u) <= alpha / 2.
 
-    An end is infinite where no value is extreme enough.
+    An end is infinite if no value is extreme enough.
 
     Args:
-        values: The values, in their unit; those that are missing (NaN) are left out. Shape (n,).
-        probability: Which quantile, q, between 0 and 1: 0.5 for the median.
+        values: The values, in their unit; missing ones (NaN) are left out. Shape (n,).
+        probability: The probability of the quantile, q, between 0 and 1: 0.5 for the median.
         confidence: 1 - alpha.
 
     Source: W. J. Conover, "Practical Nonparametric Statistics", 3rd edition, Wiley 1999, section 3.2.
@@ -179,25 +179,25 @@ def quantile(values: ArrayLike, probability: float, confidence: float = 0.95) ->
 
 _BOOTSTRAP = "bootstrap (BCa)"
 
-#: How many resamples are made, and how many numbers of them at a time.
+#: The number of resamples, and the number of values that are resampled at a time.
 RESAMPLES = 4_000
 _BLOCK = 1_000_000
 
 
 def bootstrap_mean(values: ArrayLike, seed: int, name: str, confidence: float = 0.95) -> IntervalEstimate:
-    """Estimate a mean by resampling the values, with bias correction and acceleration (BCa).
+    """Estimate a mean with the bias-corrected and accelerated bootstrap interval (BCa).
 
-    The interval is approximate: its coverage tends to the confidence as the values become many. Among fewer than about
-    30 values of a skewed distribution it covers too rarely.
+    The interval is approximate: its coverage converges to the confidence as the number of values grows. With fewer than
+    about 30 values of a skewed distribution its coverage is too low.
 
     Args:
-        values: The values, in their unit; those that are missing (NaN) are left out. Shape (n,).
+        values: The values, in their unit; missing ones (NaN) are left out. Shape (n,).
         seed: The seed of the sweep.
-        name: What the values are, such as "closest": the resamples depend on the seed and the name alone.
+        name: The name of the values, such as "closest"; the resamples depend only on the seed and the name.
         confidence: 1 - alpha.
 
     Returns:
-        The mean with its interval; unbounded for fewer than two values, a point for values that are all the same.
+        The mean with its interval; unbounded for fewer than two values, a point if all values are equal.
 
     Source: B. Efron, "Better Bootstrap Confidence Intervals", Journal of the American Statistical Association 82, 1987;
     the acceleration of a mean by the jackknife is the skewness of the sample over 6 sqrt(n).
@@ -215,7 +215,7 @@ def bootstrap_mean(values: ArrayLike, seed: int, name: str, confidence: float = 
     if sample.min() == sample.max() or not squares:
         return IntervalEstimate(mean, mean, mean, count, confidence, _BOOTSTRAP)
     means = np.sort(_resampled_means(deviations, seed, name))
-    # The share of resamples below the mean, ties by halves, kept away from 0 and 1.
+    # The share of resamples below the mean, counting ties as one half, kept away from 0 and 1.
     below = 0.5 * (np.searchsorted(means, 0.0, "left") + np.searchsorted(means, 0.0, "right")) / RESAMPLES
     bias = float(ndtri(np.clip(below, 0.5 / RESAMPLES, 1.0 - 0.5 / RESAMPLES)))
     acceleration = float(np.sum(deviations**3)) / (6.0 * squares**1.5)
@@ -228,7 +228,7 @@ def bootstrap_mean(values: ArrayLike, seed: int, name: str, confidence: float = 
 
 
 def _resampled_means(values: Array, seed: int, name: str) -> Array:
-    """The means of the resamples; shape (RESAMPLES,)."""
+    """Return the means of the resamples; shape (RESAMPLES,)."""
     random = generator(seed, f"bootstrap {name}")
     rows = max(1, _BLOCK // len(values))
     means = [

@@ -1,4 +1,4 @@
-"""Two variants compared run by run, where both have the same chance."""
+"""Paired comparison of two variants, run by run, with common random numbers."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from symaware_cli.studies.statistics.interval_estimate import Array, IntervalEst
 
 @dataclass(frozen=True, slots=True)
 class PairedComparison:
-    """What two variants differ by; each difference is that of the second from the first in one run.
+    """The paired difference of two variants; each difference is the second's value minus the first's in one run.
 
     Attributes:
         mean: The mean difference, in the unit of the values, with the interval of the paired t test.
-        median: The median difference, with the interval that belongs to the sign test.
-        greater: How many runs have a greater value in the second variant.
-        less: How many have a lesser one. The others are equal.
-        sign_test: The two-sided p value of the exact sign test: how likely so great an imbalance of greater and less
-            is where both are equally likely. For values of 0 and 1 it is McNemar's exact test. 1 without differences.
-        variance_ratio: The variance of the mean difference of as many runs without common chance, over that with it:
-            so many times the runs would be needed for the same precision. Below 1, common chance does harm. NaN where
-            no value varies; infinite where the difference alone does not vary.
-        correlation: Of the two variants' values; NaN where those of one do not vary.
+        median: The median difference, with the interval that corresponds to the sign test.
+        greater: The number of runs with a greater value in the second variant.
+        less: The number of runs with a lesser value there. The values of all other runs are equal.
+        sign_test: The two-sided p value of the exact sign test: the probability of an imbalance at least this great if
+            greater and lesser values are equally likely. For values of 0 and 1 it is McNemar's exact test. 1 without
+            differences.
+        variance_ratio: The variance of the mean difference for the same number of runs without common random numbers,
+            divided by the variance with them: independent runs would have to be this many times as numerous for the
+            same precision. Below 1, common random numbers do harm. NaN if no value varies; infinite if values vary but
+            the difference does not.
+        correlation: The correlation of the two variants' values; NaN if those of one do not vary.
     """
 
     mean: IntervalEstimate
@@ -37,25 +39,25 @@ class PairedComparison:
     correlation: float
 
     def without_intervals(self) -> PairedComparison:
-        """Return the same without what assumes that runs are independent: intervals, test and variance ratio."""
+        """Return the comparison without the values that assume independent runs: intervals, test and variance ratio."""
         mean, median = (replace(each, lower=math.nan, upper=math.nan, method="") for each in (self.mean, self.median))
         return replace(self, mean=mean, median=median, sign_test=math.nan, variance_ratio=math.nan)
 
 
 def compare(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedComparison:
-    """Compare two variants at a number of runs that was planned beforehand.
+    """Compare two variants at a planned number of runs.
 
     The interval of the mean difference is that of the paired t test, `student_mean` of the differences. The variance
     ratio is (s_1^2 + s_2^2) / s^2, with the sample variances of both variants and of the differences.
 
     Args:
-        first: The value of each run of the first variant; true and false count as 1 and 0. Shape (n,).
-        second: Those of the second, with the same chance run by run. Runs in which either is missing (NaN) are left
-            out. Shape (n,).
+        first: The value of each run of the first variant; booleans count as 1 and 0. Shape (n,).
+        second: The values of the second variant, in the same order of runs, with the same random numbers. Runs with
+            either value missing (NaN) are left out. Shape (n,).
         confidence: 1 - alpha.
 
     Raises:
-        ValueError: They are not as many, or one is infinite.
+        ValueError: The numbers of values differ, or a value is infinite.
 
     Sources: W. J. Conover, "Practical Nonparametric Statistics", 3rd edition, Wiley 1999, section 3.4 (sign test);
     A. M. Law, "Simulation Modeling and Analysis", 5th edition, McGraw-Hill 2015, section 11.2 (common random numbers).

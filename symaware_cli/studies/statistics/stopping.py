@@ -1,7 +1,7 @@
-"""Rules that say when enough runs were made, such as ``halfwidth(satisfied.safe) < 0.01 and runs >= 100``.
+"""Stopping rules for a sequence of runs, such as ``halfwidth(satisfied.safe) < 0.01 and runs >= 100``.
 
-A rule sees the runs with indices 0 to n - 1, at declared numbers n alone: neither the order in which runs end nor the
-number of workers makes a difference.
+A rule is evaluated on the runs with indices 0 to n - 1, only at declared numbers n, so neither the order in which runs
+end nor the number of workers affects the result.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Looks:
     """A schedule of looks, declared before the first run.
 
     After a look at n runs, the next is at max(n + step, ceil(ratio n)) runs, and the first at `step`: a ratio of 1
-    gives a look every `step` runs, a greater one a geometric schedule, with few looks for many runs.
+    gives a look every `step` runs; a greater ratio gives a geometric schedule, with few looks for many runs.
 
     Attributes:
         step: The least number of runs between two looks, and before the first.
@@ -43,7 +43,7 @@ class Looks:
             raise ValueError(f"the ratio of a geometric schedule is at least 1, not {self.ratio:g}")
 
     def after(self, count: int) -> int:
-        """Return the number of runs of the look after one at this number of runs; 0 gives the first look."""
+        """Return the number of runs at the next look after a look at `count` runs; 0 gives the first look."""
         return max(count + self.step, math.ceil(self.ratio * count))
 
     def __iter__(self) -> Iterator[int]:
@@ -53,16 +53,16 @@ class Looks:
             yield count
 
 
-#: The name of the number of runs.
+#: The name of the number of runs in a rule.
 _RUNS = "runs"
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """The share of runs of which something is true; their values are 0 and 1."""
+    """The share of runs with a property; their values are 0 and 1."""
 
     def sequence(self, confidence: float) -> ConfidenceSequence:
-        """Return its confidence sequence, without values so far."""
+        """Return a new confidence sequence, without values."""
         return BetaMixture(confidence)
 
 
@@ -71,25 +71,25 @@ class Mean:
     """The mean of a metric.
 
     Attributes:
-        low: What no value is less than, in the metric's unit; None where nothing is known.
-        high: What no value is greater than, likewise.
+        low: The lower bound of the values, in the metric's unit; None if unknown.
+        high: The upper bound of the values, likewise.
     """
 
     low: float | None = None
     high: float | None = None
 
     def sequence(self, confidence: float) -> ConfidenceSequence:
-        """Return its confidence sequence, without values so far.
+        """Return a new confidence sequence, without values.
 
         Raises:
-            ValueError: A bound is missing, or they are not in order.
+            ValueError: A bound is missing, or the bounds are not in order.
         """
         if self.low is None or self.high is None:
             raise ValueError("a mean has an interval that may be watched only if bounds of its values are declared")
         return EmpiricalBernstein(self.low, self.high, confidence)
 
 
-#: What a rule may ask about, by a dotted name such as "satisfied.safe" or "mean.closest".
+#: The estimands that a rule may refer to, by dotted names such as "satisfied.safe" or "mean.closest".
 Estimands = Mapping[str, Share | Mean]
 
 _INTERVAL: Mapping[str, Callable[[IntervalEstimate], float]] = {
@@ -105,27 +105,28 @@ _FUNCTIONS: Functions = {
 
 
 class StoppingRule:
-    """A rule, checked against what it may ask about.
+    """A stopping rule, checked against the available estimands.
 
     Attributes:
-        text: As written.
-        estimands: What it asks about, by their dotted names, sorted.
-        confidence: The confidence of each of its intervals; several of them do not hold together with that confidence.
-        looks: At which numbers of runs it is evaluated.
+        text: The rule as written.
+        estimands: The estimands that it refers to, by dotted name, sorted.
+        confidence: The confidence of each interval separately; several of them do not hold jointly with that
+            confidence.
+        looks: The numbers of runs at which it is evaluated.
     """
 
     def __init__(self, text: str, estimands: Estimands, confidence: float = 0.95, looks: Looks | None = None) -> None:
         """Parse a rule.
 
         Args:
-            text: As written: a condition of `runs`, and of estimate(...), lower(...), upper(...) and halfwidth(...) of
-                an estimand.
-            estimands: What it may ask about.
+            text: The rule as written: a condition on `runs` and on estimate(...), lower(...), upper(...) and
+                halfwidth(...) of an estimand.
+            estimands: The estimands that it may refer to.
             confidence: The confidence of each interval.
-            looks: At which numbers of runs it is evaluated.
+            looks: The numbers of runs at which it is evaluated.
 
         Raises:
-            ExpressionError: The text is not a valid rule; the error knows where.
+            ExpressionError: The text is not a valid rule; the error locates the fault.
             ValueError: The confidence is not between 0 and 1.
         """
         error_probability(confidence)
@@ -143,10 +144,10 @@ class StoppingRule:
 
         Args:
             runs: The number of runs.
-            estimates: By the names of its estimands.
+            estimates: The estimates by the names of its estimands.
 
         Raises:
-            EvaluationError: It has no value, such as for a division by zero.
+            EvaluationError: The rule has no value, such as after a division by zero.
         """
         tables: dict[str, Any] = {_RUNS: runs}
         for name, found in estimates.items():
@@ -158,19 +159,19 @@ class StoppingRule:
         return self._expression.holds(tables.__getitem__)
 
     def begin(self) -> StoppingState:
-        """Return the state of a sequence of runs before its first."""
+        """Return the state of a sequence of runs before the first run."""
         return StoppingState(self)
 
 
 class StoppingState:
-    """Whether a sequence of runs may stop, as far as they are known; they come in any order.
+    """The state of a stopping rule for a sequence of runs, which may arrive in any order.
 
     Attributes:
         rule: The rule.
-        prefix: How many runs are known without a gap: those with indices 0 to prefix - 1.
+        prefix: The number of known runs before the first gap, with indices 0 to prefix - 1.
         looked_at: The number of runs at the last look; 0 before the first.
-        stopped_at: How many runs there are in the end; None as long as the rule does not hold. Runs with this index and
-            greater ones are not part of the result.
+        stopped_at: The final number of runs; None while the rule does not hold. Runs with this or a greater index are
+            not part of the result.
     """
 
     def __init__(self, rule: StoppingRule) -> None:
@@ -181,22 +182,22 @@ class StoppingState:
         self.stopped_at: int | None = None
         self._sequences = {name: each.sequence(rule.confidence) for name, each in rule.estimands.items()}
         self._next = rule.looks.after(0)
-        # Runs that no look has seen, by their index.
+        # The values of runs that no look has used yet, by index.
         self._waiting: dict[int, Mapping[str, float]] = {}
 
     def add(self, index: int, values: Mapping[str, float]) -> bool:
-        """Take the values of a run that has ended.
+        """Add the values of a finished run.
 
         Args:
-            index: Of the run.
-            values: The value of each estimand of the rule, by its name: 0 or 1 for a share. One that is missing or NaN
-                is left out, and the estimand is then about the runs that have a value. Other names are ignored.
+            index: The index of the run.
+            values: The value of each estimand of the rule, by name: 0 or 1 for a share. Missing and NaN values are left
+                out, and the estimand then refers to the runs that have a value. Other names are ignored.
 
         Returns:
             Whether the runs may stop.
 
         Raises:
-            ValueError: The run was already there, or a value is outside the bounds of its estimand.
+            ValueError: The run was added before, or a value is outside the bounds of its estimand.
             EvaluationError: The rule has no value at a look.
         """
         if index < self.looked_at or index in self._waiting:
@@ -220,7 +221,7 @@ class StoppingState:
         return False
 
     def keeps(self, index: int) -> bool:
-        """Whether a run is part of the result, as far as is known."""
+        """Return whether a run is part of the result, according to the runs so far."""
         return self.stopped_at is None or index < self.stopped_at
 
     def estimates(self) -> dict[str, IntervalEstimate]:
@@ -251,10 +252,10 @@ def _require_condition(tree: Node) -> None:
 
 
 def _asked(tree: Node, estimands: Estimands) -> list[str]:
-    """The names of the estimands that a rule asks about.
+    """Return the names of the estimands that a rule refers to.
 
     Raises:
-        ExpressionError: There is no such estimand, it has no interval, or an estimand is not in one of the functions.
+        ExpressionError: An estimand does not exist, has no interval, or is not the argument of one of the functions.
     """
     found: list[str] = []
     known: set[int] = set()
@@ -288,7 +289,7 @@ def _require_interval(name: str, span: Span, estimands: Estimands) -> None:
 
 
 def _dotted(node: Node) -> str | None:
-    """The name of an estimand: of one word, or of two with a dot between them."""
+    """Return the name of an estimand, of one word or of two joined by a dot; None for other expressions."""
     match node:
         case Name(name=name):
             return name
@@ -298,7 +299,7 @@ def _dotted(node: Node) -> str | None:
 
 
 def _written(name: str) -> str:
-    """How the name of an estimand is written in a rule."""
+    """Return the name of an estimand as written in a rule."""
     family, _, key = name.partition(".")
     return name if not key or key.isidentifier() else f'{family}["{key}"]'
 

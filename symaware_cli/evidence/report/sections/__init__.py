@@ -1,1 +1,1 @@
-"""The sections of reports that this package has."""
+"""The sections of reports in this package."""

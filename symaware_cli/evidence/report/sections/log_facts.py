@@ -1,4 +1,4 @@
-"""What a log is: outcome, scenario, agents, digest; of a log by another program, its channels."""
+"""Sections about a log: outcome, scenario, agents and digest; the channels of a log by another program."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class LogFacts(ReportSection):
     order: ClassVar = 10
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Of every log."""
+        """Return whether the subject is a log."""
         return subject.log is not None
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
@@ -25,7 +25,7 @@ class LogFacts(ReportSection):
         assert found is not None
         assert subject.log is not None
         if found.foreign:
-            # How it was run, and how to repeat that, it does not say.
+            # Such a log does not record how it was produced or how to repeat it.
             yield FactTable(
                 {
                     "origin": "not written by SymAware; only its channels can be shown",
@@ -54,7 +54,7 @@ class Channels(ReportSection):
     order: ClassVar = 20
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Of logs by other programs."""
+        """Return whether the subject is a log by another program."""
         return subject.overview is not None and subject.overview.foreign
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
@@ -74,7 +74,7 @@ class EventCounts(ReportSection):
     order: ClassVar = 95
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Of logs of runs."""
+        """Return whether the subject is the log of a run."""
         return subject.log is not None and subject.run is not None
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:

@@ -1,4 +1,4 @@
-"""The scenario as it was written and resolved, and how to repeat what is reported."""
+"""Sections about repetition: the scenario as written and resolved, and the commands to repeat the run or sweep."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from symaware_cli.language import ORIGIN
 from symaware_cli.studies import SWEEP, WRITTEN
 from symaware_cli.views import Block, CodeLines, FactTable, Fold, SourceText
 
-#: The most text of a file that is shown [characters].
+#: The maximum length of the text shown of a file [characters].
 _MOST_TEXT = 100_000
 
 
@@ -21,7 +21,7 @@ class ScenarioFiles(ReportSection):
     order: ClassVar = 1000
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Of everything but logs by other programs."""
+        """Return whether the subject is anything but a log by another program."""
         return subject.folder is not None or subject.run is not None
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
@@ -41,7 +41,7 @@ class Repetition(ReportSection):
     order: ClassVar = 1010
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Of everything but logs by other programs."""
+        """Return whether the subject is anything but a log by another program."""
         return subject.folder is not None or subject.run is not None
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
@@ -69,7 +69,7 @@ def _files(subject: ReportSubject) -> Mapping[str, bytes]:
 
 
 def _installation(versions: Mapping[str, str]) -> Iterator[str]:
-    """Yield how to install what made it: from the commit or the wheel that it came from, as far as that is known."""
+    """Yield the commands to install the package versions used, from the recorded commit or wheel if known."""
     package, origin = versions.get("symaware-cli", "of an unknown version"), versions.get(ORIGIN, "")
     if origin.startswith("git+"):
         yield f"pip install 'symaware-cli[all] @ {origin}'"

@@ -1,4 +1,4 @@
-"""The run that is shown: verdicts of its specifications, its replay, a map to play, and figures."""
+"""Sections about the run that is shown: verdicts of its specifications, replay, animated map, and figures."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ReplayFrameSection(ReportSection):
     on_paper: ClassVar = False
 
     def applies(self, subject: ReportSubject) -> bool:
-        """If it is asked for."""
+        """Return whether the viewer was requested and there is a run."""
         return subject.has_viewer and subject.run is not None
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
@@ -86,7 +86,7 @@ class RunFigureSection(ReportSection):
     order: ClassVar = 90
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
-        """Yield the picture, or why there is none."""
+        """Yield the picture, or the reason why there is none."""
         with matplotlib_required():
             pass
         assert subject.run is not None

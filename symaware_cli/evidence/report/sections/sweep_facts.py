@@ -1,4 +1,4 @@
-"""What a sweep is and found: its plan, shares with intervals, its certificate, figures of its metrics."""
+"""Sections about a sweep: plan, shares with intervals, certificate, figures of metrics, least robust run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from symaware_cli.log import LogError
 from symaware_cli.studies import JOURNAL, SweepJournal, read_shares
 from symaware_cli.views import Block, CertificateBlock, DataTable, FactTable, Inline, Paragraph, Picture
 
-#: The most shares that are listed.
+#: The maximum number of shares listed.
 _MOST = 200
 
 
@@ -23,7 +23,7 @@ class _SweepSection(ReportSection):
     """A section about a sweep."""
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Of every sweep."""
+        """Return whether the subject is a sweep."""
         return subject.folder is not None
 
 
@@ -85,7 +85,7 @@ class CertificateSection(_SweepSection):
     order: ClassVar = 30
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
-        """Yield the certificate as it stands in the folder."""
+        """Yield the certificate as found in the folder."""
         file = subject.path / CERTIFICATE
         if not file.is_file():
             return
@@ -105,7 +105,7 @@ class SweepFigures(_SweepSection):
     order: ClassVar = 40
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
-        """Yield the picture, or why there is none."""
+        """Yield the picture, or the reason why there is none."""
         from symaware_cli.studies import plot_sweep
 
         with tempfile.TemporaryDirectory() as temporary:
@@ -124,16 +124,16 @@ class LeastRobustRun(_SweepSection):
     order: ClassVar = 50
 
     def applies(self, subject: ReportSubject) -> bool:
-        """Of sweeps with a finished run."""
+        """Return whether the subject is a sweep with a finished run."""
         return subject.row is not None
 
     def heading(self, subject: ReportSubject) -> str:
-        """Return which run it is."""
+        """Return a heading with the number of the run."""
         assert subject.row is not None
         return f"Run {subject.row.index}, the least robust"
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
-        """Yield its verdicts, and the command."""
+        """Yield the verdicts of the run, and the command to repeat it."""
         row = subject.row
         assert row is not None
         said = ", ".join(f"{name} {verdict}" for name, verdict in row.verdicts.items())
