@@ -1,4 +1,4 @@
-"""Forges the folder of a sweep consistently: checksums, names of logs, table, row hashes and certificate fit again."""
+"""Consistent forgery of a sweep folder: checksums, names of logs, table, row hashes and certificate match again."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ over: {agents.robot.components.steer.with.speed: [1.0, 0.8, 0.6]}
 
 
 class Forger:
-    """Changes a thing in the folder of a sweep, drawn at random, and whatever depends on it and can be made again."""
+    """Changes a random item in the folder of a sweep, and regenerates dependent files as far as possible."""
 
     def __init__(self, folder: Path, chance: random.Random) -> None:
         self._folder = SweepFolder.opened(folder)
@@ -70,7 +70,7 @@ class Forger:
         self._row = chance.choice(self._rows)
 
     def forge(self, kind: str) -> None:
-        """Make a change of a kind, see `KINDS`."""
+        """Apply a change of a kind; see `KINDS`."""
         KINDS[kind](self)
         assignments = ", ".join(f'"{name}" = :{name}' for name in self._row if name != "index")
         with sqlite3.connect(self._folder.path / JOURNAL) as database:
@@ -84,7 +84,7 @@ class Forger:
         (self._folder.path / "certificate.leaves").write_text(hashes)
 
     def metric(self) -> None:
-        """A figure of a row."""
+        """Change a metric of a row."""
         metrics = json.loads(self._row["metrics"])
         numbers = [name for name, value in metrics.items() if isinstance(value, int | float)]
         name = self._chance.choice(sorted(numbers))
@@ -93,11 +93,11 @@ class Forger:
         self._row["metrics"] = json.dumps(metrics)
 
     def robustness(self) -> None:
-        """The robustness of a row and of its worst agent; the verdict remains."""
+        """Change the robustness of a row and of its worst agent, but not the verdict."""
         self._judge(1.0 + self._chance.random())
 
     def verdict(self) -> None:
-        """The verdict of a row and of its worst agent, with a robustness of the other sign."""
+        """Change the verdict of a row and of its worst agent, with a robustness of the opposite sign."""
         self._judge(-self._chance.random() - 1e-3)
 
     def _judge(self, factor: float) -> None:
@@ -114,31 +114,31 @@ class Forger:
         self._row.update({key: json.dumps(value) for key, value in found.items()})
 
     def state_hash(self) -> None:
-        """The hash over the states and control inputs of a row."""
+        """Change the hash of the states and control inputs of a row."""
         old = self._row["digest"]
         place = self._chance.randrange(len(old))
         self._row["digest"] = old[:place] + ("0" if old[place] != "0" else "1") + old[place + 1 :]
 
     def seed(self) -> None:
-        """The seed of a row."""
+        """Change the seed of a row."""
         self._row["seed"] += 1 + self._chance.randrange(100)
 
     def parameter(self) -> None:
-        """The parameter of a row."""
+        """Change the parameter of a row."""
         self._row["parameters"] = json.dumps(dict.fromkeys(json.loads(self._row["parameters"]), 0.9))
 
     def failure(self) -> None:
-        """A run that is said to have failed."""
+        """Declare a run as failed."""
         self._row.update(state="failed", verdicts="{}", robustness="{}", metrics="{}", digest=None, error="a fault")
 
     def exchange(self) -> None:
-        """All that two rows say but their place in the plan."""
+        """Swap two rows, except for their positions in the plan."""
         other = self._chance.choice([each for each in self._rows if each is not self._row])
         for name in ("verdicts", "robustness", "metrics", "digest", "log"):
             self._row[name], other[name] = other[name], self._row[name]
 
     def bit(self) -> None:
-        """A bit of a message of the log."""
+        """Flip a bit of a message of the log."""
 
         def changed(message: LogMessage) -> bytes:
             data = bytearray(message.data)
@@ -152,7 +152,7 @@ class Forger:
         self._message(lambda topic: True, lambda message: None)
 
     def event(self) -> None:
-        """The text of an event of the log, or the event."""
+        """Change the text of an event of the log, or remove the event."""
         texts = b"robot", b"satisfied", b"running", b"specification"
 
         def changed(message: LogMessage) -> bytes | None:
@@ -162,7 +162,7 @@ class Forger:
         self._message(lambda topic: topic.startswith("/events"), changed)
 
     def said_verdict(self) -> None:
-        """What the log says of a specification at an instant, which is left out."""
+        """Remove the record of a specification at an instant from the log."""
         self._message(lambda topic: topic.startswith("/specifications"), lambda message: None)
 
     def state(self) -> None:
@@ -170,7 +170,7 @@ class Forger:
         self._message(lambda topic: topic == "/world/robot/state", self._moved)
 
     def state_and_row(self) -> None:
-        """A true state of the log, and all that the row says of the specifications, as it follows from the log."""
+        """Change a true state of the log, and update the outcomes in the row to follow from the log."""
         self.state()
         log = self._folder.logs / self._row["log"]
         outcomes = {each.name: each for each in check_log(log).specifications}
@@ -186,17 +186,17 @@ class Forger:
         self._row["metrics"] = json.dumps(metrics)
 
     def attachment(self) -> None:
-        """What is attached to the log: the manifest, the scenario or the versions."""
+        """Change an attachment of the log: the manifest, the scenario or the versions."""
         names = sorted(sa.open_log(self._folder.logs / self._row["log"]).attachments)
         chosen = self._chance.choice(names)
         self._log(attachment=partial(self._attached, chosen))
 
     def outcome(self) -> None:
-        """How the log says that its run ended."""
+        """Change the outcome of the run in the log."""
         self._log(outcome=self._ended)
 
     def columns(self) -> None:
-        """What a channel of the log says of its columns."""
+        """Change the metadata about columns of a channel of the log."""
         log = sa.open_log(self._folder.logs / self._row["log"])
         chosen = self._chance.choice(sorted(topic for topic in log.channels if topic != "/timing"))
 
@@ -206,7 +206,7 @@ class Forger:
         self._log(metadata=changed)
 
     def _message(self, is_about: Callable[[str], bool], change: Callable[[LogMessage], bytes | None]) -> None:
-        """Change a message of the log of a row, among those on some topics."""
+        """Change a message in the log of a row, drawn from those on some topics."""
         log = sa.open_log(self._folder.logs / self._row["log"])
         places = [
             place
@@ -236,7 +236,7 @@ class Forger:
         return {**content, name: _other(content[name])}
 
     def _log(self, **changes: Any) -> None:
-        """Write the log of a row anew, under the name of its digest."""
+        """Rewrite the log of a row, named by its digest."""
         path = self._folder.logs / self._row["log"]
         forged = path.with_name("forged.mcap")
         altered(path, forged, **changes)
@@ -245,7 +245,7 @@ class Forger:
 
 
 def _other(value: Any) -> Any:
-    """Another value of the same kind."""
+    """Return a different value of the same type."""
     match value:
         case bool():
             return not value
@@ -260,7 +260,7 @@ def _other(value: Any) -> Any:
     return [*value, 1]
 
 
-#: What can be changed: of rows, and of logs.
+#: The kinds of changes: to rows, and to logs.
 KINDS: Mapping[str, Callable[[Forger], None]] = {
     "row: a figure": Forger.metric,
     "row: robustness": Forger.robustness,

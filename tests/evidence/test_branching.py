@@ -1,4 +1,4 @@
-"""A branch is the same run up to an instant, and another one from there on; its log is a log like any other."""
+"""A branch is the same run up to an instant and a different one afterwards; its log is a log like any other."""
 
 import os
 import random
@@ -21,7 +21,7 @@ SCENARIOS = sorted(
     path for path in FOLDER.rglob("*") if path.suffix in (".yaml", ".toml") and not path.name.startswith("_")
 )
 
-#: How many random pairs of a scenario and an instant are tried.
+#: The number of random pairs of a scenario and an instant to try.
 PAIRS = int(os.environ.get("SYMAWARE_BRANCHES", "5"))
 
 SPEED = "agents.robot.components.steer.with.speed=0.5"
@@ -34,7 +34,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_branch_without_a_change_has_the_digest_of_the_log(log: Path, tmp_path: Path) -> None:
+def test_a_branch_without_changes_has_the_digest_of_the_log(log: Path, tmp_path: Path) -> None:
     result = branch(log, 2.0, output=tmp_path / "same.mcap")
     assert not digest(open_log(log)).differences(digest(open_log(tmp_path / "same.mcap")))
     assert result.equal > 0
@@ -52,7 +52,7 @@ def test_a_branch_without_a_change_has_the_digest_of_the_log(log: Path, tmp_path
         ("agents.robot[1].components.steer={use: control.mpc, with: {horizon: 2.0}}", "/agents/robot/control"),
     ],
 )
-def test_a_changed_branch_is_equal_before_its_instant_and_repeats(
+def test_a_changed_branch_is_equal_before_its_instant_and_reproducible(
     change: str, topic: str, log: Path, tmp_path: Path
 ) -> None:
     made = tmp_path / "other.mcap"
@@ -70,7 +70,7 @@ def test_a_changed_branch_is_equal_before_its_instant_and_repeats(
     assert again.equal > result.equal
 
 
-def test_an_instant_can_be_that_of_an_event_with_a_shift(log: Path) -> None:
+def test_an_instant_can_be_an_event_with_a_shift(log: Path) -> None:
     touched = next(event.time for event in open_log(log).events() if event.name == "contact")
     assert branch(log, "contact(environment) - 1.5").at == touched / 1e9 - 1.5
 
@@ -88,13 +88,13 @@ def test_an_instant_can_be_that_of_an_event_with_a_shift(log: Path) -> None:
         (2.0, "faults.early={at: 1.0, stop: robot.1}", "affects the run before"),
     ],
 )
-def test_a_branch_that_cannot_be_is_refused(at: float | str, change: str, said: str, log: Path, tmp_path: Path) -> None:
+def test_impossible_branches_are_rejected(at: float | str, change: str, said: str, log: Path, tmp_path: Path) -> None:
     with pytest.raises(BranchError, match=said):
         branch(log, at, [change], tmp_path / "none.mcap")
     assert not (tmp_path / "none.mcap").exists()
 
 
-def test_another_component_has_its_own_parameters_alone_and_is_replaced_again_in_a_branch_of_the_branch(
+def test_a_replacement_has_only_its_own_parameters_and_can_be_replaced_in_a_further_branch(
     log: Path, tmp_path: Path
 ) -> None:
     steer = "agents.robot.components.steer"
@@ -110,18 +110,18 @@ def test_another_component_has_its_own_parameters_alone_and_is_replaced_again_in
     assert verify_log(tmp_path / "two.mcap").is_equal
 
 
-def test_a_wrong_parameter_is_a_problem_of_the_scenario(log: Path) -> None:
+def test_an_invalid_parameter_is_a_problem_of_the_scenario(log: Path) -> None:
     with pytest.raises(ScenarioError, match="sped"):
         branch(log, 2.0, ["agents.robot.components.steer.with.sped=0.5"])
 
 
-def test_the_log_itself_is_not_replaced(log: Path) -> None:
+def test_a_branch_cannot_overwrite_its_log(log: Path) -> None:
     with pytest.raises(LogError, match="needs another file"):
         branch(log, 2.0, [SPEED], log)
 
 
 def assert_both_ways_are_equal(run: Path, at: float, changes: Sequence[Sequence[str]], folder: Path) -> list[str]:
-    """Make branches from a captured state where that is possible, and by repetition; the reasons where it is not."""
+    """Create branches from a captured state and by repetition; return the reasons where capture is impossible."""
     made = branches(run, at, changes, folder / "one", way=None)
     again = branches(run, at, changes, folder / "other", way="repetition")
     for one, other in zip(made, again, strict=True):
@@ -153,7 +153,7 @@ def assert_both_ways_are_equal(run: Path, at: float, changes: Sequence[Sequence[
     ],
 )
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_branches_from_a_captured_state_have_the_digests_of_those_by_repetition(
+def test_branches_from_a_captured_state_equal_those_by_repetition(
     scenario: str, at: float, mode: str, tmp_path: Path
 ) -> None:
     run = tmp_path / "run.mcap"
@@ -168,7 +168,7 @@ def test_branches_from_a_captured_state_have_the_digests_of_those_by_repetition(
     assert assert_both_ways_are_equal(run, at, changes, tmp_path) == [""] * 4
 
 
-def test_every_kind_of_change_goes_both_ways(log: Path, tmp_path: Path) -> None:
+def test_every_kind_of_change_works_with_capture_and_repetition(log: Path, tmp_path: Path) -> None:
     speed = "agents.robot.components.steer.with.speed"
     kinds = [
         [f"{speed}=0.4"],
@@ -179,7 +179,7 @@ def test_every_kind_of_change_goes_both_ways(log: Path, tmp_path: Path) -> None:
     assert assert_both_ways_are_equal(log, 2.0, kinds, tmp_path) == [""] * 4
 
 
-def test_a_branch_that_cannot_begin_from_the_state_is_repeated_and_says_why(log: Path, tmp_path: Path) -> None:
+def test_a_branch_that_cannot_use_the_captured_state_is_repeated_with_a_reason(log: Path, tmp_path: Path) -> None:
     changes = [
         ["run.duration=7"],
         ["agents.robot.components.steer.use=control.velocity-obstacle"],
@@ -195,7 +195,7 @@ def test_a_branch_that_cannot_begin_from_the_state_is_repeated_and_says_why(log:
         branches(log, 2.0, changes[1:2], way="capture")
 
 
-def test_a_fault_of_the_log_that_ends_as_another_begins_is_repeated(tmp_path: Path) -> None:
+def test_a_branch_is_repeated_if_a_fault_of_the_log_ends_as_another_begins(tmp_path: Path) -> None:
     run = tmp_path / "run.mcap"
     fault = "faults.still={at: 0.5, for: 0.5, freeze: robot.steer}"
     execute(build(FOLDER / "hello.yaml", ["run.duration=2", fault]), run)
@@ -205,7 +205,7 @@ def test_a_fault_of_the_log_that_ends_as_another_begins_is_repeated(tmp_path: Pa
     assert assert_both_ways_are_equal(run, 0.8, changes, tmp_path / "later") == ["", ""]
 
 
-def test_a_world_whose_state_cannot_be_captured_is_repeated(tmp_path: Path) -> None:
+def test_branches_of_a_world_without_capture_are_repeated(tmp_path: Path) -> None:
     run = tmp_path / "run.mcap"
     execute(build(FOLDER / "billiards.yaml", ["run.duration=1"]), run)
     agent = next(iter(open_log(run).agents.values()))[0]
@@ -222,7 +222,7 @@ def test_a_branch_from_a_state_can_be_verified_and_branched_again(log: Path, tmp
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(PAIRS))
-def test_random_scenarios_branch_at_random_instants(seed: int, tmp_path: Path) -> None:
+def test_random_scenarios_can_branch_at_random_instants(seed: int, tmp_path: Path) -> None:
     draw = random.Random(seed)
     scenario = draw.choice(SCENARIOS)
     execute(build(scenario, ["run.duration=2"]), tmp_path / "run.mcap")

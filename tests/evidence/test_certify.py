@@ -1,4 +1,4 @@
-"""Claims of sweeps: certified where the runs establish them, and whatever is changed afterwards is found."""
+"""Claims of sweeps are certified if the runs establish them, and any later change is detected."""
 
 import ast
 import base64
@@ -41,11 +41,11 @@ def swept(folder: Path, *options: object, claim: str = CLAIM, status: int = 0) -
 
 
 def derived(folder: Path) -> subprocess.CompletedProcess[str]:
-    """The certificate, derived again without the package."""
+    """Derive the certificate again without the package."""
     return subprocess.run([sys.executable, "-I", CHECK, folder], capture_output=True, text=True, check=False)
 
 
-def test_the_script_is_short_and_needs_nothing_but_python() -> None:
+def test_the_script_is_short_and_needs_only_python() -> None:
     text = CHECK.read_text()
     tree = ast.parse(text)
     described = {line for node in ast.walk(tree) for line in described_lines(node)}
@@ -62,24 +62,24 @@ def test_the_script_is_short_and_needs_nothing_but_python() -> None:
 
 
 def described_lines(node: ast.AST) -> range:
-    """The lines of a docstring."""
+    """Return the lines of a docstring."""
     if not isinstance(node, ast.Module | ast.FunctionDef) or ast.get_docstring(node) is None:
         return range(0)
     return range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1)
 
 
 @pytest.mark.parametrize("text", ["near > 0.9", "P(near) > 1", "P(near) > 0.9, later", "P(near) > x", "P() > 0.9"])
-def test_what_is_no_claim_is_refused(text: str) -> None:
+def test_invalid_claims_are_rejected(text: str) -> None:
     with pytest.raises(ValueError, match=r"claim|probability"):
         Claim.parse(text)
 
 
-def test_a_claim_is_written_as_it_is_read() -> None:
+def test_a_claim_round_trips_through_text() -> None:
     assert str(Claim.parse(CLAIM)) == CLAIM
     assert Claim.parse("P(near) > 0.9") == Claim("near", 0.9, 0.99, "fixed")
 
 
-def test_a_sequential_claim_ends_the_sweep_when_it_is_established(tmp_path: Path) -> None:
+def test_an_established_sequential_claim_ends_the_sweep(tmp_path: Path) -> None:
     out = swept(tmp_path, "--runs", 300, "--set", SAFE)
     needed = Claim.parse(CLAIM).runs_needed(0, 1)
     assert len(rows(out)) == needed < 300
@@ -93,7 +93,7 @@ def test_a_sequential_claim_ends_the_sweep_when_it_is_established(tmp_path: Path
     assert derived(out).stdout.endswith("the certificate follows from the folder\n")
 
 
-def test_a_fixed_claim_is_decided_by_all_of_its_runs(tmp_path: Path) -> None:
+def test_a_fixed_claim_is_decided_by_all_planned_runs(tmp_path: Path) -> None:
     claim = "P(near) > 0.5 with confidence 0.99, fixed"
     out = swept(tmp_path, "--runs", 7, "--set", SAFE, claim=claim)
     assert sa.certify(out).is_established
@@ -101,7 +101,7 @@ def test_a_fixed_claim_is_decided_by_all_of_its_runs(tmp_path: Path) -> None:
     assert "no runs can be added" in symaware("resume", out, "--add-runs", 10, status=2)
 
 
-def test_a_claim_of_the_file_may_be_left_out_for_runs_that_certify_nothing(tmp_path: Path) -> None:
+def test_the_claim_of_a_file_can_be_removed_for_uncertified_runs(tmp_path: Path) -> None:
     tiny(tmp_path)
     sweep = tmp_path / "sweep.yaml"
     sweep.write_text("symaware-sweep: 1\nscenario: tiny.yaml\nruns: 400\nclaim: P(near) > 0.9\n")
@@ -111,7 +111,7 @@ def test_a_claim_of_the_file_may_be_left_out_for_runs_that_certify_nothing(tmp_p
     assert "has no claim" in symaware("certify", tmp_path / "few", status=2)
 
 
-def test_more_runs_may_decide_a_sequential_claim(tmp_path: Path) -> None:
+def test_added_runs_may_decide_a_sequential_claim(tmp_path: Path) -> None:
     out = swept(tmp_path, "--runs", 5, "--set", SAFE)
     assert "not certified" in symaware("certify", out, status=3)
     assert not (out / "certificate.json").exists()
@@ -119,7 +119,7 @@ def test_more_runs_may_decide_a_sequential_claim(tmp_path: Path) -> None:
     assert "certified" in symaware("certify", out)
 
 
-def test_runs_that_fail_or_stay_undecided_count_against_a_claim(tmp_path: Path) -> None:
+def test_failed_and_undecided_runs_count_against_a_claim(tmp_path: Path) -> None:
     late = 'specifications.near.formula="eventually[0, 9] position[1] > 5"'
     out = swept(tmp_path, "--runs", 20, "--set", late)
     (cell,) = json.loads(symaware("certify", out, "--json", status=3))["statement"]["predicate"]["combinations"]
@@ -127,7 +127,7 @@ def test_runs_that_fail_or_stay_undecided_count_against_a_claim(tmp_path: Path) 
     assert cell["satisfied"] == 0
 
 
-def test_each_combination_has_a_claim_of_its_own_and_all_hold_jointly(tmp_path: Path) -> None:
+def test_each_combination_has_a_separate_claim_and_all_hold_jointly(tmp_path: Path) -> None:
     out = swept(tmp_path, "--runs", 100, "--set", SAFE, "--over", "agents.robot.count=1,2")
     said = sa.certify(out).statement["predicate"]
     assert [each["needed"] for each in said["combinations"]] == [200.0, 200.0]
@@ -136,7 +136,7 @@ def test_each_combination_has_a_claim_of_its_own_and_all_hold_jointly(tmp_path: 
     assert derived(out).returncode == 0
 
 
-def test_a_claim_that_is_stated_afterwards_is_neither_signed_nor_certified(tmp_path: Path) -> None:
+def test_a_post_hoc_claim_is_neither_signed_nor_certified(tmp_path: Path) -> None:
     out = swept(tmp_path, "--runs", 300, "--set", SAFE)
     key = private_key(tmp_path)
     said = symaware("certify", out, "--claim", "P(near) > 0.4", "--key", key, status=2)
@@ -150,7 +150,7 @@ def test_a_claim_that_is_stated_afterwards_is_neither_signed_nor_certified(tmp_p
     assert sa.verify_certificate(tmp_path / "later.json", "arithmetic", folder=out).is_sound
 
 
-def test_a_claim_that_is_written_into_the_plan_afterwards_is_found(tmp_path: Path) -> None:
+def test_a_claim_added_to_the_plan_afterwards_is_detected(tmp_path: Path) -> None:
     out = tmp_path / "out"
     symaware("sweep", tiny(tmp_path), "-o", out, "--runs", 20, "--jobs", 0, "--set", SAFE)
     plan = out / "sweep.yaml"
@@ -159,7 +159,7 @@ def test_a_claim_that_is_written_into_the_plan_afterwards_is_found(tmp_path: Pat
 
 
 @pytest.mark.parametrize("design", ["sobol", "latin-hypercube"])
-def test_runs_that_depend_on_each_other_are_refused(tmp_path: Path, design: str) -> None:
+def test_dependent_runs_are_rejected(tmp_path: Path, design: str) -> None:
     options = (
         "--with",
         f"design={design}",
@@ -191,17 +191,17 @@ def certified(tmp_path: Path) -> Path:
 
 
 def findings(folder: Path, **options: Any) -> list[tuple[int | None, str]]:
-    """Where a certificate, or the folder, is not as it has to be."""
+    """Return the places of findings in a certificate and its folder."""
     result = sa.verify_certificate(folder / "certificate.json", "arithmetic", **options)
     return [(each.index, each.column) for each in (*result.findings, *result.sweep.findings)]
 
 
-def test_a_signature_says_by_which_key(certified: Path, tmp_path: Path) -> None:
+def test_a_signature_names_its_key(certified: Path, tmp_path: Path) -> None:
     assert findings(certified, key=tmp_path / "key.pub") == []
     assert findings(certified, key=private_key(tmp_path, "other.pem")) == [(None, "signature")]
 
 
-def test_a_signer_is_known_only_by_the_key_that_was_asked_for(certified: Path, tmp_path: Path) -> None:
+def test_a_signer_is_known_only_if_the_requested_key_matches(certified: Path, tmp_path: Path) -> None:
     path, other = certified / "certificate.json", private_key(tmp_path, "other.pem")
     accepted = symaware("verify", path, "--level", "arithmetic", "--key", tmp_path / "key.pub")
     assert "the key that was asked for" in accepted
@@ -218,7 +218,7 @@ def test_a_signer_is_known_only_by_the_key_that_was_asked_for(certified: Path, t
     assert not forged.is_sound
 
 
-def test_what_is_no_key_is_refused_in_plain_words(certified: Path, tmp_path: Path) -> None:
+def test_invalid_keys_are_rejected_with_clear_messages(certified: Path, tmp_path: Path) -> None:
     assert "[Errno" not in symaware("certify", certified, "--key", tmp_path / "none.pem", status=2)
     encrypted = tmp_path / "encrypted.pem"
     key = Ed25519PrivateKey.generate()
@@ -228,7 +228,7 @@ def test_what_is_no_key_is_refused_in_plain_words(certified: Path, tmp_path: Pat
     assert "--key is for certificates" in symaware("verify", certified, "--key", tmp_path / "key.pub", status=2)
 
 
-def test_the_script_without_a_folder_says_how_it_is_used(certified: Path) -> None:
+def test_the_script_without_a_folder_prints_its_usage(certified: Path) -> None:
     said = derived(certified / "certificate.json")
     assert said.returncode == 1
     assert "python check_certificate.py DIR" in said.stderr
@@ -239,7 +239,7 @@ def test_the_script_without_a_folder_says_how_it_is_used(certified: Path) -> Non
     assert derived(certified).returncode == 0
 
 
-def test_a_changed_statement_is_found(certified: Path) -> None:
+def test_a_changed_statement_is_detected(certified: Path) -> None:
     file = certified / "certificate.json"
     envelope = json.loads(file.read_text())
     content = json.loads(base64.b64decode(envelope["payload"]))
@@ -255,7 +255,7 @@ def test_a_changed_statement_is_found(certified: Path) -> None:
     ("column", "value"),
     [("verdicts", '{"near": "violated"}'), ("digest", "00"), ("seed", 5), ("metrics", "{}"), ("state", "failed")],
 )
-def test_a_changed_row_is_found_where_it_is(certified: Path, column: str, value: object) -> None:
+def test_a_changed_row_is_located(certified: Path, column: str, value: object) -> None:
     with sqlite3.connect(certified / "journal.sqlite") as journal:
         journal.execute(f'UPDATE runs SET {column} = ? WHERE "index" = 5', (value,))
     found = findings(certified)
@@ -265,7 +265,7 @@ def test_a_changed_row_is_found_where_it_is(certified: Path, column: str, value:
     assert derived(certified).returncode == 1
 
 
-def test_what_is_no_certificate_is_refused(certified: Path, tmp_path: Path) -> None:
+def test_invalid_certificates_are_rejected(certified: Path, tmp_path: Path) -> None:
     for content in (b"", b"[]", b"{}", b'{"payload": 5}', b'{"_type": "x"}', b"\xff"):
         (certified / "certificate.json").write_bytes(content)
         assert "is not a certificate" in symaware("verify", certified / "certificate.json", status=2)
@@ -285,7 +285,7 @@ DAMAGES: dict[str, tuple[str, bytes | str]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_folder_is_refused_by_the_name_of_what_is_damaged(certified: Path, damage: str) -> None:
+def test_a_damaged_folder_is_rejected_naming_the_damaged_file(certified: Path, damage: str) -> None:
     name, change = DAMAGES[damage]
     if isinstance(change, bytes):
         (certified / name).write_bytes(change)
@@ -301,14 +301,14 @@ def test_a_damaged_folder_is_refused_by_the_name_of_what_is_damaged(certified: P
     assert not (certified / "certificate.html").exists()
 
 
-def test_an_envelope_without_a_signature_is_no_certificate(certified: Path) -> None:
+def test_an_envelope_without_a_signature_is_rejected(certified: Path) -> None:
     path = certified / "certificate.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"signatures": []}))
     assert "not a certificate: an envelope has one signature" in symaware("verify", path, status=2)
 
 
 @pytest.mark.parametrize("failing", [0, 100])
-def test_the_script_decides_claims_about_many_runs(tmp_path: Path, failing: int) -> None:
+def test_the_script_decides_claims_with_many_runs(tmp_path: Path, failing: int) -> None:
     claim = "P(near) > 0.1 with confidence 0.9" if failing else "P(near) > 0.5 with confidence 0.9"
     out = swept(tmp_path, "--runs", 1_200, "--set", SAFE, "--set", "run.duration=0.1", claim=claim)
     sa.certify(out)

@@ -1,4 +1,4 @@
-"""Whatever is changed in the folder of a certified sweep is found, or it is listed here as carrying no claim."""
+"""Any change in the folder of a certified sweep is detected, or listed here as carrying no claim."""
 
 import contextlib
 import io
@@ -28,7 +28,7 @@ from symaware_cli.studies.folder import SweepFolder
 
 CHECK = CHECKOUT / "docs" / "check_certificate.py"
 
-#: What the script of the standard library does not read, as its docstring lists it.
+#: Items that the script of the standard library does not read, as listed in its docstring.
 UNREAD_BY_SCRIPT = {
     "certificate.json: predicate.probability_over",
     "certificate.json: predicate.method",
@@ -40,13 +40,13 @@ UNREAD_BY_SCRIPT = {
     "journal.sqlite: log",
     "journal.sqlite: wall_time",
 }
-#: What carries no claim, so that `verify` does not read it either: wall times, and the sweep as its author wrote it.
+#: Items that carry no claim, so that `verify` does not read them either: wall times, and the sweep as written.
 WITHOUT_CLAIM = {
     "journal.sqlite: seed_key",
     "journal.sqlite: trace",
     "journal.sqlite: wall_time",
 }
-#: Files that carry none likewise.
+#: Files that carry no claim.
 FILES_WITHOUT_CLAIM = ["as-written.yaml", "times.parquet"]
 
 
@@ -66,7 +66,7 @@ def folder(made: Path, tmp_path: Path) -> Path:
 
 
 def script(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[str, bool]:
-    """What the script prints, and whether the certificate follows."""
+    """Return the output of the script, and whether the certificate follows."""
     monkeypatch.setattr("sys.argv", [str(CHECK), str(folder)])
     with contextlib.redirect_stdout(io.StringIO()) as said, pytest.raises(SystemExit) as ended:
         runpy.run_path(str(CHECK), run_name="__main__")
@@ -78,7 +78,7 @@ def verified(folder: Path) -> bool:
 
 
 def leaves(tree: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    """The paths of all values; of the versions, which are many, only the first and that of NumPy."""
+    """Yield the paths of all values; of the many versions, only the first and that of NumPy."""
     if isinstance(tree, Mapping):
         names = [each for each in tree if place[-1:] != ("versions",) or each in ("Python", "numpy")]
         for name in names:
@@ -91,7 +91,7 @@ def leaves(tree: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str |
 
 
 def changed(tree: Any, place: tuple[str | int, ...]) -> Any:
-    """A copy with another value at a place."""
+    """Return a copy with a different value at a path."""
     copied = json.loads(json.dumps(tree))
     part = copied
     for name in place[:-1]:
@@ -101,7 +101,7 @@ def changed(tree: Any, place: tuple[str | int, ...]) -> Any:
 
 
 def other(value: Any) -> Any:
-    """Another value of the same kind."""
+    """Return a different value of the same type."""
     match value:
         case bool():
             return not value
@@ -131,7 +131,7 @@ def test_an_unchanged_folder_is_sound_and_the_script_prints_the_claim(
     assert verified(folder)
 
 
-def test_each_field_of_the_certificate(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changes_to_each_field_of_the_certificate_are_detected(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = folder / "certificate.json"
     content = json.loads(file.read_text())
     sweep = SweepFolder.opened(folder)
@@ -152,7 +152,7 @@ def test_each_field_of_the_certificate(folder: Path, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.slow
-def test_each_field_of_the_identity(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changes_to_each_field_of_the_identity_are_detected(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = folder / "identity.json"
     content = json.loads(file.read_text())
     places = [place for place in leaves(content) if "resolved" not in place or len(place) < 4]
@@ -163,21 +163,21 @@ def test_each_field_of_the_identity(folder: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.slow
-def test_each_value_of_the_scenario(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changes_to_each_value_of_the_scenario_are_detected(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = folder / "scenario" / "passing.yaml"
     content = yaml.safe_load(file.read_text())
     for place in leaves(content):
         if place in (("symaware",), ("environment", "use")) or place[-1] == "use":
-            continue  # no other is valid
+            continue  # no other value is valid
         file.write_text(yaml.safe_dump(changed(content, place), sort_keys=False))
         assert (named(place), script(folder, monkeypatch)[1]) == (named(place), False)
         try:
             assert (named(place), verified(folder)) == (named(place), False)
         except sa.ScenarioError:
-            continue  # refused as well
+            continue  # rejected as well
 
 
-def test_each_value_of_the_plan(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changes_to_each_value_of_the_plan_are_detected(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = folder / "sweep.yaml"
     content = yaml.safe_load(file.read_text())
     for place in leaves(content):
@@ -207,7 +207,7 @@ COLUMNS: Mapping[str, Callable[[Any], Any]] = {
 }
 
 
-def test_each_column_of_the_journal(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changes_to_each_column_of_the_journal_are_detected(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = folder / "journal.sqlite"
     with closing(sqlite3.connect(file)) as journal:
         names = [row[1] for row in journal.execute("PRAGMA table_info(runs)")]
@@ -226,7 +226,7 @@ def test_each_column_of_the_journal(folder: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.slow
-def test_each_column_of_the_table(folder: Path) -> None:
+def test_changes_to_each_column_of_the_table_are_detected(folder: Path) -> None:
     file = folder / "runs.parquet"
     table = parquet.read_table(file)
     for place, name in enumerate(table.column_names):
@@ -240,7 +240,7 @@ def test_each_column_of_the_table(folder: Path) -> None:
 
 
 def _another(value: Any, kind: pyarrow.DataType) -> Any:
-    """Another value for a column; None for lists, which are compared as others are."""
+    """Return a different value for a column; None for lists, which are compared like other values."""
     if pyarrow.types.is_list(kind):
         return value[::-1] if isinstance(value, list) and len(value) > 1 else None
     if pyarrow.types.is_dictionary(kind) or pyarrow.types.is_string(kind):
@@ -250,7 +250,7 @@ def _another(value: Any, kind: pyarrow.DataType) -> Any:
     return (value or 0) + 1
 
 
-def test_the_page_and_the_hashes_of_rows(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changes_to_the_page_and_the_row_hashes_are_detected(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page, hashes = folder / "certificate.html", folder / "certificate.leaves"
     for file, old, new in ((page, "&gt; 0.1", "&gt; 0.99"), (hashes, "\n1 ", "\n1 0")):
         text = file.read_text()
@@ -264,10 +264,10 @@ def test_the_page_and_the_hashes_of_rows(folder: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize(
     ("kind", "level"),
-    # How the run ended, and what channels say of columns, are no part of a digest: repetition finds them.
+    # The outcome of the run and the metadata of channels are not part of a digest; repetition detects their changes.
     [("message", "arithmetic"), ("attachment", "arithmetic"), ("outcome", "all"), ("metadata", "all")],
 )
-def test_a_log_that_was_kept(kind: str, level: Any, folder: Path) -> None:
+def test_changes_to_a_kept_log_are_detected(kind: str, level: Any, folder: Path) -> None:
     log = sorted((folder / "logs").iterdir())[0]
     changes: dict[str, Any] = {
         "message": lambda message: (
@@ -287,7 +287,7 @@ def test_a_log_that_was_kept(kind: str, level: Any, folder: Path) -> None:
 
 @pytest.mark.parametrize("level", ["arithmetic", "monitor", "sample", "all"])
 @pytest.mark.parametrize("what", ["scenario", "certificate", "another certificate"])
-def test_every_level_finds_a_digest_that_contradicts(what: str, level: Any, folder: Path) -> None:
+def test_every_level_detects_a_contradicting_digest(what: str, level: Any, folder: Path) -> None:
     if what == "scenario":
         file, old, new = folder / "scenario" / "passing.yaml", "position[1] < 9", "position[1] < 8"
     else:
@@ -304,7 +304,7 @@ def test_every_level_finds_a_digest_that_contradicts(what: str, level: Any, fold
     assert wanted in [each.column for each in result.findings]
 
 
-def test_every_file_is_read_or_listed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_file_is_verified_or_listed_as_carrying_no_claim(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in FILES_WITHOUT_CLAIM:
         (folder / name).write_bytes(b"")
     assert verified(folder)
@@ -314,13 +314,13 @@ def test_every_file_is_read_or_listed(folder: Path, monkeypatch: pytest.MonkeyPa
     assert {name.partition(".")[0] for name in names if not name.startswith(".")} == read
 
 
-def test_what_is_no_certificate_any_more_is_a_finding(folder: Path) -> None:
+def test_a_destroyed_certificate_is_a_finding(folder: Path) -> None:
     (folder / "certificate.json").write_text("{")
     (folder / "notes.json").write_text("{}")
     assert [each.column for each in sa.verify_sweep(folder, "arithmetic").findings] == ["certificate.json"]
 
 
-def test_a_sweep_is_certified_again_after_more_of_it_is_known(folder: Path) -> None:
+def test_a_damaged_certificate_can_be_replaced_by_certifying_again(folder: Path) -> None:
     (folder / "certificate.json").write_text("{")
     assert sa.certify(folder).is_established
     assert verified(folder)

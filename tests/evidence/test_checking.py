@@ -1,4 +1,4 @@
-"""A log can be asked afterwards: the same verdicts as while it ran, or new questions."""
+"""A log can be checked afterwards, with the verdicts of the run or with new specifications."""
 
 import json
 import re
@@ -23,7 +23,7 @@ SCENARIOS = sorted(
     if path.suffix in (".yaml", ".toml") and not path.name.startswith("_")
 )
 
-#: Stated of every group, so that every scenario that is shipped has something to check.
+#: Stated for every group, so that every shipped scenario has a specification to check.
 STATED = {
     "moves": {"formula": "always[0, 1] (speed < 0.3 or eventually[0, 0.4] nearest < 3)"},
     "believes": {"of": "belief", "formula": "always (risk < 0.1 or once[0, 0.5] nearest < 2)"},
@@ -32,7 +32,7 @@ STATED = {
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda path: path.name)
-def test_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: Path) -> None:
+def test_checking_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: Path) -> None:
     document = build(scenario, ["run.duration=2", "recording.interval=0", "recording.omit=[]"]).document
     stated = {
         f"{name}-{group}": {"each": group, **content} for name, content in STATED.items() for group in document.agents
@@ -64,9 +64,7 @@ def test_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: Path) -> 
     [{"push": {"of": "robot.0", "by": [0.0, 30.0, 0.0]}}, {"place": {"of": "robot.0", "state": [0.0, 30.0, 0.0]}}],
     ids=["push", "place"],
 )
-def test_a_log_of_a_run_in_which_a_state_changes_suddenly_can_be_checked(
-    change: dict[str, object], tmp_path: Path
-) -> None:
+def test_a_log_with_a_jump_in_a_state_can_be_checked(change: dict[str, object], tmp_path: Path) -> None:
     stated = {"near": {"each": "robot", "formula": "always norm(position) < 20"}}
     overrides = [f"specifications={json.dumps(stated)}", f"faults={json.dumps({'gust': {'at': 1.0, **change}})}"]
     hello = next(each for each in SCENARIOS if each.name == "hello.yaml")
@@ -79,7 +77,7 @@ def test_a_log_of_a_run_in_which_a_state_changes_suddenly_can_be_checked(
 
 
 @pytest.mark.parametrize("scenario", ["auction.yaml", "errands.yaml"])
-def test_what_is_offered_is_evaluated_by_who_accepted_it_until_when(scenario: str, tmp_path: Path) -> None:
+def test_the_independent_evaluation_of_offers_agrees_with_the_run(scenario: str, tmp_path: Path) -> None:
     path = next(each for each in SCENARIOS if each.name == scenario)
     log = tmp_path / "run.mcap"
     summary = execute(build(path, ["recording.interval=0", "recording.omit=[]"]), log)
@@ -102,12 +100,12 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-def test_new_specifications_are_checked(log: Path) -> None:
+def test_new_specifications_can_be_checked(log: Path) -> None:
     checked = check_log(log, {"quick": {"each": "robot", "formula": "eventually[0, 9] speed > 2"}})
     assert [(each.name, each.verdict) for each in checked.specifications] == [("quick", "satisfied")]
 
 
-def test_a_file_of_specifications_may_have_regions_of_its_own(log: Path, tmp_path: Path) -> None:
+def test_a_file_of_specifications_may_define_regions(log: Path, tmp_path: Path) -> None:
     file = tmp_path / "more.yaml"
     file.write_text(
         yaml.safe_dump(
@@ -126,11 +124,11 @@ def test_a_file_of_specifications_may_have_regions_of_its_own(log: Path, tmp_pat
         check_log(log, file)
 
 
-def test_repeating_the_run_gives_the_same(log: Path) -> None:
+def test_repeating_the_run_gives_the_same_outcomes(log: Path) -> None:
     assert check_log(log, again=True).specifications == check_log(log).specifications
 
 
-def test_a_log_that_has_not_every_step_is_said_to_be_sampled(tmp_path: Path) -> None:
+def test_a_log_without_every_step_is_reported_as_sampled(tmp_path: Path) -> None:
     path = tmp_path / "patrol.mcap"
     scenario = next(each for each in SCENARIOS if each.name == "patrol.yaml")
     execute(build(scenario, ["run.duration=20", "recording.interval=0.25"]), path)
@@ -140,7 +138,7 @@ def test_a_log_that_has_not_every_step_is_said_to_be_sampled(tmp_path: Path) -> 
     assert check_log(path, again=True).sampled is None
 
 
-def test_what_is_not_in_the_log_is_told(tmp_path: Path) -> None:
+def test_data_missing_from_the_log_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "patrol.mcap"
     scenario = next(each for each in SCENARIOS if each.name == "patrol.yaml")
     execute(build(scenario, ["run.duration=1", "recording.omit=[world]"]), path)
@@ -148,7 +146,7 @@ def test_what_is_not_in_the_log_is_told(tmp_path: Path) -> None:
         check_log(path)
 
 
-def test_a_run_that_was_cut_off_leaves_undecided_what_was_not_decided(log: Path, tmp_path: Path) -> None:
+def test_open_verdicts_of_a_truncated_log_remain_undecided(log: Path, tmp_path: Path) -> None:
     whole = open_log(log)
     assert whole.outcome is not None
     cut = tmp_path / "cut.mcap"

@@ -1,4 +1,4 @@
-"""Of a run that failed or was interrupted, everybody says the same of its specifications as the run."""
+"""For failed and interrupted runs, all readers agree with the run on its specifications."""
 
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,7 @@ FAILURES: dict[str, dict[str, Any]] = {
         f"the world's {where} at {at}": {"world": world(where=where, at=at)}
         for where in ("step", "state", "snapshot", "contacts", "nan")
         for at in (0.0, 0.2, 0.3, 0.4)
-        if (where, at) != ("state", 0.0)  # which no scenario is valid with
+        if (where, at) != ("state", 0.0)  # with which no scenario is valid
     },
     **{
         f"a subscriber to {event} of {of}": refused(event, of)
@@ -107,12 +107,12 @@ def outcomes(specifications: Any) -> list[Any]:
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 @pytest.mark.parametrize("what", FAILURES)
-def test_a_log_tells_the_outcomes_of_a_run_that_failed(what: str, mode: str, tmp_path: Path, doubles: Path) -> None:
+def test_check_agrees_with_a_failed_run(what: str, mode: str, tmp_path: Path, doubles: Path) -> None:
     failure = dict(FAILURES[what])
     components = [failure.pop("component")] if "component" in failure else []
     content = scenario(mode, *components, world=failure.pop("world", None))
     if "valueless" in failure:
-        # Before and after others, which all count.
+        # Failures before and after other components, whose values all count.
         wrong = {"formula": f"always {failure.pop('valueless')}"}
         content["specifications"] = {"first": SPECIFICATIONS["slow"], "wrong": wrong, **SPECIFICATIONS}
     content["run"] |= failure.pop("run", {})
@@ -138,7 +138,7 @@ def test_a_log_tells_the_outcomes_of_a_run_that_failed(what: str, mode: str, tmp
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 @pytest.mark.parametrize("steps", range(5))
-def test_a_log_tells_the_outcomes_of_a_run_that_was_left(steps: int, mode: str, tmp_path: Path) -> None:
+def test_check_agrees_with_an_interrupted_run(steps: int, mode: str, tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(yaml.safe_dump(scenario(mode)))
     with sa.Scenario(path).start(output=tmp_path / "s.mcap") as simulation:
@@ -148,7 +148,7 @@ def test_a_log_tells_the_outcomes_of_a_run_that_was_left(steps: int, mode: str, 
     assert outcomes(sa.check_log(tmp_path / "s.mcap").specifications) == expected
 
 
-def test_a_sweep_with_runs_that_fail_is_sound(tmp_path: Path, doubles: Path) -> None:
+def test_a_sweep_with_failed_runs_is_sound(tmp_path: Path, doubles: Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(yaml.safe_dump(scenario("synchronous", fault(at=0.2))))
     over = {"agents.robot.components.bad0.with.at": [0.0, 0.2, 9.0]}

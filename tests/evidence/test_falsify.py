@@ -1,4 +1,4 @@
-"""What is planted is found, made simple, and can be run; what is not there is not found, and it is said how hard."""
+"""Planted faults are found, simplified and can be run; a search that finds none reports its effort."""
 
 import json
 import statistics
@@ -17,7 +17,7 @@ from sweeping import children, symaware
 import symaware_cli as sa
 from symaware_cli.evidence.search_method import method_names
 
-#: Two robots whose ways cross at a right angle; they meet only where both arrive at the same time.
+#: Two robots whose paths cross at a right angle; they meet only if both arrive at the same time.
 CROSSING: dict[str, Any] = {
     "symaware": 1,
     "name": "crossing",
@@ -60,7 +60,7 @@ SPEED: dict[str, Any] = {
     "parameters.fast": {"uniform": [0.5, 3.0]},
 }
 
-#: Five planted faults: how near counts as one, and what varies.
+#: Five planted faults: the distance that counts as a violation, and the varied parameters.
 PLANTED: dict[str, tuple[float, dict[str, Any]]] = {
     "near": (1.0, START),
     "nearer": (0.5, START),
@@ -91,7 +91,7 @@ def crossing(folder: Path, clear: float = 0.25) -> Path:
     return path
 
 
-def test_a_counterexample_runs_and_has_only_what_is_needed(tmp_path: Path) -> None:
+def test_a_counterexample_can_be_run_and_contains_only_necessary_changes(tmp_path: Path) -> None:
     scenario = crossing(tmp_path, 0.5)
     needless = {"parameters.clear": {"uniform": [0, 1]}, **START}
     out = tmp_path / "out"
@@ -112,7 +112,7 @@ def test_a_counterexample_runs_and_has_only_what_is_needed(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("method", method_names())
-def test_the_same_search_finds_the_same(method: str, tmp_path: Path) -> None:
+def test_a_search_is_reproducible(method: str, tmp_path: Path) -> None:
     scenario = crossing(tmp_path, 0.5)
     first, second = (sa.falsify(scenario, "apart", over=START, runs=500, seed=4, method=method) for _ in range(2))
     assert first.is_found
@@ -122,7 +122,7 @@ def test_the_same_search_finds_the_same(method: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("method", method_names())
-def test_a_search_finds_the_same_whoever_makes_its_runs_and_whatever_is_batched(method: str, tmp_path: Path) -> None:
+def test_a_search_does_not_depend_on_workers_or_batches(method: str, tmp_path: Path) -> None:
     scenario = crossing(tmp_path, 0.5)
     for over, seed in ((START, 4), ({**START, "parameters.slow": {"uniform": [0.0, 0.2]}}, 2)):
         alone, batched, shared = (
@@ -134,7 +134,7 @@ def test_a_search_finds_the_same_whoever_makes_its_runs_and_whatever_is_batched(
         assert replace(alone.result, one_by_one=batched.result.one_by_one) == batched.result
 
 
-def test_runs_beyond_the_first_violation_of_a_batch_do_not_count(tmp_path: Path) -> None:
+def test_runs_after_the_first_violation_in_a_batch_do_not_count(tmp_path: Path) -> None:
     found = sa.falsify(crossing(tmp_path, 1.0), "apart", over=START, method="random", runs=200)
     fewer = sa.falsify(crossing(tmp_path, 1.0), "apart", over=START, method="random", runs=found.result.runs)
     none = sa.falsify(crossing(tmp_path, 1.0), "apart", over=START, method="random", runs=found.result.runs - 1)
@@ -142,7 +142,7 @@ def test_runs_beyond_the_first_violation_of_a_batch_do_not_count(tmp_path: Path)
     assert (none.is_found, none.result.runs) == (False, found.result.runs - 1)
 
 
-def test_it_is_said_what_is_not_batched(tmp_path: Path) -> None:
+def test_the_reason_is_reported_if_runs_are_not_batched(tmp_path: Path) -> None:
     options = (crossing(tmp_path), "--specification", "apart", "--runs", 3, "--jobs", 0)
     assert "one by one" not in symaware("falsify", *options, "--over", "agents.east.state[0][0]={uniform: [8, 9]}")
     said = symaware("falsify", *options, "--over", "parameters.slow={uniform: [0.1, 0.2]}")
@@ -181,7 +181,7 @@ def test_an_interrupted_search_ends_its_workers(tmp_path: Path) -> None:
 
 
 def gusty(folder: Path, **gust: Any) -> Path:
-    """The crossing with a gust that blows the one who goes north to where the other one stands at the end."""
+    """The crossing with a gust that blows the northbound robot to the final position of the other one."""
     scenario = yaml.safe_load(crossing(folder).read_text())
     scenario["run"]["duration"] = 4.0
     scenario["parameters"]["south"] = -2.0
@@ -209,7 +209,7 @@ def test_a_parameter_of_a_fault_can_be_searched(tmp_path: Path) -> None:
     assert 8.7 < found.result.values["faults.gust.push.by[0]"] < 9.3
 
 
-def test_noise_can_be_searched_with_the_seeds_that_draw_it(tmp_path: Path) -> None:
+def test_noise_can_be_searched_through_seeds(tmp_path: Path) -> None:
     over = {"agents.east.model.with.process_noise": {"uniform": [0.0, 2.0]}}
     changes = {"parameters.west": 2.0, "parameters.south": -1.0}
     found = sa.falsify(crossing(tmp_path, 0.4), "apart", over=over, seeds=100, changes=changes, runs=500)
@@ -220,21 +220,21 @@ def test_noise_can_be_searched_with_the_seeds_that_draw_it(tmp_path: Path) -> No
 def test_initial_states_can_be_searched_element_by_element(tmp_path: Path) -> None:
     over = {"agents.east.state[0][0]": {"uniform": [-9, 9]}, "agents.north.state[0][1]": {"uniform": [-9, 9]}}
     found = sa.falsify(crossing(tmp_path, 0.5), "apart", over=over, runs=500)
-    # It is the same as over the parameters that these states come from, but for the draws, which are keyed by name.
+    # The search equals that over the parameters of these states, except for the draws, which are keyed by name.
     assert found.is_found
     assert {*found.result.values} <= {*over}
     assert found.result.one_by_one is None
 
 
-def test_covariance_adaptation_makes_as_many_runs_as_are_allowed(tmp_path: Path) -> None:
-    # A plateau, and one coordinate: it converges again and again.
+def test_covariance_adaptation_uses_all_allowed_runs(tmp_path: Path) -> None:
+    # A plateau with one coordinate, on which the method converges repeatedly.
     over = {"parameters.clear": {"uniform": [0, 1]}}
     found = sa.falsify(crossing(tmp_path), "apart", over=over, runs=150, method="cma-es")
     assert (found.is_found, found.result.runs) == (False, 150)
 
 
 @pytest.mark.parametrize(("method", "module"), [("cma-es", "cmaes"), ("tpe", "optuna")])
-def test_a_method_whose_module_is_missing_says_what_to_install(
+def test_a_method_with_a_missing_module_names_the_package_to_install(
     method: str, module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
@@ -243,7 +243,7 @@ def test_a_method_whose_module_is_missing_says_what_to_install(
     assert "pip install 'symaware-cli[falsify]'" in " ".join(said.split())
 
 
-def test_nothing_found_is_said_with_how_hard_it_looked(tmp_path: Path) -> None:
+def test_a_search_without_a_violation_reports_its_effort(tmp_path: Path) -> None:
     options = ("--specification", "apart", "--over", "parameters.west={uniform: [20, 30]}", "--runs", 30)
     said = symaware("falsify", crossing(tmp_path), *options, "--method", "random", "-o", tmp_path / "out")
     assert "does not prove that there is none" in said
@@ -252,7 +252,7 @@ def test_nothing_found_is_said_with_how_hard_it_looked(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_a_scenario_that_violates_by_itself_needs_no_change(tmp_path: Path) -> None:
+def test_an_unchanged_scenario_can_be_the_counterexample(tmp_path: Path) -> None:
     found = sa.falsify(crossing(tmp_path, 30.0), "apart", over=START)
     assert found.result.values == {}
     assert found.result.runs == 1
@@ -260,7 +260,7 @@ def test_a_scenario_that_violates_by_itself_needs_no_change(tmp_path: Path) -> N
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("method", method_names())
-def test_values_that_a_scenario_refuses_are_counted_and_the_first_reason_is_told(method: str, tmp_path: Path) -> None:
+def test_rejected_values_are_counted_and_the_first_reason_is_reported(method: str, tmp_path: Path) -> None:
     over = {"environment.with.time_step": {"choice": [-1.0, 0.1, -2.0]}}
     found = sa.falsify(crossing(tmp_path), "apart", over=over, runs=20, method=method)
     assert found.result.runs == 20
@@ -299,12 +299,12 @@ def test_seeds_can_be_searched(tmp_path: Path) -> None:
         (("--specification", "apart", "--over", "agents.east.cuont=1,2"), "did you mean `count`"),
     ],
 )
-def test_what_cannot_be_searched_is_refused(tmp_path: Path, options: tuple[str, ...], message: str) -> None:
+def test_invalid_searches_are_rejected(tmp_path: Path, options: tuple[str, ...], message: str) -> None:
     assert message in symaware("falsify", crossing(tmp_path), *options, status=2)
 
 
 @pytest.mark.slow
-def test_searches_find_what_is_planted_with_fewer_runs_than_chance(tmp_path: Path) -> None:
+def test_searches_find_planted_faults_with_fewer_runs_than_random_draws(tmp_path: Path) -> None:
     medians = dict.fromkeys(method_names(), 0.0)
     for clear, over in PLANTED.values():
         for method in method_names():

@@ -1,4 +1,4 @@
-"""Consistent forgeries of the folder of a sweep: which level of verification finds which, and `all` every one."""
+"""Consistent forgeries of a sweep folder: the levels of verification that detect them; `all` detects every one."""
 
 import random
 import shutil
@@ -16,7 +16,7 @@ from symaware_cli.evidence.sweep_verification import LEVELS, Level
 
 @pytest.fixture(scope="module")
 def certified(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a sweep with a certificate, sound at all levels."""
+    """The folder of a certified sweep, sound at all levels."""
     folder = tmp_path_factory.mktemp("certified")
     (folder / "passing.yaml").write_text(SCENARIO)
     (folder / "sweep.yaml").write_text(SWEEP)
@@ -27,7 +27,7 @@ def certified(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def is_sound(folder: Path, level: Level, seed: int = 0) -> bool:
-    """Verify the folder, with its certificate where no run is repeated; `sample` repeats one row of three."""
+    """Verify the folder, with its certificate if no run is repeated; `sample` repeats one of three rows."""
     if level in ("arithmetic", "monitor"):
         return sa.verify_certificate(folder / "certificate.json", level, rows=1, seed=seed).is_sound
     return sa.verify_sweep(folder, level, rows=1, seed=seed).is_sound
@@ -40,20 +40,20 @@ def level_that_finds(folder: Path, seed: int) -> str:
 
 
 def forged(certified: Path, folder: Path, cases: int) -> dict[str, Counter[str]]:
-    """Make some forgeries of each kind, and count for each which level found it first."""
+    """Create forgeries of each kind, and count for each kind the levels that first detected them."""
     found = {kind: Counter[str]() for kind in KINDS}
     for case, kind in enumerate(islice(cycle(KINDS), cases)):
         out = folder / str(case)
         shutil.copytree(certified, out)
         Forger(out, random.Random(case)).forge(kind)
-        level = level_that_finds(out, cases + case)  # not by what the forger drew from
+        level = level_that_finds(out, cases + case)  # a different seed from that of the forger
         assert level != "none", f"case {case}, {kind}: {out}"
         found[kind][level] += 1
         shutil.rmtree(out)
     return found
 
 
-def test_every_consistent_forgery_is_found(certified: Path, tmp_path: Path) -> None:
+def test_every_consistent_forgery_is_detected(certified: Path, tmp_path: Path) -> None:
     found = forged(certified, tmp_path, len(KINDS) + 3)
     by_arithmetic = {
         "row: seed",
@@ -68,7 +68,7 @@ def test_every_consistent_forgery_is_found(certified: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_each_of_500_consistent_forgeries_is_found(certified: Path, tmp_path: Path) -> None:
+def test_each_of_500_consistent_forgeries_is_detected(certified: Path, tmp_path: Path) -> None:
     found = forged(certified, tmp_path, 500)
     for kind, levels in found.items():
         print(f"| {kind} | " + " | ".join(str(levels[level]) for level in LEVELS) + " |")

@@ -1,4 +1,4 @@
-"""Estimates of rare events: what is known is found, and what cannot be split is refused with the reason."""
+"""Estimates of rare events agree with known probabilities, and runs that cannot be split are rejected with a reason."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def text_of(*arguments: str) -> tuple[int, str]:
 
 
 def plain(found: sa.RareEventEstimate) -> Any:
-    """What is to be equal when an estimate is made again."""
+    """Return the values of an estimate that are reproducible."""
     return found.probability, [(each.counts, each.estimate, each.steps) for each in found.repeats]
 
 
@@ -39,7 +39,7 @@ def small(**changes: Any) -> sa.RareEventEstimate:
     return sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, changes=changes or None)
 
 
-def test_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
+def test_the_estimate_for_the_walk_covers_the_known_probability() -> None:
     found = sa.estimate(
         WALK, "far", LEVELS, event="satisfied", trials=25, repeats=12, changes={"run.duration": 40.0}, confidence=0.999
     )
@@ -48,20 +48,20 @@ def test_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
     assert all(0.0 < share < 1.0 for share in found.shares)
 
 
-def test_the_same_seed_gives_the_same_estimate_and_another_one_another() -> None:
+def test_the_estimate_is_determined_by_the_seed() -> None:
     one, two = small(), small()
     assert plain(one) == plain(two)
     other = sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, seed=1)
     assert plain(other) != plain(one)
 
 
-def test_levels_descend_to_a_violation_and_the_answer_is_the_same() -> None:
+def test_descending_levels_to_a_violation_give_the_same_estimate() -> None:
     changes = {"specifications": {"near": {"each": "walker", "formula": "always x < 19.5"}}, "run.duration": 100.0}
     found = sa.estimate(WALK, "near", [11.5, 8.5, 5.5, 2.5], trials=20, repeats=3, changes=changes)
     assert [each.counts for each in found.repeats] == [each.counts for each in small().repeats]
 
 
-def test_the_figures_are_the_same_however_many_workers_there_are() -> None:
+def test_the_number_of_workers_does_not_affect_the_estimate() -> None:
     told: list[tuple[int, int]] = []
     shared = sa.estimate(
         WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, jobs=2, on_progress=lambda *at: told.append(at)
@@ -70,7 +70,7 @@ def test_the_figures_are_the_same_however_many_workers_there_are() -> None:
     assert told == [(1, 3), (2, 3), (3, 3)]
 
 
-def test_a_pilot_chooses_levels_which_can_be_passed_again() -> None:
+def test_the_levels_chosen_by_a_pilot_can_be_passed_back() -> None:
     options = ["--event", "satisfied", "--trials", 10, "--repeats", 2, "--set", "run.duration=30", "--jobs", 0]
     arguments = [str(WALK), "--specification", "far", *map(str, options)]
     status, text = text_of(*arguments)
@@ -87,24 +87,24 @@ def test_a_pilot_chooses_levels_which_can_be_passed_again() -> None:
 
 
 @pytest.mark.slow
-def test_with_levels_of_a_pilot_the_walk_reaches_its_far_end_as_often_as_is_known() -> None:
+def test_the_estimate_with_levels_of_a_pilot_covers_the_known_probability() -> None:
     changes = {"run.duration": 40.0}
     found = sa.estimate(WALK, "far", event="satisfied", trials=40, repeats=8, changes=changes, confidence=0.999)
     assert found.probability.covers(0.00312465853)
-    # The last level is whatever is left to the event itself, so its share has no upper bound.
+    # The last stage is the remainder up to the event itself, so its share has no upper bound.
     *levels, last = found.shares
     assert all(0.05 < share < 0.6 for share in levels)
     assert last > 0.05
 
 
-def test_a_pilot_draws_apart_from_the_trials() -> None:
-    # With the same levels, trials are those of an estimate without a pilot.
+def test_a_pilot_draws_independently_of_the_trials() -> None:
+    # With the same levels, the trials equal those of an estimate without a pilot.
     options: dict[str, Any] = {"event": "satisfied", "trials": 10, "repeats": 2, "changes": {"run.duration": 30.0}}
     found = sa.estimate(WALK, "far", **options)
     assert plain(sa.estimate(WALK, "far", found.plan.event.levels, **options)) == plain(found)
 
 
-def test_a_pilot_of_a_violation_finds_the_levels_of_the_satisfaction_with_another_sign() -> None:
+def test_pilots_for_violation_and_satisfaction_find_levels_of_opposite_sign() -> None:
     changes: dict[str, Any] = {"run.duration": 20.0}
     reached = sa.estimate(WALK, "far", event="satisfied", trials=10, repeats=2, changes=changes).plan.event.levels
     changes["specifications"] = {"near": {"each": "walker", "formula": "always x < 19.5"}}
@@ -113,7 +113,7 @@ def test_a_pilot_of_a_violation_finds_the_levels_of_the_satisfaction_with_anothe
     assert violated
 
 
-def test_a_pilot_of_what_happens_often_or_has_no_robustness_chooses_no_levels() -> None:
+def test_a_pilot_chooses_no_levels_for_frequent_events_or_without_robustness() -> None:
     often = {"often": {"each": "walker", "formula": "always x < 6.5"}}
     finite = {"often": {"each": "walker", "logic": "ltl", "formula": "always x < 19.5"}}
     for formula in (often, finite):
@@ -130,8 +130,8 @@ def test_without_levels_all_trials_are_plain_runs() -> None:
     assert (status, found["event"]["levels"], found["pilot"], len(found["shares"])) == (0, [], None, 1)
 
 
-def test_what_a_worker_cannot_do_is_told_with_its_reason() -> None:
-    # Somebody else asks for repeats of what was not checked before.
+def test_errors_of_workers_are_reported_with_their_reasons() -> None:
+    # Repeats are requested for a plan that was not checked before.
     plan = SplittingPlan(WALK, (), RareEvent("fra", "satisfied"), 2, 0)
     with (
         executor_of(RepeatWork(plan), 1) as executor,
@@ -140,7 +140,7 @@ def test_what_a_worker_cannot_do_is_told_with_its_reason() -> None:
         [*executor.results(Blocks([0], 1))]
 
 
-def test_a_level_that_nobody_reaches_is_told() -> None:
+def test_an_unreached_level_is_reported() -> None:
     arguments = [str(WALK), "--specification", "far", "--event", "satisfied", "--levels=-11.5", "--trials", "3"]
     never = "agents.walker.components.walk.with.probabilities=[0, 1]"
     status, text = text_of(*arguments, "--repeats", "2", "--set", never)
@@ -175,13 +175,13 @@ def test_a_level_that_nobody_reaches_is_told() -> None:
         ),
     ],
 )
-def test_what_cannot_be_estimated_is_refused_with_the_reason(scenario: str, arguments: list[str], reason: str) -> None:
+def test_invalid_estimates_are_rejected_with_the_reason(scenario: str, arguments: list[str], reason: str) -> None:
     status, text = text_of(str(SCENARIOS / scenario), "--trials", "2", "--repeats", "2", *arguments)
     assert status == 2
     assert reason in text
 
 
-def test_a_state_has_as_many_futures_as_there_are_seeds() -> None:
+def test_different_seeds_give_different_futures_of_a_state() -> None:
     with sa.load(SCENARIOS / "noisy.yaml").start() as simulation:
         simulation.step(10)
         state, group = simulation.capture(), next(iter(simulation.groups))
@@ -197,7 +197,7 @@ def test_a_state_has_as_many_futures_as_there_are_seeds() -> None:
         assert [future(seed) for seed in (None, 1, 2)] == futures
 
 
-def test_a_trial_depends_on_its_seed_and_not_on_the_trials_before() -> None:
+def test_a_trial_depends_on_its_seed_and_not_on_earlier_trials() -> None:
     event = RareEvent("far", "satisfied", (-10.5,))
     with split_run(open_scenario(WALK), event) as run:
         begin = run.begin()
@@ -211,7 +211,7 @@ def test_a_trial_depends_on_its_seed_and_not_on_the_trials_before() -> None:
         assert {seed: taken(seed) for seed in reversed(first)} == first
 
 
-def test_messages_draw_their_fates_from_the_seed_of_their_future() -> None:
+def test_lost_messages_are_drawn_from_the_seed_given_to_restore() -> None:
     changes = {"topology.channel.loss": 0.5}
     with sa.load(SCENARIOS / "flooding.yaml", changes).start() as simulation:
         simulation.step(5)
@@ -224,7 +224,7 @@ def test_messages_draw_their_fates_from_the_seed_of_their_future() -> None:
         assert dropped[0] == dropped[2] != dropped[1]
 
 
-def test_a_run_without_a_log_goes_on_from_an_earlier_state_after_its_end(tmp_path: Path) -> None:
+def test_a_finished_run_without_a_log_can_continue_from_an_earlier_state(tmp_path: Path) -> None:
     scenario = sa.load(SCENARIOS / "hello.yaml", {"run.duration": 1.0})
     with scenario.start() as simulation:
         simulation.step(5)

@@ -1,4 +1,4 @@
-"""The reason beside a robustness accounts for that number: the predicate, read again at the instant, gives it."""
+"""The reason of a robustness reproduces the number: re-evaluating the predicate at the instant gives it."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ PREDICATES = ("x > 0.43", "x < 0.77", "y - x > -0.31", "x * x > 0.19", "norm(sta
 
 
 def scenario(folder: Path, generator: np.random.Generator, formulas: int) -> Path:
-    """Three agents on their ways, of which one enters late and one leaves early."""
+    """Three moving agents; one enters late and one leaves early."""
     specifications: dict[str, dict[str, Any]] = {
         f"s{number}": {"each": "r", "formula": random_text(generator, int(generator.integers(1, 5)), PREDICATES)}
         for number in range(formulas)
@@ -49,7 +49,7 @@ def scenario(folder: Path, generator: np.random.Generator, formulas: int) -> Pat
 
 
 def check(folder: Path, seed: int, formulas: int) -> int:
-    """Compare the reasons of a run and of its log with the recorded states; return how many had a number."""
+    """Compare the reasons of a run and its log with the recorded states; return the number of those with a value."""
     result = load(scenario(folder, np.random.default_rng(seed), formulas)).run(output=folder / "log.mcap")
     log = open_log(folder / "log.mcap")
     assert log.outcomes == result.summary.specifications
@@ -75,11 +75,11 @@ def check(folder: Path, seed: int, formulas: int) -> int:
     return compared
 
 
-def test_the_reason_of_an_outcome_gives_its_robustness_when_it_is_read_again(tmp_path: Path) -> None:
+def test_the_reason_of_an_outcome_reproduces_its_robustness(tmp_path: Path) -> None:
     assert check(tmp_path, 0, 24) > 8
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 25))
-def test_the_reasons_of_hundreds_of_outcomes_give_their_robustness(tmp_path: Path, seed: int) -> None:
+def test_the_reasons_of_hundreds_of_outcomes_reproduce_their_robustness(tmp_path: Path, seed: int) -> None:
     assert check(tmp_path, seed, 60) > 15

@@ -1,4 +1,4 @@
-"""Predicates evaluated for one row at a time, by a second evaluator, are worth what a run computes for all at once."""
+"""Predicates evaluated row by row by a second evaluator have the values that a run computes for all rows at once."""
 
 import random
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from symaware_cli.specification.region import PlacedRegion
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_random_predicates_are_worth_the_same_to_the_bit(seed: int) -> None:
+def test_random_predicates_have_bitwise_equal_values(seed: int) -> None:
     draw = random.Random(seed)
     formula = RandomExpression(draw)
     compared = 0
@@ -75,14 +75,14 @@ def test_the_depth_in_a_region_is_the_distance_to_its_boundary(point: list[float
         ("sqrt(16) / 2 > 1", 1.0),
     ],
 )
-def test_predicates_of_constants_are_worth_what_one_reckons_by_hand(text: str, value: float) -> None:
+def test_predicates_of_constants_have_hand_computed_values(text: str, value: float) -> None:
     node = parse(text, (), ARGUMENTS)
     nothing: Mapping[str, Any] = {}
     assert row_robustness(node, nothing.__getitem__) == value
 
 
 @pytest.mark.parametrize("text", ["name > 1", "inside(2, near)", "inside([1, 2], x)", "[1, 2] > 0", "x"])
-def test_what_has_no_value_is_an_error(text: str) -> None:
+def test_expressions_without_a_value_raise_errors(text: str) -> None:
     node = parse(text, ("name", "near", "x"), ARGUMENTS)
     values = {"name": "a", "x": 1.0, "near": RegionHere("near", REGIONS, pose)}
     with pytest.raises((TypeError, ValueError)):

@@ -1,4 +1,4 @@
-"""Run, check, verify, inspect and report tell the same of a specification: of whom, from when, and how robust."""
+"""Run, check, verify, inspect and report agree on a specification: its agents, instants and robustness."""
 
 import json
 import re
@@ -24,7 +24,7 @@ from symaware_cli.studies.request import SweepRequest
 from symaware_cli.studies.session import conduct
 from symaware_cli.studies.sweep_source import read_sweep
 
-#: Robots that run into a wall one after the other, the second also into the third; a visitor comes and goes.
+#: Robots that collide with a wall one after the other, the second also with the third; a visitor enters and leaves.
 SCENARIO: dict[str, Any] = {
     "symaware": 1,
     "name": "walls",
@@ -55,7 +55,7 @@ SCENARIO: dict[str, Any] = {
     },
 }
 
-#: Where it is about whom; a formula's `VALUE` is what grows while the run goes on.
+#: The scopes of specifications; `VALUE` in a formula is a quantity that grows during the run.
 SCOPES: dict[str, tuple[dict[str, Any], str]] = {
     "each": ({"each": "robot"}, "x"),
     "visitor": ({"each": "visitor"}, "x - 4.5"),
@@ -97,7 +97,7 @@ SOME = {name: TABLE[name] for place, name in enumerate(TABLE) if place % 7 in (0
 
 
 def reported(log: Path) -> dict[str, list[str]]:
-    """The rows of specifications in the report on a log: the texts of their cells by name."""
+    """Return the rows of specifications in the report on a log: the texts of their cells by name."""
     page = write_report(log, log.with_suffix(".html")).read_text(encoding="utf-8")
     table = page.partition("<h2>Specifications</h2>")[2].partition("</table>")[0]
     rows = [re.findall("<td>(.*?)</td>", row) for row in table.split("<tr>")[2:]]
@@ -125,12 +125,12 @@ def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 def told(log: Path) -> dict[str, Any]:
-    """What the run said: its outcomes, and a row for each agent or pair of each specification."""
+    """Return the results of the run: its outcomes, and a row for each agent or pair of each specification."""
     said: dict[str, Any] = json.loads((log.parent / "told.json").read_text())
     return said
 
 
-def test_the_table_has_instances_of_all_kinds(log: Path) -> None:
+def test_the_specifications_cover_all_kinds_of_instances(log: Path) -> None:
     outcomes = {each["name"]: each for each in told(log)["outcomes"]}
     assert {each["verdict"] for each in outcomes.values()} == {"satisfied", "violated", "undecided"}
     assert {each["is_exact"] for each in outcomes.values()} == {True, False}
@@ -142,28 +142,28 @@ def test_the_table_has_instances_of_all_kinds(log: Path) -> None:
             assert (name, count) == (name, of_beginnings[beginning])
 
 
-def test_check_tells_what_the_run_told(log: Path) -> None:
+def test_check_agrees_with_the_run(log: Path) -> None:
     assert json.loads(json.dumps([each.to_json() for each in check_log(log).specifications])) == told(log)["outcomes"]
 
 
-def test_a_repeated_run_tells_what_the_run_told(log: Path) -> None:
+def test_a_repeated_run_agrees_with_the_run(log: Path) -> None:
     found = [each.to_json() for each in check_log(log, again=True).specifications]
     assert json.loads(json.dumps(found)) == told(log)["outcomes"]
 
 
-def test_inspect_tells_what_the_run_told(log: Path) -> None:
+def test_inspect_agrees_with_the_run(log: Path) -> None:
     assert json.loads(json.dumps([each.to_json() for each in open_log(log).outcomes])) == told(log)["outcomes"]
 
 
 @pytest.mark.slow
-def test_the_report_tells_what_the_run_told(log: Path) -> None:
+def test_the_report_agrees_with_the_run(log: Path) -> None:
     rows = reported(log)
     assert list(rows) == [each["name"] for each in told(log)["outcomes"]]
     for outcome in open_log(log).outcomes:
         assert rows[outcome.name][2:4] == [outcome.verdict, robustness(outcome)]
 
 
-def test_the_independent_evaluation_finds_the_rows_of_the_run(log: Path) -> None:
+def test_the_independent_evaluation_gives_the_same_rows_as_the_run(log: Path) -> None:
     evaluated = evaluate_log(log)
     assert not evaluated.left_out
     outcomes = {each["name"]: each for each in told(log)["outcomes"]}
@@ -183,7 +183,7 @@ def test_the_independent_evaluation_finds_the_rows_of_the_run(log: Path) -> None
             assert known == found if each.is_exact else known is None or found is None or known >= found
 
 
-def test_a_verdict_and_its_robustness_have_one_sign(log: Path) -> None:
+def test_a_verdict_and_its_robustness_have_the_same_sign(log: Path) -> None:
     for outcome in open_log(log).outcomes:
         if outcome.robustness and outcome.verdict == "violated":
             assert (outcome.name, outcome.robustness < 0) == (outcome.name, True)
@@ -191,7 +191,7 @@ def test_a_verdict_and_its_robustness_have_one_sign(log: Path) -> None:
             assert (outcome.name, outcome.robustness > 0) == (outcome.name, True)
 
 
-def test_an_honest_sweep_is_sound_whatever_its_specifications_say(tmp_path: Path) -> None:
+def test_an_unchanged_sweep_is_sound_for_all_specifications(tmp_path: Path) -> None:
     (tmp_path / "walls.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": SOME}))
     made = SweepFolder.created(
         tmp_path / "out", read_sweep(tmp_path / "walls.yaml", SweepRequest(entries={"runs": 1, "keep": "all"}))
@@ -212,7 +212,7 @@ def test_an_honest_sweep_is_sound_whatever_its_specifications_say(tmp_path: Path
         ({"event": "added", "of": "agents.*"}, {"events": "none"}, None),
     ],
 )
-def test_a_log_without_the_events_of_a_specification_says_so(
+def test_missing_events_of_a_specification_in_a_log_are_reported(
     beginning: dict[str, str], recording: dict[str, Any], missing: str | None, tmp_path: Path
 ) -> None:
     specifications = {"s": {"each": "robot", "formula": "x > 1", "from": beginning}}

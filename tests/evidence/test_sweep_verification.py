@@ -1,4 +1,4 @@
-"""What was changed in the folder of a sweep is found: by which level, and where."""
+"""Changes in the folder of a sweep are detected and located by the expected level."""
 
 import json
 import sqlite3
@@ -54,7 +54,7 @@ def folder(tmp_path: Path) -> SweepFolder:
 
 
 def changed(folder: SweepFolder, statement: str, *values: Any) -> None:
-    """Change the journal, and write the table anew from it, as a careful forger would."""
+    """Change the journal, and rewrite the table from it, as a careful forger would."""
     with sqlite3.connect(folder.path / JOURNAL) as database:
         assert database.execute(statement, values).rowcount > 0
     with SweepJournal(folder.path / JOURNAL) as journal:
@@ -126,7 +126,7 @@ def a_metric(folder: SweepFolder) -> None:
     ],
     ids=lambda value: getattr(value, "__name__", value),
 )
-def test_a_change_is_found_by_the_level_that_can(
+def test_each_change_is_detected_from_the_expected_level_on(
     change: Callable[[SweepFolder], None], level: Level, folder: SweepFolder
 ) -> None:
     change(folder)
@@ -134,11 +134,11 @@ def test_a_change_is_found_by_the_level_that_can(
     assert not result.is_sound
     assert result.findings[0].index in (5, 6)
     if level == "all":
-        # A table that was forged consistently looks like any other; only repetition finds it.
+        # A consistently forged table looks like any other; only repetition detects it.
         assert verified(folder, "monitor").is_sound
 
 
-def test_a_table_that_differs_from_the_journal_is_found(folder: SweepFolder) -> None:
+def test_a_difference_between_table_and_journal_is_detected(folder: SweepFolder) -> None:
     import pyarrow
     from pyarrow import parquet
 
@@ -153,17 +153,17 @@ def test_a_table_that_differs_from_the_journal_is_found(folder: SweepFolder) -> 
     assert [(each.index, each.column) for each in found] == [(2, "contacts")]
 
 
-def test_a_log_that_is_another_one_is_found(folder: SweepFolder) -> None:
+def test_a_replaced_log_is_detected(folder: SweepFolder) -> None:
     logs = sorted(folder.logs.glob("*.mcap"))
     logs[0].write_bytes(logs[1].read_bytes())
     assert {each.column for each in verified(folder, "monitor").findings} >= {"log"}
 
 
-def test_a_log_of_another_scenario_with_the_same_outcome_is_found_by_every_level(folder: SweepFolder) -> None:
+def test_every_level_detects_a_log_of_another_scenario_with_the_same_outcome(folder: SweepFolder) -> None:
     with SweepJournal(folder.path / JOURNAL) as journal:
         row = next(row for row in journal.rows() if row.index == 5)
     assert row.log is not None
-    # It moves alike and says the same of every specification, but knows something else.
+    # It moves in the same way and has the same outcomes, but different knowledge.
     changes = ["agents.robot.knowledge.told=1"]
     execute(build(folder.source.scenario, changes, folder.plan.seed(5)), folder.logs / "forged.mcap")
     name = f"{digest(open_log(folder.logs / 'forged.mcap')).combined[:32]}.mcap"
@@ -178,14 +178,14 @@ def test_a_log_of_another_scenario_with_the_same_outcome_is_found_by_every_level
     assert [each.column for each in found[2:]] == ["log, resolved.yaml"]
 
 
-def test_runs_with_nothing_to_compare_are_counted(folder: SweepFolder) -> None:
+def test_missing_and_lost_runs_are_counted(folder: SweepFolder) -> None:
     changed(folder, 'DELETE FROM runs WHERE "index" = 7')
     changed(folder, "UPDATE runs SET state = 'lost' WHERE \"index\" = 2")
     result = verified(folder, "all")
     assert (result.rows, result.missing, result.lost, result.repeated) == (7, 1, 1, 6)
 
 
-def test_an_agents_robustness_that_its_log_contradicts_is_found(folder: SweepFolder) -> None:
+def test_a_robustness_of_an_agent_that_contradicts_its_log_is_detected(folder: SweepFolder) -> None:
     content = metrics(folder, 5)
     (pair,) = content["by_agent.apart"]
     forged = {**content, "by_agent.apart": [{**pair, "robustness": pair["robustness"] + 1e-9}]}
@@ -202,7 +202,7 @@ def test_an_agents_robustness_that_its_log_contradicts_is_found(folder: SweepFol
         ("recording.omit=[world]", "the log does not contain world"),
     ],
 )
-def test_specifications_that_logs_do_not_suffice_for_are_counted(tmp_path: Path, change: str, reason: str) -> None:
+def test_specifications_that_logs_cannot_evaluate_are_counted(tmp_path: Path, change: str, reason: str) -> None:
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
     request = SweepRequest(set=[change], entries={"runs": 2, "keep": "all"})
     made = SweepFolder.created(tmp_path / "out", read_sweep(tmp_path / "tiny.yaml", request))
@@ -213,7 +213,7 @@ def test_specifications_that_logs_do_not_suffice_for_are_counted(tmp_path: Path,
     assert json.loads(json.dumps(result.to_json()))["not_evaluated"] == result.not_evaluated
 
 
-def test_the_log_of_a_component_that_rolls_dice_is_told_apart_at_the_right_place(doubles: Path, tmp_path: Path) -> None:
+def test_the_difference_caused_by_a_nondeterministic_component_is_located(doubles: Path, tmp_path: Path) -> None:
     scenario = json.loads(json.dumps(SCENARIO))
     scenario["agents"]["robot"]["components"]["dice"] = {
         "use": "doubles.chance",
@@ -227,13 +227,13 @@ def test_the_log_of_a_component_that_rolls_dice_is_told_apart_at_the_right_place
     assert places == ["log, /agents/robot/risk at 0.3 s robot.1 risk[0]"]
 
 
-def test_a_table_that_was_removed_is_a_finding(folder: SweepFolder) -> None:
+def test_a_missing_table_is_a_finding(folder: SweepFolder) -> None:
     (folder.path / TABLE).unlink()
     (finding,) = verify_sweep(folder.path, "arithmetic").findings
     assert (finding.column, finding.found, finding.expected) == (TABLE, "missing", "the table of 8 rows")
 
 
-def test_a_folder_without_its_journal_is_refused_and_stays_as_it_is(folder: SweepFolder) -> None:
+def test_a_folder_without_journal_is_rejected_and_left_unchanged(folder: SweepFolder) -> None:
     (folder.path / JOURNAL).unlink()
     with pytest.raises(SweepError, match="without it there are no rows to verify"):
         verify_sweep(folder.path)

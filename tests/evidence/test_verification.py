@@ -1,4 +1,4 @@
-"""A log is verified by its own scenario: what was changed afterwards is found, at its place."""
+"""A log is verified with its own scenario: later changes are detected and located."""
 
 import json
 import os
@@ -25,13 +25,13 @@ SCENARIOS = sorted(
     if path.suffix in (".yaml", ".toml") and not path.name.startswith("_")
 )
 
-#: How many random changes are tried.
+#: The number of random changes to try.
 CHANGES = int(os.environ.get("SYMAWARE_CHANGES", "15"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda path: path.name)
-def test_every_scenario_that_is_shipped_repeats(scenario: Path, tmp_path: Path) -> None:
+def test_every_shipped_scenario_is_reproducible(scenario: Path, tmp_path: Path) -> None:
     execute(build(scenario, ["run.duration=2"]), tmp_path / "run.mcap")
     result = verify_log(tmp_path / "run.mcap")
     assert result.is_equal
@@ -47,14 +47,14 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_an_equal_log_is_equal(log: Path) -> None:
+def test_an_unchanged_log_is_verified(log: Path) -> None:
     result = verify_log(log)
     assert result.is_equal
     assert result.until == 3.0
     assert not result.versions
 
 
-def test_a_changed_value_is_found_with_its_agent_element_and_writer(log: Path, tmp_path: Path) -> None:
+def test_a_changed_value_is_reported_with_its_agent_element_and_writer(log: Path, tmp_path: Path) -> None:
     group = next(iter(open_log(log).agents))
 
     def changed(message: LogMessage) -> bytes:
@@ -75,7 +75,7 @@ def test_a_changed_value_is_found_with_its_agent_element_and_writer(log: Path, t
     assert result.writer.startswith(f"agents.{group}.")
 
 
-def test_a_component_that_rolls_dice_is_named(doubles: Path, tmp_path: Path) -> None:
+def test_a_nondeterministic_component_is_named(doubles: Path, tmp_path: Path) -> None:
     scenario = tmp_path / "dice.yaml"
     scenario.write_text(
         "symaware: 1\nname: dice\nseed: 1\nrun: {duration: 1.0}\n"
@@ -97,7 +97,7 @@ def test_a_component_that_rolls_dice_is_named(doubles: Path, tmp_path: Path) -> 
     assert result.writer == "agents.robot.dice"
 
 
-def test_every_random_change_of_the_data_is_found(log: Path, tmp_path: Path) -> None:
+def test_every_random_change_of_the_data_is_detected(log: Path, tmp_path: Path) -> None:
     chance = random.Random(5)
     count = sum(message.channel.topic != "/timing" for message in open_log(log).messages())
     missed = []
@@ -111,7 +111,7 @@ def test_every_random_change_of_the_data_is_found(log: Path, tmp_path: Path) -> 
 
 @dataclass
 class _Change:
-    """Changes a bit of the message of a number, or leaves it out."""
+    """Flips a bit of the message with a number, or removes the message."""
 
     target: int
     is_kept: bool
@@ -131,14 +131,14 @@ class _Change:
 
 
 def _verified(path: Path) -> bool | str:
-    """Whether a log is verified; the error, if it cannot be read."""
+    """Return whether a log is verified, or the error if it cannot be read."""
     try:
         return verify_log(path).is_equal
     except LogError as error:
         return str(error)
 
 
-def test_a_changed_attachment_is_found(log: Path, tmp_path: Path) -> None:
+def test_a_changed_attachment_is_detected(log: Path, tmp_path: Path) -> None:
     def other_name(name: str, data: bytes) -> bytes:
         if name != "manifest.json":
             return data
@@ -150,7 +150,7 @@ def test_a_changed_attachment_is_found(log: Path, tmp_path: Path) -> None:
     assert not result.is_equal
 
 
-def test_another_seed_in_the_scenario_gives_another_run(log: Path, tmp_path: Path) -> None:
+def test_a_changed_seed_in_the_scenario_is_detected(log: Path, tmp_path: Path) -> None:
     def other_seed(name: str, data: bytes) -> bytes:
         return data.replace(b"seed: ", b"seed: 9") if name == "resolved.yaml" else data
 
@@ -158,7 +158,7 @@ def test_another_seed_in_the_scenario_gives_another_run(log: Path, tmp_path: Pat
     assert not verify_log(tmp_path / "forged.mcap").is_equal
 
 
-def test_what_was_installed_otherwise_is_told(log: Path, tmp_path: Path) -> None:
+def test_differences_in_installed_versions_are_reported(log: Path, tmp_path: Path) -> None:
     def older(name: str, data: bytes) -> bytes:
         return json.dumps({**json.loads(data), "numpy": "1.0"}).encode() if name == "versions.json" else data
 
@@ -168,7 +168,7 @@ def test_what_was_installed_otherwise_is_told(log: Path, tmp_path: Path) -> None
     assert [(each.name, each.then) for each in result.versions] == [("numpy", "1.0")]
 
 
-def test_a_log_that_was_cut_off_is_compared_as_far_as_it_goes(log: Path, tmp_path: Path) -> None:
+def test_a_truncated_log_is_compared_up_to_its_end(log: Path, tmp_path: Path) -> None:
     content = log.read_bytes()
     whole = tmp_path / "long.mcap"
     scenario = next(each for each in SCENARIOS if each.name == "patrol.yaml")

@@ -1,4 +1,4 @@
-"""Ray nodes on this machine that listen on the loopback alone; who starts them ends them, by their own processes."""
+"""Ray nodes on this machine that listen only on the loopback interface, and are ended by the test that starts them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-# Ray reads this when it is imported: otherwise it takes 127.0.0.1 for the address of the machine in its network.
+# Ray reads this when it is imported; otherwise it replaces 127.0.0.1 by the machine's address in its network.
 os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 
 _NODE: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Runs that are made together equal the same runs made alone, to the bit."""
+"""Batched runs are bitwise equal to the same runs executed alone."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -22,7 +22,7 @@ from symaware_cli.testing import assert_batchable
 
 SCENARIOS = CHECKOUT / "scenarios"
 
-#: Those that can be batched, with how long to run them [s] and what else to change.
+#: The scenarios that can be batched, with the duration to run [s] and other changes.
 BATCHED: dict[str, list[str]] = {
     "circle-swap.yaml": ["run.duration=4", "agents.robot.count=12"],
     "crossing.yaml": ["run.duration=3"],
@@ -38,7 +38,7 @@ Trace = list[list[bytes]]
 
 
 def states_of(run: Run, share: int = 1, position: int = 0) -> list[bytes]:
-    """The states and control inputs of one of the runs that share the arrays of a run."""
+    """The states and control inputs of one run of a batch."""
     found = []
     for group in run.simulation.groups:
         rows = len(group) // share
@@ -49,7 +49,7 @@ def states_of(run: Run, share: int = 1, position: int = 0) -> list[bytes]:
 
 
 def alone(path: Path, changes: Sequence[str], seed: int) -> tuple[Trace, RunSummary]:
-    """What a run is like that is made alone."""
+    """Return the steps and the summary of a run executed alone."""
     built = build(path, changes, seed)
     run = Run(built.simulation, built.steps, None, None, replace(built.options, may_exit=False))
     trace: Trace = []
@@ -60,7 +60,7 @@ def alone(path: Path, changes: Sequence[str], seed: int) -> tuple[Trace, RunSumm
 
 
 def together(path: Path, changes: Sequence[str], seeds: Sequence[int]) -> list[tuple[Trace, RunSummary]]:
-    """What several are like that are made together."""
+    """Return the steps and the summary of each run of a batch."""
     built = build(path, changes)
     assert refusal(built) is None
     batch = Batch(compose(path, changes), built, seeds)
@@ -74,7 +74,7 @@ def together(path: Path, changes: Sequence[str], seeds: Sequence[int]) -> list[t
 
 
 def without_wall_time(summary: RunSummary) -> dict[str, Any]:
-    """A summary as data, without what depends on the machine, and without reasons, which batches do not give."""
+    """Return a summary as plain data, without machine-dependent values, and without reasons, which batches omit."""
     found = asdict(replace(summary, wall_time=0.0))
     for each in found["specifications"]:
         for name in ("agents", "time", "reason"):
@@ -83,11 +83,11 @@ def without_wall_time(summary: RunSummary) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", BATCHED)
-def test_a_run_of_a_batch_equals_the_run_alone(name: str) -> None:
+def test_a_run_in_a_batch_equals_the_run_executed_alone(name: str) -> None:
     assert_batchable(SCENARIOS / name, BATCHED[name])
 
 
-def test_every_step_and_every_figure_of_a_batch_are_those_of_the_run_alone() -> None:
+def test_every_step_and_metric_in_a_batch_equals_that_of_the_run_executed_alone() -> None:
     path, changes, seeds = SCENARIOS / "crossing.yaml", ["run.duration=2"], [5, 1, 8]
     for seed, (trace, summary) in zip(seeds, together(path, changes, seeds), strict=True):
         expected, alone_summary = alone(path, changes, seed)
@@ -96,7 +96,7 @@ def test_every_step_and_every_figure_of_a_batch_are_those_of_the_run_alone() -> 
 
 
 class Herd(GroupComponent):
-    """Steers every agent to the mean of all rows, and so of all runs."""
+    """Steers every agent to the mean of all rows, and thus of all runs."""
 
     batchable = True
 
@@ -108,7 +108,7 @@ class Herd(GroupComponent):
         self._group.control_input = value
 
 
-def test_the_kit_tells_a_component_whose_rows_depend_on_other_runs(
+def test_the_conformance_kit_detects_a_component_whose_rows_depend_on_other_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     information = tmp_path / "herd-1.0.dist-info"
@@ -137,7 +137,7 @@ def test_the_kit_tells_a_component_whose_rows_depend_on_other_runs(
         assert_batchable(tmp_path / "herd.yaml", ["run.mode=asynchronous"])
 
 
-def test_what_is_drawn_for_the_start_is_drawn_for_each_run(tmp_path: Path) -> None:
+def test_initial_values_are_drawn_for_each_run(tmp_path: Path) -> None:
     document = yaml.safe_load((SCENARIOS / "crossing.yaml").read_text())
     group = next(iter(document["agents"].values()))
     width = 3 if group["model"]["use"] == "unicycle" else 2
@@ -165,14 +165,14 @@ def test_what_is_drawn_for_the_start_is_drawn_for_each_run(tmp_path: Path) -> No
         ("convoy.yaml", "faults"),
     ],
 )
-def test_what_cannot_be_batched_says_why(name: str, why: str) -> None:
+def test_the_reason_is_given_if_runs_cannot_be_batched(name: str, why: str) -> None:
     built = build(SCENARIOS / name)
     reason = refusal(built)
     assert reason is not None
     assert why in reason
 
 
-def test_specifications_of_pairs_are_those_of_one_run(tmp_path: Path) -> None:
+def test_specifications_of_pairs_in_a_batch_equal_those_of_single_runs(tmp_path: Path) -> None:
     document = yaml.safe_load((SCENARIOS / "crossing.yaml").read_text())
     name = next(iter(document["agents"]))
     document["specifications"] = {
@@ -190,7 +190,7 @@ def test_specifications_of_pairs_are_those_of_one_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("jobs", [0, 2])
-def test_a_sweep_has_the_same_rows_whatever_is_batched(tmp_path: Path, jobs: int) -> None:
+def test_a_sweep_has_the_same_rows_with_and_without_batches(tmp_path: Path, jobs: int) -> None:
     tables = [
         sweep(
             SCENARIOS / "noisy.yaml",
@@ -230,14 +230,14 @@ def test_runs_that_draw_initial_states_and_knowledge_are_batched(tmp_path: Path)
     assert SweepFolder.opened(tmp_path / "1").one_by_one(1) == "batches are switched off"
 
 
-def test_runs_that_draw_anything_else_are_made_one_by_one(tmp_path: Path) -> None:
+def test_runs_that_draw_other_parameters_are_executed_one_by_one(tmp_path: Path) -> None:
     changes, over = {"run.duration": 0.2}, {"agents.straight.components.sense.with.range": {"uniform": [1.0, 9.0]}}
     sweep(SCENARIOS / "noisy.yaml", tmp_path / "out", changes=changes, over=over, runs=3)
     reason = "runs differ in more than seeds, initial states and knowledge"
     assert SweepFolder.opened(tmp_path / "out").one_by_one() == reason
 
 
-def test_a_run_that_fails_costs_its_row_only_in_a_batch_too(tmp_path: Path) -> None:
+def test_a_failing_run_costs_only_its_own_row_even_in_a_batch(tmp_path: Path) -> None:
     document = yaml.safe_load((SCENARIOS / "crossing.yaml").read_text())
     name = next(iter(document["agents"]))
     document["agents"][name]["knowledge"]["signed"] = {"uniform": [-0.1, 1]}
@@ -257,7 +257,7 @@ def test_a_run_that_fails_costs_its_row_only_in_a_batch_too(tmp_path: Path) -> N
         {"circle": {"radius": 3.0}},
     ],
 )
-def test_starts_of_any_form_are_those_of_each_run(tmp_path: Path, state: Any) -> None:
+def test_initial_conditions_of_any_form_equal_those_of_single_runs(tmp_path: Path, state: Any) -> None:
     document = {
         "symaware": 1,
         "name": "starts",
@@ -325,13 +325,13 @@ def test_a_run_that_ends_early_leaves_its_batch(tmp_path: Path, until: str) -> N
         ("time > 1", "specifications are final when `run.until` ends their run"),
     ],
 )
-def test_ends_that_specifications_take_part_in_are_of_single_runs(until: str, why: str) -> None:
+def test_runs_whose_end_depends_on_specifications_are_not_batched(until: str, why: str) -> None:
     assert refusal(build(SCENARIOS / "shortcut.yaml", [f"run.until={until}"])) == why
 
 
 @pytest.mark.parametrize("shape", [{"circle": {"radius": 0.3}}, {"box": {"length": 0.5, "width": 0.5}}])
-def test_contacts_of_a_batch_are_debounced_as_those_of_the_run_alone(tmp_path: Path, shape: dict[str, Any]) -> None:
-    """Of robots that noise shakes where they just touch each other and a pillar."""
+def test_contacts_in_a_batch_are_debounced_as_in_single_runs(tmp_path: Path, shape: dict[str, Any]) -> None:
+    """Contacts of robots that noise moves while they just touch each other and a pillar."""
     wide = next(iter(shape.values()))
     gap = 2 * wide["radius"] if "radius" in wide else wide["length"]
     document = {

@@ -25,11 +25,11 @@ def test_a_sweep_ends_when_its_rule_holds_at_a_look(tmp_path: Path) -> None:
     assert sequence.estimate().halfwidth >= 0.2
     sequence.update(values[len(before) :])
     assert sequence.estimate().halfwidth < 0.2
-    # It is over: nothing is left to be made.
+    # The sweep is finished: no runs are left.
     assert json.loads(symaware("resume", out, "--jobs", 0, "--json"))["made_now"] == 0
 
 
-def test_the_number_of_workers_does_not_change_where_a_sweep_ends(tmp_path: Path) -> None:
+def test_the_number_of_workers_does_not_affect_where_a_sweep_ends(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     rule = "halfwidth(satisfied.near) < 0.25"
     for jobs in (0, 2):
@@ -40,7 +40,7 @@ def test_the_number_of_workers_does_not_change_where_a_sweep_ends(tmp_path: Path
     assert all(20 <= count < 1000 for count in counts)
 
 
-def test_a_sweep_with_a_rule_is_resumed_to_the_same_table(tmp_path: Path) -> None:
+def test_a_resumed_sweep_with_a_rule_gives_the_same_table(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     options = ["--runs", 200, "--with", "until=halfwidth(satisfied.near) < 0.2", "--jobs", 0]
     symaware("sweep", scenario, "-o", tmp_path / "whole", *options)
@@ -49,7 +49,7 @@ def test_a_sweep_with_a_rule_is_resumed_to_the_same_table(tmp_path: Path) -> Non
     assert table_digest(tmp_path / "whole") == table_digest(tmp_path / "out")
 
 
-def test_a_mean_is_watched_within_declared_bounds(tmp_path: Path) -> None:
+def test_a_rule_on_a_mean_needs_values_within_declared_bounds(tmp_path: Path) -> None:
     tiny(tmp_path)
     sweep, out = tmp_path / "sweep.yaml", tmp_path / "out"
     text = 'symaware-sweep: 1\nscenario: tiny.yaml\nruns: 500\nuntil: "halfwidth(mean.closest) < 0.5"\n'
@@ -68,9 +68,7 @@ def test_a_mean_is_watched_within_declared_bounds(tmp_path: Path) -> None:
         ("satisfied.near", 1, "comparisons"),
     ],
 )
-def test_a_rule_that_is_wrong_is_located_and_nothing_is_created(
-    tmp_path: Path, rule: str, column: int, said: str
-) -> None:
+def test_an_invalid_rule_is_located_and_nothing_is_created(tmp_path: Path, rule: str, column: int, said: str) -> None:
     scenario, out = tiny(tmp_path), tmp_path / "out"
     options = ["--runs", 50, "--with", f"until={rule}"]
     found = json.loads(symaware("sweep", scenario, "-o", out, *options, "--json", status=2))

@@ -1,4 +1,4 @@
-"""The study of maximal risks: that it has every controller, and what a few runs of it show."""
+"""The study of maximal risks includes every controller, and a few of its runs are consistent with it."""
 
 import importlib.util
 import sys
@@ -14,7 +14,7 @@ TOP = CHECKOUT
 
 
 def program() -> ModuleType:
-    """The program that runs the study."""
+    """Return the program that runs the study."""
     spec = importlib.util.spec_from_file_location("chance_study", TOP / "benchmarks" / "chance.py")
     assert spec is not None
     assert spec.loader is not None
@@ -29,7 +29,7 @@ SWEEPS = study.sweeps()
 
 
 def controllers() -> set[str]:
-    """All built-in components that take a maximal risk, by their names without the family."""
+    """Return all built-in components with a maximal risk, by name without the family."""
     found = set()
     for each in entry_points(group="symaware.components"):
         if each.value.startswith("symaware_cli.engine.components.control"):
@@ -39,7 +39,7 @@ def controllers() -> set[str]:
     return found
 
 
-def test_each_sweep_has_each_controller_that_takes_a_maximal_risk() -> None:
+def test_each_sweep_contains_every_controller_with_a_maximal_risk() -> None:
     pytest.importorskip("casadi", reason="CasADi is an extra")
     assert len(SWEEPS) == 4
     for sweep in SWEEPS:
@@ -49,7 +49,7 @@ def test_each_sweep_has_each_controller_that_takes_a_maximal_risk() -> None:
             assert len(own) == (2 if sweep.stem == "chance-horizons" else 1), f"{name} in {sweep.name}"
 
 
-def test_the_table_of_the_page_has_every_variant_and_contradicts_nothing() -> None:
+def test_the_table_of_the_page_is_complete_and_consistent() -> None:
     lines = [line for line in (TOP / "docs" / "risk.md").read_text().splitlines() if line.startswith("| `chance-")]
     found = []
     for line in lines:
@@ -64,13 +64,13 @@ def test_the_table_of_the_page_has_every_variant_and_contradicts_nothing() -> No
 
 
 @pytest.mark.parametrize(("risk", "most"), [(0.1, 55), (0.05, 31), (0.02, 15)])
-def test_at_most_the_99_percent_point_of_the_binomial_distribution_may_violate(risk: float, most: int) -> None:
+def test_the_number_of_violations_is_limited_by_the_99_percent_binomial_quantile(risk: float, most: int) -> None:
     assert study.Row("any", "mpc", risk, 400, most).most == most
     assert study.Row("any", "mpc", risk, 400, most).keeps
     assert not study.Row("any", "mpc", risk, 400, most + 1).keeps
 
 
-def test_a_controller_that_is_never_limited_shows_nothing() -> None:
+def test_a_controller_that_is_never_limited_is_inconclusive() -> None:
     rows = [study.Row("a", "mpc", 0.1, 400, 10), study.Row("b", "mpc-short", 0.1, 400, 3)]
     assert study.failures(rows) == ["mpc: the constraint binds nowhere"]
     assert study.failures([*rows, study.Row("b", "mpc-long", 0.1, 400, 11)]) == []
@@ -78,7 +78,7 @@ def test_a_controller_that_is_never_limited_shows_nothing() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sweep", SWEEPS, ids=lambda path: path.stem)
-def test_twenty_runs_of_each_variant_contradict_no_maximal_risk(sweep: Path) -> None:
+def test_twenty_runs_of_each_variant_are_consistent_with_the_maximal_risk(sweep: Path) -> None:
     pytest.importorskip("casadi", reason="CasADi is an extra")
     for row in study.rows(sweep, 20):
         assert row.runs == 20

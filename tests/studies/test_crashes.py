@@ -1,4 +1,4 @@
-"""Processes are killed at random moments, and runs fail or hang: nothing but a row is ever lost."""
+"""Processes are killed at random times, and runs fail or hang: at most the row of the current run is lost."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _RUNS = 200
 
 
 def created(folder: Path, scenario: Path, runs: int, **options: object) -> Path:
-    """Make the folder of a sweep, of which nothing is run."""
+    """Create the folder of a sweep without executing runs."""
     request = SweepRequest(over=["agents.robot.count=1,2"], entries={"runs": runs // 2, **options})
     return SweepFolder.created(folder, read_sweep(scenario, request)).path
 
@@ -36,7 +36,7 @@ def resume(folder: Path, jobs: int, batch: int | None = 1) -> None:
 
 
 def driver(folder: Path, jobs: int, batch: int | None = 1) -> ForkServerProcess:
-    """Start to resume a sweep in a process of its own, which has everything imported already."""
+    """Resume a sweep in a separate process that has already imported everything."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["symaware_cli.studies.session", "symaware_cli.studies.runner", "pyarrow.parquet"])
     process = context.Process(target=resume, args=(folder, jobs, batch))
@@ -45,7 +45,7 @@ def driver(folder: Path, jobs: int, batch: int | None = 1) -> ForkServerProcess:
 
 
 def made(folder: Path) -> int:
-    """How many rows are committed."""
+    """Return the number of committed rows."""
     with closing(sqlite3.connect(folder / "journal.sqlite")) as journal:
         if not journal.execute("SELECT name FROM sqlite_master WHERE name = 'runs'").fetchone():
             return 0
@@ -54,7 +54,7 @@ def made(folder: Path) -> int:
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The scenario, and the digest of the table of a sweep that nothing happened to."""
+    """The scenario, and the digest of the table of an uninterrupted sweep."""
     folder = tmp_path_factory.mktemp("unbroken")
     scenario = tiny(folder)
     resume(created(folder / "out", scenario, _RUNS), 0)
@@ -62,7 +62,7 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 
 def broken(folder: Path, scenario: Path, kills: int, jobs: tuple[int, ...], seed: int) -> None:
-    """Kill whoever resumes a sweep, or a worker of it, again and again; then resume it to its end."""
+    """Repeatedly kill the process that resumes a sweep, or one of its workers, then resume the sweep to its end."""
     chance = random.Random(seed)
     created(folder, scenario, _RUNS)
     for _ in range(kills):
@@ -79,7 +79,9 @@ def broken(folder: Path, scenario: Path, kills: int, jobs: tuple[int, ...], seed
         resume(folder, 0)
 
 
-def test_after_20_kills_the_table_is_that_of_an_unbroken_sweep(unbroken: tuple[Path, str], tmp_path: Path) -> None:
+def test_the_table_after_20_kills_equals_that_of_an_uninterrupted_sweep(
+    unbroken: tuple[Path, str], tmp_path: Path
+) -> None:
     scenario, digest = unbroken
     broken(tmp_path / "out", scenario, 20, (0, 0, 0, 1), seed=1)
     assert [row["index"] for row in rows(tmp_path / "out")] == [*range(_RUNS)]
@@ -87,15 +89,17 @@ def test_after_20_kills_the_table_is_that_of_an_unbroken_sweep(unbroken: tuple[P
 
 
 @pytest.mark.slow
-def test_after_40_kills_the_table_is_that_of_an_unbroken_sweep(unbroken: tuple[Path, str], tmp_path: Path) -> None:
+def test_the_table_after_40_kills_equals_that_of_an_uninterrupted_sweep(
+    unbroken: tuple[Path, str], tmp_path: Path
+) -> None:
     scenario, digest = unbroken
-    # 10 for 200 kills.
+    # use 10 for 200 kills.
     for seed in range(int(os.environ.get("SYMAWARE_KILL_SEEDS", "2"))):
         broken(tmp_path / f"{seed}", scenario, 20, (0, 1, 2), seed)
         assert table_digest(tmp_path / f"{seed}") == digest
 
 
-def test_a_worker_that_is_killed_costs_one_row_and_is_replaced(unbroken: tuple[Path, str], tmp_path: Path) -> None:
+def test_a_killed_worker_costs_one_row_and_is_replaced(unbroken: tuple[Path, str], tmp_path: Path) -> None:
     scenario, digest = unbroken
     out = created(tmp_path / "out", scenario, _RUNS)
     process = driver(out, 1)
@@ -111,7 +115,7 @@ def test_a_worker_that_is_killed_costs_one_row_and_is_replaced(unbroken: tuple[P
     assert table_digest(out) == digest
 
 
-def test_workers_end_with_the_process_that_started_them(unbroken: tuple[Path, str], tmp_path: Path) -> None:
+def test_workers_end_with_their_parent_process(unbroken: tuple[Path, str], tmp_path: Path) -> None:
     out = created(tmp_path / "out", unbroken[0], _RUNS)
     process = driver(out, 2)
     assert process.pid is not None
@@ -125,7 +129,7 @@ def test_workers_end_with_the_process_that_started_them(unbroken: tuple[Path, st
         time.sleep(0.02)
 
 
-def test_ctrl_c_ends_a_sweep_that_can_be_resumed_at_once(unbroken: tuple[Path, str], tmp_path: Path) -> None:
+def test_a_sweep_ended_by_ctrl_c_can_be_resumed_immediately(unbroken: tuple[Path, str], tmp_path: Path) -> None:
     scenario, digest = unbroken
     out = created(tmp_path / "out", scenario, _RUNS)
     process = subprocess.Popen(
@@ -142,7 +146,7 @@ def test_ctrl_c_ends_a_sweep_that_can_be_resumed_at_once(unbroken: tuple[Path, s
     assert table_digest(out) == digest
 
 
-def test_two_processes_do_not_work_on_one_sweep(unbroken: tuple[Path, str], tmp_path: Path) -> None:
+def test_two_processes_cannot_work_on_one_sweep(unbroken: tuple[Path, str], tmp_path: Path) -> None:
     out = created(tmp_path / "out", unbroken[0], _RUNS)
     with SweepFolder.opened(out).locked():
         assert "another process is at work" in symaware("resume", out, status=2)
@@ -168,7 +172,7 @@ def variant(name: str, **parameters: object) -> list[str]:
     return ["--with", f"variants.{name}={{{', '.join(changes)}}}"]
 
 
-def test_a_run_that_fails_or_hangs_or_kills_its_process_costs_its_row_only(doubles: Path, tmp_path: Path) -> None:
+def test_a_run_that_fails_hangs_or_kills_its_process_costs_only_its_own_row(doubles: Path, tmp_path: Path) -> None:
     scenario, out = tmp_path / "thinkers.yaml", tmp_path / "out"
     scenario.write_text(_THINKER)
     ways = [variant(how, how=how, at=0.2) for how in ("raise", "kill", "hang", "nan")]
@@ -192,14 +196,14 @@ def test_a_run_that_fails_or_hangs_or_kills_its_process_costs_its_row_only(doubl
         assert found["kill", replicate] == ("lost", "the worker process was killed by SIGKILL")
         assert found["hang", replicate] == ("lost", "it did not end within 2 s")
         assert found["nan", replicate][0] == "failed"
-    assert len(list((out / "logs").iterdir())) == 4  # of the failed runs
-    # What failed stays failed; what was lost is tried again.
+    assert len(list((out / "logs").iterdir())) == 4  # the logs of the failed runs
+    # Failed runs stay failed; lost runs are repeated.
     symaware("resume", out, "--jobs", 0, status=1)
     before = [row for row in rows(out) if row["state"] != "lost"]
     assert len(before) == 6
 
 
-def test_a_worker_that_keeps_the_interpreter_to_itself_is_ended(doubles: Path, tmp_path: Path) -> None:
+def test_a_worker_that_holds_the_interpreter_lock_is_killed(doubles: Path, tmp_path: Path) -> None:
     scenario, out = tmp_path / "holder.yaml", tmp_path / "out"
     scenario.write_text(_THINKER.replace("doubles.thinker", "doubles.holder"))
     options = ["--over", "agents.robot.components.think.with.duration=0,1000", "--with", "timeout=0.2", "--jobs", 1]
@@ -207,7 +211,7 @@ def test_a_worker_that_keeps_the_interpreter_to_itself_is_ended(doubles: Path, t
     assert [row["state"] for row in rows(out)] == ["done", "lost"]
 
 
-def test_the_first_failure_ends_a_sweep_that_is_to_fail_fast(doubles: Path, tmp_path: Path) -> None:
+def test_fail_fast_ends_a_sweep_at_the_first_failure(doubles: Path, tmp_path: Path) -> None:
     scenario, out = tmp_path / "thinkers.yaml", tmp_path / "out"
     scenario.write_text(_THINKER)
     fails = variant("raise", how="raise", at=0.2)

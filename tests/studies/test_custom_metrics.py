@@ -105,7 +105,7 @@ def test_a_metric_of_a_plugin_has_a_column_with_its_type_and_unit(tmp_path: Path
     ("use", "said"),
     [("odd", "`0.5`, and was declared to be of the kind integer"), ("faulty", "ZeroDivisionError: on purpose")],
 )
-def test_a_metric_that_fails_makes_its_row_failed(tmp_path: Path, use: str, said: str) -> None:
+def test_a_failing_metric_gives_a_failed_row(tmp_path: Path, use: str, said: str) -> None:
     out = sweep(tmp_path, f"{{strange: {{use: measures.{use}}}}}", status=1)
     for row in rows(out):
         assert row["state"] == "failed"
@@ -122,7 +122,7 @@ def test_a_metric_that_fails_makes_its_row_failed(tmp_path: Path, use: str, said
         ("{closest: max(time)}", "every table has a column `closest`"),
     ],
 )
-def test_a_metric_that_is_wrong_is_located_and_nothing_is_created(tmp_path: Path, metrics: str, said: str) -> None:
+def test_an_invalid_metric_is_located_and_nothing_is_created(tmp_path: Path, metrics: str, said: str) -> None:
     tiny(tmp_path)
     path, out = tmp_path / "sweep.yaml", tmp_path / "out"
     path.write_text(f"symaware-sweep: 1\nscenario: tiny.yaml\nruns: 3\nmetrics: {metrics}\n")

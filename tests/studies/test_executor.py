@@ -1,4 +1,4 @@
-"""Blocks: which runs are given away together. Signals: when they interrupt what is made."""
+"""Blocks: the runs that are distributed together. Signals: when they interrupt work."""
 
 import os
 import signal
@@ -16,23 +16,21 @@ from symaware_cli.studies.worker_pool import WorkerPool
 
 
 @pytest.mark.parametrize(("run_time", "least", "sizes"), [(0.1, 1, [10, 10]), (5.0, 1, [1, 1]), (5.0, 32, [32, 32])])
-def test_a_block_is_worth_a_second_or_has_as_many_runs_as_are_made_together(
-    run_time: float, least: int, sizes: list[int]
-) -> None:
+def test_a_block_takes_about_a_second_or_has_the_size_of_a_batch(run_time: float, least: int, sizes: list[int]) -> None:
     blocks = Blocks(range(1000), 1000, run_time=run_time, least=least)
     taken = [block.indices for _ in sizes if (block := blocks.take())]
     assert [len(each) for each in taken] == sizes
     assert [index for each in taken for index in each] == list(range(sum(sizes)))
 
 
-def test_all_take_part_in_the_rest() -> None:
+def test_the_last_runs_are_shared_among_all_workers() -> None:
     blocks = Blocks(range(10), 10, least=100)
     block = blocks.take(share=3)
     assert block is not None
     assert len(block.indices) == 4
 
 
-def test_what_is_given_back_comes_first() -> None:
+def test_returned_runs_are_taken_first() -> None:
     blocks = Blocks(range(4), 4, least=2)
     block = blocks.take()
     assert block is not None
@@ -43,7 +41,7 @@ def test_what_is_given_back_comes_first() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_that_is_deferred_interrupts_at_the_end_of_the_block(number: int) -> None:
+def test_a_deferred_signal_interrupts_at_the_end_of_the_block(number: int) -> None:
     made = []
 
     def work() -> None:
@@ -58,7 +56,7 @@ def test_a_signal_that_is_deferred_interrupts_at_the_end_of_the_block(number: in
 
 
 class Interrupting(CodeIdentity):
-    """The code of this process; whoever is told of it, such as a worker that was just started, is interrupted."""
+    """The code of this process, which raises an interrupt when it is sent to a worker that was just started."""
 
     __slots__ = ()
 
@@ -67,7 +65,7 @@ class Interrupting(CodeIdentity):
         return super().to_json()
 
 
-def test_a_worker_whose_start_is_interrupted_is_ended_with_the_others() -> None:
+def test_a_worker_interrupted_during_its_start_is_ended_with_the_others() -> None:
     before = len(children(os.getpid()))
     work = RepeatWork(SplittingPlan(Path("walk.yaml"), (), RareEvent("far", "satisfied"), 2, 0))
     pool = WorkerPool(work, 1, code=Interrupting({}, {}, {}))

@@ -22,7 +22,7 @@ def test_the_shares_of_a_planned_sweep_have_exact_intervals(tmp_path: Path) -> N
     assert "Clopper-Pearson" in symaware("shares", out)
 
 
-def test_the_shares_of_a_sweep_that_was_stopped_by_a_rule_have_intervals_that_may_be_watched(tmp_path: Path) -> None:
+def test_the_shares_of_a_sweep_stopped_by_a_rule_have_anytime_valid_intervals(tmp_path: Path) -> None:
     scenario, out = tiny(tmp_path), tmp_path / "out"
     rule = "halfwidth(satisfied.near) < 0.3"
     symaware("sweep", scenario, "-o", out, "--runs", 500, "--with", f"until={rule}", "--jobs", 0)
@@ -45,7 +45,7 @@ def test_paired_variants_are_compared_run_by_run(tmp_path: Path) -> None:
     assert "did you mean" in symaware("compare", out, "path_lenth", status=2)
 
 
-def test_variants_that_are_not_paired_are_not_compared(tmp_path: Path) -> None:
+def test_unpaired_variants_are_not_compared(tmp_path: Path) -> None:
     scenario, out = tiny(tmp_path), tmp_path / "out"
     symaware("sweep", scenario, "-o", out, "--with", "variants.one={}", "--with", "variants.two={}", "--jobs", 0)
     assert "only paired variants" in symaware("compare", out, "closest", status=2)

@@ -1,4 +1,4 @@
-"""The table of a sweep says what became of the specifications that were offered."""
+"""The table of a sweep contains the outcomes of offered specifications."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sweeping import rows, symaware, tiny
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A sweep of two runs, in which one of two robots fails early or late: what it alone was told of is open again."""
+    """A sweep of two runs in which one of two robots fails early or late, so that its offers are open again."""
     scenario = yaml.safe_load(tiny(tmp_path).read_text())
     scenario["run"]["duration"] = 2.0
     scenario["agents"]["robot"]["state"] = [[0, 0, 0], [1, 0, 0]]
@@ -30,23 +30,23 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
-def test_a_row_counts_what_was_accepted_violated_and_rejected(folder: Path) -> None:
+def test_a_row_counts_accepted_violated_and_rejected_offers(folder: Path) -> None:
     early, late = ((row["offers_accepted"], row["offers_violated"], row["offers_rejected"]) for row in rows(folder))
-    # What the robot had accepted that failed early is open again, and the other one was not told of it.
+    # The offer accepted by the robot that failed early is open again, and the other robot did not receive it.
     assert early == (1, 1, 2)
     assert late == (2, 1, 1)
     first = rows(folder)[0]
     assert (first["verdict.move"], first["verdict.hurry"], first["verdict.far"]) == ("rejected", "violated", "rejected")
 
 
-def test_the_counts_are_shown_and_select_rows(folder: Path) -> None:
+def test_the_counts_of_offers_are_shown_and_can_select_rows(folder: Path) -> None:
     assert symaware("rows", folder, "--where", "offers_rejected > 1", "--columns", "breakdown,offers_accepted") == (
         "breakdown  offers_accepted\n        1                1\n1 of 2 runs\n"
     )
     assert "offers_violated" in symaware("rows", folder)
 
 
-def test_there_are_no_counts_where_nothing_is_offered(tmp_path: Path) -> None:
+def test_there_are_no_counts_without_offers(tmp_path: Path) -> None:
     symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--jobs", 0)
     assert rows(tmp_path / "out")[0]["offers_accepted"] is None
     assert "offers" not in symaware("rows", tmp_path / "out")

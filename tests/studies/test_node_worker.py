@@ -1,4 +1,4 @@
-"""What runs on a node of a cluster, without the cluster: blocks go in, rows and logs come out."""
+"""The worker of a cluster node, without a cluster: it receives blocks and returns rows and logs."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def setup(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SweepSetu
     node_worker.close()
 
 
-def test_rows_are_those_of_one_process_and_nothing_stays_on_the_node(setup: SweepSetup, tmp_path: Path) -> None:
+def test_rows_equal_those_of_one_process_and_no_files_remain_on_the_node(setup: SweepSetup, tmp_path: Path) -> None:
     expected = list(SweepFolder.opened(tmp_path / "out").runner(1).rows([0, 1, 2]))
     found = [*node_worker.answer(setup, [0], False).rows, *node_worker.answer(setup, [1, 2], False).rows]
     assert [replace(row, wall_time=0.0) for row in found] == [replace(row, wall_time=0.0) for row in expected]
     assert not [*(tmp_path / "node").iterdir()]
 
 
-def test_logs_come_back_as_they_are(setup: SweepSetup, tmp_path: Path) -> None:
+def test_logs_are_returned_under_the_names_in_their_rows(setup: SweepSetup, tmp_path: Path) -> None:
     answered = node_worker.answer(setup, [0, 1], True)
     assert [row.log for row in answered.rows] == [*{row.log: None for row in answered.rows}]
     assert {row.log for row in answered.rows} == answered.logs.keys()
@@ -50,7 +50,7 @@ def changed(code: Any, distribution: str, file: str, content: str | None) -> dic
     return {**code, "files": {**code["files"], distribution: {name: each for name, each in files.items() if each}}}
 
 
-def test_other_code_is_refused_by_distribution_and_file(setup: SweepSetup) -> None:
+def test_different_code_is_rejected_naming_distribution_and_file(setup: SweepSetup) -> None:
     other = changed(setup.code, "numpy", "numpy/version.py", "0")
     other = changed(other, "symaware-cli", "symaware_cli/core/agent.py", None)
     other = changed(other, "symaware-cli", "symaware_cli/core/ghost.py", "0")
@@ -65,8 +65,8 @@ def test_other_code_is_refused_by_distribution_and_file(setup: SweepSetup) -> No
     ]
 
 
-def test_kernels_are_chosen_before_python_starts(setup: SweepSetup, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Ray sets this one for each task.
+def test_kernels_are_selected_before_python_starts(setup: SweepSetup, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Ray sets this variable for each task.
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     variables = {**setup.code["variables"], "OPENBLAS_CORETYPE": "Nehalem"}
     answered = node_worker.answer(replace(setup, key="other", code={**setup.code, "variables": variables}), [0], False)
@@ -75,7 +75,7 @@ def test_kernels_are_chosen_before_python_starts(setup: SweepSetup, monkeypatch:
     assert os.environ.get("OPENBLAS_CORETYPE") != "Nehalem"
 
 
-def test_files_of_an_installed_and_of_an_editable_distribution_are_known() -> None:
+def test_files_of_installed_and_editable_distributions_are_found() -> None:
     files = CodeIdentity.of_this_process().files
     assert any(name.startswith("numpy.libs/") for name in files["numpy"])
     assert "symaware_cli/studies/pool_worker.py" in files["symaware-cli"]
@@ -83,18 +83,18 @@ def test_files_of_an_installed_and_of_an_editable_distribution_are_known() -> No
 
 
 @pytest.mark.parametrize("address", ["local", "cluster", "127.0.0.1:x", "127.0.0.1:99999"])
-def test_what_is_no_address_is_refused(address: str, tmp_path: Path) -> None:
+def test_invalid_addresses_are_rejected(address: str, tmp_path: Path) -> None:
     said = symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--on", f"ray:{address}", status=2)
     assert f"the address of a Ray cluster is HOST:PORT or auto, not `{address}`" in said
 
 
-def test_a_cluster_that_is_not_there_is_said_at_once(tmp_path: Path) -> None:
+def test_a_missing_cluster_is_reported_immediately(tmp_path: Path) -> None:
     said = symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--on", "ray:127.0.0.1:9", status=2)
     assert "there is no Ray cluster at 127.0.0.1:9: " in said
     assert "`ray start --head` starts one" in said
 
 
-def test_a_sweep_is_made_here_or_on_a_cluster(tmp_path: Path) -> None:
+def test_a_sweep_runs_on_this_machine_or_on_a_cluster(tmp_path: Path) -> None:
     said = symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--on", "ray:auto", "--jobs", 0, status=2)
     assert "leave one out" in said
     assert not (tmp_path / "out").exists()

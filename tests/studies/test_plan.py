@@ -25,7 +25,7 @@ def test_every_combination_is_a_cell_and_the_last_parameter_varies_fastest(tmp_p
     ]
 
 
-def test_lists_that_vary_together_are_one_axis(tmp_path: Path) -> None:
+def test_lists_varied_together_form_one_axis(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     sweep = scenario.with_name("sweep.yaml")
     sweep.write_text(
@@ -36,21 +36,21 @@ def test_lists_that_vary_together_are_one_axis(tmp_path: Path) -> None:
     assert [tuple(cell.parameters.values()) for cell in cells] == [(1, 1, 10), (1, 2, 20), (2, 1, 10), (2, 2, 20)]
 
 
-def test_a_range_has_the_values_that_a_person_would_write() -> None:
+def test_a_range_has_rounded_values() -> None:
     assert expanded("0..1 by 0.1") == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
     assert expanded("4..1 by -1") == [4, 3, 2, 1]
     with pytest.raises(ValueError, match="never gets"):
         expanded("1..2 by -1")
 
 
-def test_more_runs_change_neither_the_numbers_nor_the_seeds_of_those_before(tmp_path: Path) -> None:
+def test_adding_runs_changes_neither_numbers_nor_seeds_of_existing_runs(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     few, many = (planned(scenario, over=["agents.robot.count=1,2"], entries={"runs": runs}) for runs in (3, 9))
     assert [few.seed(index) for index in range(few.count)] == [many.seed(index) for index in range(few.count)]
     assert [few.cell(index).parameters for index in range(6)] == [many.cell(index).parameters for index in range(6)]
 
 
-def test_seeds_of_runs_and_of_sweeps_differ(tmp_path: Path) -> None:
+def test_seeds_differ_between_runs_and_between_sweeps(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     plans = [planned(scenario, entries={"runs": 1000, "seed": seed}) for seed in (0, 1)]
     seeds = [plan.seed(index) for plan in plans for index in range(1000)]
@@ -58,7 +58,7 @@ def test_seeds_of_runs_and_of_sweeps_differ(tmp_path: Path) -> None:
     assert all(0 <= seed < 2**63 for seed in seeds)
 
 
-def test_paired_variants_share_the_seed_of_their_replicate_and_others_do_not(tmp_path: Path) -> None:
+def test_only_paired_variants_share_the_seed_of_a_replicate(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     variants = {"variants.slow": {"run.duration": 2}, "variants.fast": {"run.duration": 1}}
     plan = planned(scenario, over=["agents.robot.count=1,2"], entries={**variants, "runs": 2, "paired": True})
@@ -69,7 +69,7 @@ def test_paired_variants_share_the_seed_of_their_replicate_and_others_do_not(tmp
     assert len({apart.seed(index) for index in range(4)}) == 4
 
 
-def test_a_document_that_is_written_again_is_the_same_plan(tmp_path: Path) -> None:
+def test_a_document_written_to_a_file_gives_the_same_plan(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     source = read_sweep(
         scenario,
@@ -167,7 +167,7 @@ def test_what_has_no_values_is_located(text: str, column: int, said: str) -> Non
         ("over: {a: '0..99999', b: '0..99999'}", "3:1", "at most 100,000 combinations"),
     ],
 )
-def test_what_is_wrong_in_a_file_of_a_sweep_is_located(tmp_path: Path, content: str, where: str, said: str) -> None:
+def test_problems_in_a_sweep_file_are_located(tmp_path: Path, content: str, where: str, said: str) -> None:
     (tmp_path / "tiny.yaml").write_text(SCENARIO)
     sweep = tmp_path / "sweep.yaml"
     sweep.write_text(f"symaware-sweep: 1\nscenario: tiny.yaml\n{content}\n")

@@ -1,4 +1,4 @@
-"""Plugins decide where the runs of a sweep are made and how a violation is searched for, in a file each."""
+"""Executors of sweeps and search methods for violations are plugins of one file each."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ needy = diagonal:Needy
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a package as pip would install it."""
+    """Create a folder with a package as installed by pip."""
     folder = tmp_path_factory.mktemp("site")
     (folder / "backwards.py").write_text(EXECUTOR)
     (folder / "diagonal.py").write_text(SEARCH)
@@ -101,7 +101,7 @@ def symaware(site: Path, *arguments: object) -> subprocess.CompletedProcess[str]
     )
 
 
-def test_where_runs_are_made_is_a_plugin_and_changes_no_table(site: Path, tmp_path: Path) -> None:
+def test_an_executor_is_a_plugin_and_does_not_affect_the_table(site: Path, tmp_path: Path) -> None:
     tables = []
     for place in ("local", "backwards:here"):
         out = tmp_path / place.partition(":")[0]
@@ -119,13 +119,13 @@ def test_where_runs_are_made_is_a_plugin_and_changes_no_table(site: Path, tmp_pa
         ("local:7", "`local` has no address, such as `7`"),
     ],
 )
-def test_a_place_that_is_no_executor_is_refused(place: str, said: str, site: Path, tmp_path: Path) -> None:
+def test_an_unknown_executor_is_rejected(place: str, said: str, site: Path, tmp_path: Path) -> None:
     done = symaware(site, "sweep", SCENARIOS / "hello.yaml", "-o", tmp_path / "out", "--runs", 2, "--on", place)
     assert done.returncode == 2
     assert said in done.stderr
 
 
-def test_how_a_violation_is_searched_for_is_a_plugin(site: Path, tmp_path: Path) -> None:
+def test_a_search_method_is_a_plugin(site: Path, tmp_path: Path) -> None:
     over = ["--over", "agents.robot.model.with.max_speed={uniform: [0.5, 1.5]}"]
     scenario = tmp_path / "line.yaml"
     scenario.write_text(
@@ -162,6 +162,6 @@ specifications:
         assert said in done.stdout + done.stderr
 
 
-def test_both_kinds_are_listed(site: Path) -> None:
+def test_executors_and_search_methods_are_listed(site: Path) -> None:
     assert "backwards" in symaware(site, "list", "executors").stdout
     assert "diagonal" in symaware(site, "list", "searches").stdout

@@ -1,4 +1,4 @@
-"""Ranges of values: bounded, and never taken for an interval."""
+"""Ranges of values are bounded, and never confused with intervals."""
 
 from pathlib import Path
 
@@ -19,13 +19,13 @@ from symaware_cli.world import expanded, is_range
         ("1e2..3e2 by 1e2", [100.0, 200.0, 300.0]),
     ],
 )
-def test_a_range_has_both_ends(text: str, values: list[float]) -> None:
+def test_a_range_includes_both_ends(text: str, values: list[float]) -> None:
     assert is_range(text)
     assert expanded(text) == values
 
 
 @pytest.mark.parametrize("text", ["0.5..1.4", "0..1.5", "-1.0..1", "1e2..3e2", ".5..2"])
-def test_a_range_between_numbers_that_are_not_whole_needs_a_step(text: str) -> None:
+def test_a_range_with_non_integer_ends_needs_a_step(text: str) -> None:
     with pytest.raises(ValueError, match="has no step") as caught:
         expanded(text)
     first, _, last = text.partition("..")
@@ -50,7 +50,7 @@ def test_a_range_is_bounded(text: str) -> None:
         expanded(text)
 
 
-def test_what_is_long_is_no_range_and_is_known_so_at_once() -> None:
+def test_long_text_is_quickly_rejected_as_a_range() -> None:
     for text in ("1" * 1_000_000, "1" * 1_000_000 + "..2", " " * 1_000_000 + "..", "1.." * 500_000):
         assert not is_range(text)
         assert expanded(text) == text
@@ -58,7 +58,7 @@ def test_what_is_long_is_no_range_and_is_known_so_at_once() -> None:
 
 @pytest.mark.parametrize("form", ["{}", "{{choice: {}}}"])
 @pytest.mark.parametrize("verb", ["plan", "falsify"])
-def test_every_verb_refuses_an_interval_without_a_step(verb: str, form: str, tmp_path: Path) -> None:
+def test_every_verb_rejects_an_interval_without_a_step(verb: str, form: str, tmp_path: Path) -> None:
     over = f"agents.robot.components.steer.with.speed={form.format('0.5..1.4')}"
     options = () if verb == "plan" else ("--specification", "near", "-o", tmp_path / "out")
     said = symaware(verb, tiny(tmp_path), "--over", over, *options, status=2)
@@ -67,7 +67,7 @@ def test_every_verb_refuses_an_interval_without_a_step(verb: str, form: str, tmp
     assert not (tmp_path / "out").exists()
 
 
-def test_branches_refuse_it_as_well(tmp_path: Path) -> None:
+def test_branches_reject_an_interval_without_a_step(tmp_path: Path) -> None:
     symaware("run", tiny(tmp_path), "--quiet", "-o", tmp_path / "run.mcap", "--set", "specifications={}")
     over = "agents.robot.components.steer.with.speed=0.5..1.4"
     said = symaware("branch", tmp_path / "run.mcap", "--at", "0.5", "--over", over, status=2)

@@ -1,4 +1,4 @@
-"""Sweeps on Ray: wherever runs are made, and whatever dies meanwhile, the table is the same."""
+"""Sweeps on Ray: the table does not depend on where runs are executed or on which processes die."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ import symaware_cli
 
 pytest.importorskip("ray", reason="Ray is not installed")
 
-# All of them in one process, for one cluster.
+# All of these tests run in one process, to share one cluster.
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ray"), pytest.mark.filterwarnings("default")]
 
-#: What Ray says when it ends a process whose task has answered while it was cancelled, and how often that may happen.
+#: The message of Ray when it ends a process whose task answered while being cancelled, and its maximum frequency.
 _DEFECT, _ATTEMPTS = "You have likely discovered a bug in Ray", 4
 
 
@@ -36,7 +36,7 @@ def nodes() -> Iterator[RayNodes]:
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """A scenario, and the digest of the table of 300 runs of it."""
+    """A scenario, and the digest of the table of 300 of its runs."""
     folder = tmp_path_factory.mktemp("expected")
     scenario = tiny(folder)
     symaware("sweep", scenario, "-o", folder / "out", "--runs", 300, "--jobs", 0)
@@ -57,7 +57,7 @@ def started(scenario: Path, out: Path, nodes: RayNodes) -> Iterator[subprocess.P
 
 
 def workers() -> dict[int, int]:
-    """The processes that make runs, each with the Ray worker that started it."""
+    """Return the processes that execute runs, each with the Ray worker that started it."""
     lines = subprocess.run(["ps", "-wweo", "pid=,ppid=,args="], capture_output=True, text=True).stdout.splitlines()
     parents = {int(pid): int(parent) for pid, parent, *_ in map(str.split, lines)}
     mine = {int(line.split()[0]) for line in lines if "study.pool_worker" in line}
@@ -79,14 +79,14 @@ def awaited(count: int) -> dict[int, int]:
 
 
 def assert_no_workers_remain() -> None:
-    """Processes need a moment to end."""
+    """Wait, because processes need a moment to end."""
     patience = time.monotonic() + 20
     while found := workers():
         assert time.monotonic() < patience, found
         time.sleep(0.1)
 
 
-def test_one_node_and_two_nodes_make_the_table_of_one_process(
+def test_one_node_and_two_nodes_give_the_table_of_one_process(
     nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path
 ) -> None:
     scenario, digest = expected
@@ -101,9 +101,7 @@ def test_one_node_and_two_nodes_make_the_table_of_one_process(
     assert_no_workers_remain()
 
 
-def test_a_worker_and_a_node_that_are_killed_cost_nothing(
-    nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path
-) -> None:
+def test_killing_a_worker_and_a_node_loses_no_rows(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
     scenario, digest = expected
     second = nodes.add()
     with started(scenario, tmp_path / "out", nodes) as sweep:
@@ -117,7 +115,7 @@ def test_a_worker_and_a_node_that_are_killed_cost_nothing(
     assert table_digest(tmp_path / "out") == digest
 
 
-def test_ctrl_c_leaves_nothing_behind(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
+def test_ctrl_c_leaves_no_processes_behind(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
     scenario, digest = expected
     for number in range(_ATTEMPTS):
         out, before = tmp_path / str(number), {*nodes.folder.iterdir()}
@@ -136,7 +134,7 @@ def test_ctrl_c_leaves_nothing_behind(nodes: RayNodes, expected: tuple[Path, str
     assert table_digest(out) == digest
 
 
-def test_logs_that_are_kept_come_back(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
+def test_kept_logs_are_returned(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
     options: list[Any] = ["--runs", 4, "--with", "keep=worst:2"]
     symaware("sweep", expected[0], "-o", tmp_path / "here", *options, "--jobs", 0)
     symaware("sweep", expected[0], "-o", tmp_path / "there", *options, "--on", f"ray:{nodes.address}")
@@ -145,7 +143,7 @@ def test_logs_that_are_kept_come_back(nodes: RayNodes, expected: tuple[Path, str
     assert here == there
 
 
-def test_a_node_with_another_file_is_refused(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
+def test_a_node_with_a_different_file_is_rejected(nodes: RayNodes, expected: tuple[Path, str], tmp_path: Path) -> None:
     package = Path(symaware_cli.__file__).parent
     copy = tmp_path / "other" / package.name
     shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))

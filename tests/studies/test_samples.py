@@ -1,4 +1,4 @@
-"""What a sweep draws depends on its seed and on the sample's number, not on who makes runs or how many."""
+"""Drawn values depend on the sweep's seed and the sample's number, not on the number of workers or runs."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def sweep_file(folder: Path, **said: Any) -> Path:
 
 
 @given(over=st.dictionaries(st.text("abc.", min_size=1, max_size=5), distributions, min_size=1, max_size=3))
-def test_a_sweep_that_is_written_again_draws_the_same(over: dict[str, Any]) -> None:
+def test_a_rewritten_sweep_draws_the_same_values(over: dict[str, Any]) -> None:
     said = document(over=over, runs=5, design="sobol")
     again = SweepDocument.model_validate_json(json.dumps(json.loads(_json(written_again(said, "tiny.yaml")))))
     assert [Samples(said).of(number) for number in range(5)] == [Samples(again).of(number) for number in range(5)]
@@ -70,13 +70,13 @@ def _json(text: bytes) -> str:
     more=st.integers(0, 2000),
     design=st.sampled_from(["random", "sobol"]),
 )
-def test_more_runs_keep_what_those_before_drew(seed: int, runs: int, more: int, design: str) -> None:
+def test_adding_runs_keeps_the_drawn_values_of_existing_ones(seed: int, runs: int, more: int, design: str) -> None:
     few, many = (document(over=DRAWN, seed=seed, runs=count, design=design) for count in (runs, runs + more))
     assert [Samples(few).of(k) for k in range(runs)] == [Samples(many).of(k) for k in range(runs)]
 
 
 @given(seed=st.integers(0, 2**63 - 1), runs=st.integers(1, 200))
-def test_each_part_of_a_latin_hypercube_is_drawn_from_by_one_run(seed: int, runs: int) -> None:
+def test_one_run_draws_from_each_part_of_a_latin_hypercube(seed: int, runs: int) -> None:
     samples = Samples(document(over=DRAWN, seed=seed, runs=runs, design="latin-hypercube"))
     speeds = np.array([samples.of(number)[SPEED] for number in range(runs)])
     parts = np.floor((speeds - 0.5) / 1.5 * runs).astype(int)
@@ -84,7 +84,7 @@ def test_each_part_of_a_latin_hypercube_is_drawn_from_by_one_run(seed: int, runs
 
 
 @given(order=st.lists(st.integers(0, 2999), max_size=5), design=st.sampled_from(["random", "latin-hypercube", "sobol"]))
-def test_a_sample_depends_on_its_number_and_not_on_what_was_drawn_before(order: list[int], design: str) -> None:
+def test_a_sample_depends_on_its_number_and_not_on_earlier_draws(order: list[int], design: str) -> None:
     said = document(over=DRAWN, runs=3000, design=design)
     mixed = Samples(said)
     for number in order:
@@ -100,7 +100,7 @@ anything = st.recursive(
 
 
 @given(over=st.dictionaries(st.text("abc.", min_size=1, max_size=5), anything, max_size=2), design=words)
-def test_whatever_a_file_says_is_a_plan_or_a_located_problem(
+def test_any_file_gives_a_plan_or_a_located_problem(
     over: dict[str, Any], design: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     file = tmp_path_factory.getbasetemp() / "anything.yaml"
@@ -134,12 +134,12 @@ def test_all_combinations_and_variants_draw_the_same_sample_in_the_same_replicat
             **plan.cell(index).parameters,
             **plan.samples.of(plan.replicate(index)),
         }
-        # What a variant says holds, whatever is drawn.
+        # The changes of a variant take precedence over drawn values.
         assert plan.changes(index)[-1].target == "a.b"
     assert plan.parameters(0)[SPEED] == plan.parameters(3)[SPEED] != plan.parameters(4)[SPEED]
 
 
-def test_drawn_values_are_columns_and_workers_change_nothing(tmp_path: Path) -> None:
+def test_drawn_values_are_columns_independent_of_the_number_of_workers(tmp_path: Path) -> None:
     file = sweep_file(tmp_path, runs=6, seed=3, design="latin-hypercube")
     for jobs in (0, 2):
         symaware("sweep", file, "-o", tmp_path / f"{jobs}", "--jobs", jobs)
@@ -155,18 +155,18 @@ def test_drawn_values_are_columns_and_workers_change_nothing(tmp_path: Path) -> 
         assert alone.run(record=False).summary.specifications[0].robustness == row["robustness.near"]
 
 
-def test_a_run_that_drew_is_repeated_by_its_number(tmp_path: Path) -> None:
+def test_a_run_with_drawn_values_can_be_repeated_by_its_number(tmp_path: Path) -> None:
     file, out = sweep_file(tmp_path, runs=3), tmp_path / "out"
     symaware("sweep", file, "-o", out, "-j", 0, "--with", "keep=all")
     row = rows(out)[2]
     status = 3 * (row["verdict.near"] == "violated")
     said = json.loads(symaware("run", out, "--index", 2, "-o", tmp_path / "2.mcap", "--json", status=status))
     assert said["minimum_separation"]["value"] == row["closest"]
-    # Logs that are kept are of the same runs, or the sweep would have ended with an error.
+    # The kept logs belong to the same runs, otherwise the sweep would have ended with an error.
     assert len(list((out / "logs").iterdir())) == 3
 
 
-def test_runs_are_added_to_a_sobol_sequence_and_not_to_a_latin_hypercube(tmp_path: Path) -> None:
+def test_runs_can_be_added_to_a_sobol_sequence_but_not_to_a_latin_hypercube(tmp_path: Path) -> None:
     file, out = sweep_file(tmp_path, runs=3, design="sobol"), tmp_path / "out"
     symaware("sweep", file, "-o", out, "-j", 0)
     before = rows(out)
@@ -180,7 +180,7 @@ def test_runs_are_added_to_a_sobol_sequence_and_not_to_a_latin_hypercube(tmp_pat
     assert "design: sobol" in said
 
 
-def test_runs_that_depend_on_each_other_have_shares_without_intervals(tmp_path: Path) -> None:
+def test_shares_of_dependent_runs_have_no_intervals(tmp_path: Path) -> None:
     file, out = sweep_file(tmp_path, runs=4, design="sobol"), tmp_path / "out"
     symaware("sweep", file, "-o", out, "-j", 0)
     (share,) = json.loads(symaware("shares", out, "--json"))
@@ -188,7 +188,7 @@ def test_runs_that_depend_on_each_other_have_shares_without_intervals(tmp_path: 
     assert "the runs depend on each other" in symaware("shares", out)
 
 
-def test_variants_of_runs_that_depend_on_each_other_are_compared_without_tests(tmp_path: Path) -> None:
+def test_variants_with_dependent_runs_are_compared_without_tests(tmp_path: Path) -> None:
     variants = {"slow": {"agents.robot.count": 1}, "fast": {"agents.robot.count": 2}}
     for design in ("random", "sobol"):
         file = sweep_file(tmp_path, runs=4, design=design, variants=variants, paired=True)
@@ -202,7 +202,7 @@ def test_variants_of_runs_that_depend_on_each_other_are_compared_without_tests(t
     assert "the runs depend on each other" in said
 
 
-def test_the_command_and_python_draw_as_a_file_does(tmp_path: Path) -> None:
+def test_command_line_and_python_draw_the_same_values_as_a_file(tmp_path: Path) -> None:
     file = sweep_file(tmp_path, runs=3, seed=5, design="sobol")
     table = symaware_cli.sweep(file)
     assert table.equals(symaware_cli.sweep(tmp_path / "tiny.yaml", over=DRAWN, design="sobol", runs=3, seed=5))
@@ -212,7 +212,7 @@ def test_the_command_and_python_draw_as_a_file_does(tmp_path: Path) -> None:
     assert rows(tmp_path / "out") == table.to_pylist()
 
 
-def test_a_picture_shows_runs_over_what_they_drew(tmp_path: Path) -> None:
+def test_a_picture_shows_runs_over_drawn_values(tmp_path: Path) -> None:
     file, out = sweep_file(tmp_path, runs=5), tmp_path / "out"
     symaware("sweep", file, "-o", out, "-j", 0)
     (speed, duration) = finished_runs(SweepFolder.opened(out)).drawn

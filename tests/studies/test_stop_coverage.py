@@ -1,4 +1,4 @@
-"""A sweep that a rule ends has an interval that covers the truth as often as it says."""
+"""The interval of a sweep ended by a rule has the nominal coverage."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,7 @@ from sweeping import rows, symaware
 
 from symaware_cli.studies.statistics.confidence_sequence import BetaMixture
 
-#: A body that stands still, in the left 8 tenths of an arena with a probability of 0.8.
+#: A stationary body, which is in the left eight tenths of an arena with a probability of 0.8.
 COIN = """\
 symaware: 1
 name: coin
@@ -24,7 +24,7 @@ agents:
 
 
 @pytest.mark.slow
-def test_the_share_at_the_end_of_twenty_sweeps_covers_the_probability(tmp_path: Path) -> None:
+def test_the_final_intervals_of_twenty_sweeps_cover_the_probability(tmp_path: Path) -> None:
     scenario = tmp_path / "coin.yaml"
     scenario.write_text(COIN)
     covered = 0

@@ -1,4 +1,4 @@
-"""Sweeps as a person makes them: with the command, in processes of their own."""
+"""Sweeps as a user runs them: with the command, in separate processes."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def test_a_sweep_has_a_row_for_each_run_of_each_combination(tmp_path: Path) -> N
     assert {row["verdict.near"] for row in found} == {"satisfied", "violated"}
 
 
-def test_this_process_one_worker_and_two_workers_make_the_same_table(tmp_path: Path) -> None:
+def test_the_table_does_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     for jobs in (0, 1, 2):
         symaware("sweep", scenario, "-o", tmp_path / f"{jobs}", "--runs", 20, "--jobs", jobs)
     assert len({table_digest(tmp_path / f"{jobs}") for jobs in (0, 1, 2)}) == 1
 
 
-def test_a_row_says_what_the_run_alone_says(tmp_path: Path) -> None:
+def test_a_row_agrees_with_the_run_executed_alone(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "agents.robot.count=2,3", "--runs", 3, "--jobs", 0)
     for row in rows(tmp_path / "out"):
@@ -54,7 +54,7 @@ def test_a_row_says_what_the_run_alone_says(tmp_path: Path) -> None:
         )
 
 
-def test_each_goal_is_in_the_table_with_its_agent_and_time_however_runs_are_made(tmp_path: Path) -> None:
+def test_the_table_lists_each_goal_with_agent_and_time_with_and_without_batches(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     changes = ["--set", "run.duration=5", "--set", "agents.robot.knowledge.goal=[2, 0]", "--runs", 4, "--jobs", 0]
     for batch in ("off", 3):
@@ -76,13 +76,13 @@ def test_each_goal_is_in_the_table_with_its_agent_and_time_however_runs_are_made
     assert "`goals` is a list" in symaware("rows", out, "--sort", "goals", status=2)
 
 
-def test_the_table_says_what_became_of_a_specification_for_each_agent_and_pair(tmp_path: Path) -> None:
+def test_the_table_has_the_outcome_of_a_specification_for_each_agent_and_pair(tmp_path: Path) -> None:
     scenario, out = tiny(tmp_path), tmp_path / "off"
     both = {
         "near": {"each": "robot", "formula": "always x < 2"},
         "apart": {"pairs": "robot", "formula": "always distance > 0.1"},
     }
-    # One about the world is not batched.
+    # A specification about the world is not batched.
     for batch, stated in (("off", {**both, "quiet": {"formula": "always contacts < 1"}}), (3, both)):
         changes = ["--set", f"specifications={json.dumps(stated)}", "--set", "run.duration=5", "--runs", 4]
         symaware("sweep", scenario, "-o", tmp_path / f"{batch}", *changes, "--batch", batch, "--jobs", 0)
@@ -98,7 +98,7 @@ def test_the_table_says_what_became_of_a_specification_for_each_agent_and_pair(t
     assert "robot.1 " in symaware("rows", out, "--columns", "by_agent.near")
 
 
-def test_bad_input_is_located_and_creates_nothing(tmp_path: Path) -> None:
+def test_invalid_input_is_located_and_creates_nothing(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     before = sorted(tmp_path.iterdir())
     said = symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "agents.robot.cont=1,2", status=2)
@@ -117,7 +117,7 @@ def test_a_dry_run_shows_the_plan_and_creates_nothing(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_sweep_that_is_asked_for_again_is_resumed_and_another_one_is_refused(tmp_path: Path) -> None:
+def test_the_same_sweep_is_resumed_and_a_different_one_is_rejected(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     out = tmp_path / "out"
     symaware("sweep", scenario, "-o", out, "--runs", 3, "--jobs", 0)
@@ -130,7 +130,7 @@ def test_a_sweep_that_is_asked_for_again_is_resumed_and_another_one_is_refused(t
     assert "the file tiny.yaml is another one" in said
 
 
-def test_a_sweep_does_not_go_on_with_other_files_or_versions(tmp_path: Path) -> None:
+def test_a_sweep_is_not_resumed_with_different_files_or_versions(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     out = tmp_path / "out"
     symaware("sweep", scenario, "-o", out, "--runs", 1, "--jobs", 0)
@@ -148,7 +148,7 @@ def test_a_sweep_does_not_go_on_with_other_files_or_versions(tmp_path: Path) -> 
     assert "max_speed: 2.0" in said
 
 
-def test_runs_are_added_and_those_before_stay(tmp_path: Path) -> None:
+def test_adding_runs_keeps_the_existing_ones(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     out = tmp_path / "out"
     symaware("sweep", scenario, "-o", out, "--runs", 2, "--over", "agents.robot.count=1,2", "--jobs", 0)
@@ -159,7 +159,7 @@ def test_runs_are_added_and_those_before_stay(tmp_path: Path) -> None:
     assert table_digest(out) == table_digest(tmp_path / "all")
 
 
-def test_the_logs_of_the_worst_runs_are_kept_under_the_digest_of_what_they_say(tmp_path: Path) -> None:
+def test_the_logs_of_the_worst_runs_are_kept_and_named_by_their_digests(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     out = tmp_path / "out"
     symaware("sweep", scenario, "-o", out, "--runs", 8, "--with", "keep=worst:2", "--jobs", 0)
@@ -173,7 +173,7 @@ def test_the_logs_of_the_worst_runs_are_kept_under_the_digest_of_what_they_say(t
     assert len(list((out / "logs").iterdir())) == 2
 
 
-def test_python_gets_the_table_of_the_same_engine(tmp_path: Path) -> None:
+def test_the_python_interface_returns_the_same_table(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     table = symaware_cli.sweep(scenario, over={"agents.robot.count": [1, 2]}, runs=2, seed=5)
     symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "agents.robot.count=1,2", "--runs", 2, "--seed", 5)
@@ -182,7 +182,7 @@ def test_python_gets_the_table_of_the_same_engine(tmp_path: Path) -> None:
         symaware_cli.sweep(scenario, over={"agents.robot.cont": "1..3"})
 
 
-def test_a_run_of_a_sweep_is_repeated_with_its_log(tmp_path: Path) -> None:
+def test_a_run_of_a_sweep_can_be_repeated_to_write_its_log(tmp_path: Path) -> None:
     scenario, out, log = tiny(tmp_path), tmp_path / "out", tmp_path / "again.mcap"
     symaware("sweep", scenario, "-o", out, "--over", "agents.robot.count=2,3", "--runs", 2, "--jobs", 0)
     row = rows(out)[3]
@@ -197,7 +197,7 @@ def test_a_run_of_a_sweep_is_repeated_with_its_log(tmp_path: Path) -> None:
     assert "--index" in symaware("run", out, status=2)
 
 
-def test_rows_filters_and_sorts_the_table_also_of_a_sweep_that_was_killed(tmp_path: Path) -> None:
+def test_rows_filters_and_sorts_even_the_table_of_a_killed_sweep(tmp_path: Path) -> None:
     scenario, out = tiny(tmp_path), tmp_path / "out"
     symaware("sweep", scenario, "-o", out, "--over", "agents.robot.count=2,3", "--runs", 10, "--jobs", 0)
     found = json.loads(
@@ -216,7 +216,7 @@ def test_rows_filters_and_sorts_the_table_also_of_a_sweep_that_was_killed(tmp_pa
     assert "is a folder" in symaware("log", "events", out, status=2)
 
 
-def test_a_log_is_swept_as_the_scenario_that_it_contains(tmp_path: Path) -> None:
+def test_a_sweep_of_a_log_uses_the_scenario_that_it_contains(tmp_path: Path) -> None:
     scenario, log = tiny(tmp_path), tmp_path / "one.mcap"
     symaware("run", scenario, "--set", "agents.robot.count=3", "-o", log, "-q", status=3)
     options = ["--over", "run.duration=0.5,1.0", "--runs", 2, "--seed", 4, "-j", 0]
@@ -224,7 +224,7 @@ def test_a_log_is_swept_as_the_scenario_that_it_contains(tmp_path: Path) -> None
     changed = ["--set", "agents.robot.count=3"]
     symaware("sweep", scenario, "-o", tmp_path / "file", *options, *changed)
     assert table_digest(tmp_path / "log") == table_digest(tmp_path / "file")
-    # The folder needs the log no longer, and a file of a sweep may name one.
+    # The folder no longer needs the log, and the file of a sweep may name a log.
     sweep = tmp_path / "sweep.yaml"
     sweep.write_text("symaware-sweep: 1\nscenario: one.mcap\nruns: 2\nseed: 4\nover: {run.duration: [0.5, 1.0]}\n")
     symaware("sweep", sweep, "-o", tmp_path / "log", "-j", 0)
@@ -233,7 +233,7 @@ def test_a_log_is_swept_as_the_scenario_that_it_contains(tmp_path: Path) -> None
     assert len(rows(tmp_path / "log")) == 6
 
 
-def test_a_log_without_a_scenario_and_problems_with_that_of_a_log_are_told(tmp_path: Path) -> None:
+def test_missing_and_invalid_scenarios_of_logs_are_reported(tmp_path: Path) -> None:
     scenario, log = tiny(tmp_path), tmp_path / "one.mcap"
     (tmp_path / "no.mcap").write_bytes(b"no log")
     assert "no.mcap" in symaware("sweep", tmp_path / "no.mcap", "-o", tmp_path / "out", status=2)
@@ -243,7 +243,7 @@ def test_a_log_without_a_scenario_and_problems_with_that_of_a_log_are_told(tmp_p
     assert not (tmp_path / "out").exists()
 
 
-def test_runs_are_not_added_while_another_process_is_at_work(tmp_path: Path) -> None:
+def test_runs_cannot_be_added_while_another_process_works_on_the_sweep(tmp_path: Path) -> None:
     symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
     folder = SweepFolder.opened(tmp_path / "out")
     before = (tmp_path / "out" / "sweep.yaml").read_bytes()
@@ -252,7 +252,7 @@ def test_runs_are_not_added_while_another_process_is_at_work(tmp_path: Path) -> 
     assert (tmp_path / "out" / "sweep.yaml").read_bytes() == before
 
 
-def test_runs_that_two_add_at_once_are_all_added(tmp_path: Path) -> None:
+def test_runs_added_by_two_processes_at_once_are_all_kept(tmp_path: Path) -> None:
     symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
     # Both have read the sweep before either adds to it.
     folders = [SweepFolder.opened(tmp_path / "out") for _ in range(2)]
@@ -270,7 +270,7 @@ def test_runs_that_two_add_at_once_are_all_added(tmp_path: Path) -> None:
     assert read_sweep(tmp_path / "out" / "sweep.yaml").plan.document.runs == 5
 
 
-def test_a_sweep_that_another_process_added_runs_to_makes_these_as_well(tmp_path: Path) -> None:
+def test_a_sweep_also_executes_runs_added_by_another_process(tmp_path: Path) -> None:
     symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "-j", 0)
     before = SweepFolder.opened(tmp_path / "out")
     SweepFolder.opened(tmp_path / "out").add_runs(2)
@@ -278,8 +278,8 @@ def test_a_sweep_that_another_process_added_runs_to_makes_these_as_well(tmp_path
     assert len(rows(tmp_path / "out")) == 3
 
 
-def test_runs_that_ended_are_freed_before_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Otherwise the solvers of hundreds of runs would stay in memory, as full garbage collections are rare."""
+def test_finished_runs_are_freed_before_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise the solvers of hundreds of runs would stay in memory, because full garbage collections are rare."""
     monkeypatch.setattr("symaware_cli.studies.runner._UNCOLLECTED", 0.0)
     symaware("sweep", tiny(tmp_path), "-o", tmp_path / "out", "--runs", 6, "-j", 0, "-q")
     started: list[weakref.ref[Simulation]] = []

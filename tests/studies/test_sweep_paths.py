@@ -1,4 +1,4 @@
-"""The trajectories of the runs of a sweep are drawn from runs that are made again."""
+"""The trajectories of the runs of a sweep are drawn from repeated runs."""
 
 import json
 import sqlite3
@@ -24,7 +24,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "swept"
 
 
-def test_paths_are_those_of_the_runs_alone_however_they_are_made(swept: Path) -> None:
+def test_paths_equal_those_of_single_runs_with_and_without_batches(swept: Path) -> None:
     folder = SweepFolder.opened(swept)
     indices = [0, 2, 4]
     found = []
@@ -43,7 +43,7 @@ def test_paths_are_those_of_the_runs_alone_however_they_are_made(swept: Path) ->
     assert found[0][1][:, 1] == pytest.approx(log.series("robot.1", "world").values[:, :2])
 
 
-def test_long_runs_are_thinned_and_keep_their_ends(swept: Path) -> None:
+def test_paths_of_long_runs_are_thinned_but_keep_their_ends(swept: Path) -> None:
     folder, paths = SweepFolder.opened(swept), RunPaths()
     for _ in folder.runner(follow=paths.follow).rows([1, 3]):
         pass
@@ -60,7 +60,7 @@ def test_long_runs_are_thinned_and_keep_their_ends(swept: Path) -> None:
     assert paths.goals_differ is False
 
 
-def test_a_picture_of_paths_counts_the_runs_that_violate(swept: Path, tmp_path: Path) -> None:
+def test_a_picture_of_paths_counts_violating_runs(swept: Path, tmp_path: Path) -> None:
     file = tmp_path / "paths.png"
     facts = json.loads(symaware("trajectories", swept, "--runs", 8, "-o", file, "--json"))
     violated = [row["verdict.near"] == "violated" for row in rows(swept) if row["replicate"] < 8]
@@ -71,7 +71,7 @@ def test_a_picture_of_paths_counts_the_runs_that_violate(swept: Path, tmp_path: 
     assert file.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_picture_of_paths_has_the_same_bytes_whenever_it_is_drawn(swept: Path, tmp_path: Path) -> None:
+def test_a_picture_of_paths_is_reproducible_byte_for_byte(swept: Path, tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
     for name in ("one.svg", "other.svg"):
         picture = gathered(SweepFolder.opened(swept), 2, lambda made, total: told.append((made, total)))
@@ -81,7 +81,7 @@ def test_a_picture_of_paths_has_the_same_bytes_whenever_it_is_drawn(swept: Path,
     assert np.isfinite(picture.panels[0].paths[0]).all()
 
 
-def test_a_run_that_comes_out_otherwise_is_not_drawn(tmp_path: Path) -> None:
+def test_a_repeated_run_that_differs_is_not_drawn(tmp_path: Path) -> None:
     folder = tmp_path / "swept"
     symaware("sweep", tiny(tmp_path), "-o", folder, "--runs", 3, "-j", 0, "-q")
     with sqlite3.connect(folder / "journal.sqlite") as journal:
@@ -90,5 +90,5 @@ def test_a_run_that_comes_out_otherwise_is_not_drawn(tmp_path: Path) -> None:
         gathered(SweepFolder.opened(folder))
 
 
-def test_only_the_folder_of_a_sweep_has_paths_of_runs(swept: Path) -> None:
+def test_paths_can_be_drawn_only_for_the_folder_of_a_sweep(swept: Path) -> None:
     assert "is not the folder of a sweep" in symaware("trajectories", swept / "sweep.yaml", status=2)

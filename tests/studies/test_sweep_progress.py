@@ -1,4 +1,4 @@
-"""A sweep says how far it is on a terminal, and nothing anywhere else."""
+"""A sweep reports its progress on a terminal, and nowhere else."""
 
 import fcntl
 import os
@@ -16,7 +16,7 @@ _WIDTH = 80
 
 
 def on_a_terminal(arguments: list[str], folder: Path) -> str:
-    """Run the command with a terminal as stderr, and return what that shows."""
+    """Run the command with a terminal as stderr, and return the text shown there."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, _WIDTH, 0, 0))
     environment = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "COLUMNS")}
@@ -42,7 +42,7 @@ def on_a_terminal(arguments: list[str], folder: Path) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode())
 
 
-def test_a_narrow_terminal_shows_rate_time_left_and_the_interval_so_far(tmp_path: Path) -> None:
+def test_progress_in_a_narrow_terminal_shows_rate_time_left_and_interval(tmp_path: Path) -> None:
     tiny(tmp_path)
     name = "a-name-that-is-rather-long-for-a-folder"
     shown = on_a_terminal(["sweep", "tiny.yaml", "-o", name, "--runs", "60", "-j", "0", "--batch", "off"], tmp_path)

@@ -33,12 +33,12 @@ TABLE = pyarrow.table(
         ("silence == 'x'", []),
     ],
 )
-def test_a_value_that_is_missing_compares_with_nothing(where: str, expected: list[int]) -> None:
+def test_a_missing_value_satisfies_no_comparison(where: str, expected: list[int]) -> None:
     assert query(TABLE, where)["index"].to_pylist() == expected
     assert query(TABLE.slice(0, 0), where).num_rows == 0
 
 
-def test_rows_without_a_value_come_last() -> None:
+def test_rows_without_a_value_are_sorted_last() -> None:
     assert query(TABLE, None, "number")["index"].to_pylist() == [0, 2, 1]
     assert query(TABLE, None, "-number", 2)["index"].to_pylist() == [2, 0]
 
@@ -53,7 +53,7 @@ def test_rows_without_a_value_come_last() -> None:
         ("norm(number) > 2 and not (text == 'x')", [2]),
     ],
 )
-def test_a_condition_on_rows_has_what_other_conditions_have(where: str, expected: list[int]) -> None:
+def test_conditions_on_rows_support_the_operators_of_other_conditions(where: str, expected: list[int]) -> None:
     assert query(TABLE, where)["index"].to_pylist() == expected
 
 
@@ -67,6 +67,6 @@ def test_a_condition_on_rows_has_what_other_conditions_have(where: str, expected
         ("inside(number, text)", "no function `inside`"),
     ],
 )
-def test_what_is_no_condition_on_rows_is_refused(where: str, said: str) -> None:
+def test_invalid_conditions_on_rows_are_rejected(where: str, said: str) -> None:
     with pytest.raises(SweepError, match=said):
         query(TABLE, where)

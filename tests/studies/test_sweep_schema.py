@@ -19,7 +19,7 @@ TOP = CHECKOUT
 BAD = Path(__file__).parent / "bad"
 SHIPPED = sorted([*TOP.glob("sweeps/*.yaml"), *TOP.glob("plugins/*/sweeps/*.yaml")])
 
-#: What a schema cannot know: the order of numbers, sums over several keys, and what the scenario says.
+#: Faults that a schema cannot detect: the order of numbers, sums over several keys, and references to the scenario.
 BEYOND = {
     "claim-about-nothing",
     "claim-beside-a-rule",
@@ -47,7 +47,7 @@ def document(path: Path) -> dict[str, Any]:
     return load(path, path.name).data
 
 
-def test_the_schema_is_a_schema_and_the_one_that_is_shipped_is_fresh() -> None:
+def test_the_schema_is_valid_and_the_shipped_copy_is_up_to_date() -> None:
     schema = validator().schema
     jsonschema.Draft202012Validator.check_schema(schema)
     written = (TOP / "schemas" / "sweep.schema.json").read_text(encoding="utf-8")
@@ -55,7 +55,7 @@ def test_the_schema_is_a_schema_and_the_one_that_is_shipped_is_fresh() -> None:
     assert symaware("schema", "--sweep", "--built-in") == written
 
 
-def test_what_the_documents_show_fits_the_schema(tmp_path: Path) -> None:
+def test_the_examples_in_the_documentation_fit_the_schema(tmp_path: Path) -> None:
     found = [
         block
         for path in sorted((TOP / "docs").glob("*.md"))
@@ -69,10 +69,10 @@ def test_what_the_documents_show_fits_the_schema(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_every_sweep_that_is_shipped_fits_the_schema(path: Path) -> None:
+def test_every_shipped_sweep_fits_the_schema(path: Path) -> None:
     validator().validate(document(path))
 
 
 @pytest.mark.parametrize("path", sorted(BAD.glob("*.yaml")), ids=lambda path: path.stem)
-def test_what_is_wrong_in_itself_does_not_fit_the_schema(path: Path) -> None:
+def test_documents_invalid_by_themselves_do_not_fit_the_schema(path: Path) -> None:
     assert validator().is_valid(document(path)) == (path.stem in BEYOND)

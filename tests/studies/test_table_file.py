@@ -1,4 +1,4 @@
-"""The table of a sweep is read as it was written, or made of the journal where it is not there."""
+"""The table of a sweep is read as written, or built from the journal if missing."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ def swept(folder: Path) -> Path:
     return folder / "swept"
 
 
-def test_the_table_of_a_journal_is_that_which_is_written(tmp_path: Path) -> None:
+def test_the_table_read_from_the_journal_equals_the_written_one(tmp_path: Path) -> None:
     folder = swept(tmp_path)
     written = read_rows(folder)
     (folder / "runs.parquet").unlink()
@@ -35,11 +35,11 @@ def test_the_table_of_a_journal_is_that_which_is_written(tmp_path: Path) -> None
     assert found[1] == 6
 
 
-def test_a_written_table_is_read_without_what_makes_runs(tmp_path: Path) -> None:
+def test_reading_a_written_table_does_not_import_the_simulation(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", _READ, str(swept(tmp_path))], check=True)
 
 
-def test_runs_that_are_added_count_as_planned_at_once(tmp_path: Path) -> None:
+def test_added_runs_count_as_planned_immediately(tmp_path: Path) -> None:
     folder = swept(tmp_path)
     SweepFolder.opened(folder).add_runs(2)
     table, planned = read_rows(folder)

@@ -1,4 +1,4 @@
-"""An identity.json with values of another type is refused by every verb, by its name and in a sentence."""
+"""Every verb rejects an identity.json with values of a wrong type, in a sentence that names the file."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", ["cells", "specifications", "versions", "resolved"])
-def test_each_value_of_another_type_is_refused(name: str, made: Path) -> None:
+def test_each_value_of_a_wrong_type_is_rejected(name: str, made: Path) -> None:
     file = made / "identity.json"
     written = file.read_text()
     content = json.loads(written)
@@ -30,7 +30,7 @@ def test_each_value_of_another_type_is_refused(name: str, made: Path) -> None:
             if isinstance(value, dict) and name == "resolved":
                 continue
             if value == [] and name == "specifications":
-                continue  # another list of names, which `verify` finds
+                continue  # another list of names, which `verify` detects
             file.write_text(json.dumps({**content, name: value}))
             for verb in (["verify", made, "--level", "arithmetic"], ["certify", made]):
                 said = symaware(*verb, status=2)

@@ -1,4 +1,4 @@
-"""A report is one page that needs nothing else, says what the log says, and shows the run in a browser."""
+"""A report is one self-contained page that agrees with the log and shows the run in a browser."""
 
 import json
 import re
@@ -44,7 +44,7 @@ SCENARIO: dict[str, Any] = {
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """A run of two robots that come too near to each other."""
+    """A run of two robots that come too close to each other."""
     (tmp_path / "tiny.yaml").write_text(f"# <script>alert(1)</script>\n{yaml.safe_dump(SCENARIO)}")
     path = tmp_path / "tiny.mcap"
     sa.load(tmp_path / "tiny.yaml", {"run.duration": 2.0}).run(output=path)
@@ -52,14 +52,14 @@ def log(tmp_path: Path) -> Path:
 
 
 def data(page: str) -> dict[str, Any]:
-    """What the map is drawn from."""
+    """Return the data from which the map is drawn."""
     found = re.search(r'movingMap\(document.querySelector\(".map"\),(\{.*\})\);</script>', page)
     assert found
     content: dict[str, Any] = json.loads(found[1])
     return content
 
 
-def test_without_matplotlib_the_command_that_installs_it_is_told(log: Path) -> None:
+def test_without_matplotlib_the_error_names_the_command_to_install_it(log: Path) -> None:
     code = "import sys; sys.modules['matplotlib'] = None; from symaware_cli.cli import main; main()"
     line = [sys.executable, "-c", code, "report", str(log)]
     done = subprocess.run(line, cwd=log.parent, capture_output=True, text=True, timeout=60, check=False)
@@ -68,7 +68,7 @@ def test_without_matplotlib_the_command_that_installs_it_is_told(log: Path) -> N
     assert not list(log.parent.glob("*.html"))
 
 
-def test_a_report_is_one_page_that_fetches_nothing(log: Path) -> None:
+def test_a_report_is_one_self_contained_page(log: Path) -> None:
     page = sa.write_report(log, log.with_suffix(".html")).read_text()
     assert "default-src 'none'" in page
     addresses = re.findall(r"""(?:src|href)=["']([^#"']+)""", page)
@@ -77,7 +77,7 @@ def test_a_report_is_one_page_that_fetches_nothing(log: Path) -> None:
     assert len(page) < 1_000_000
 
 
-def test_a_report_says_what_the_log_says(log: Path) -> None:
+def test_a_report_agrees_with_the_log(log: Path) -> None:
     page = sa.write_report(log, log.with_suffix(".html")).read_text()
     (outcome,) = sa.open_log(log).outcomes
     assert outcome.verdict == "violated"
@@ -87,7 +87,7 @@ def test_a_report_says_what_the_log_says(log: Path) -> None:
         assert text in page
 
 
-def test_the_map_has_the_recorded_positions(log: Path) -> None:
+def test_the_map_shows_the_recorded_positions(log: Path) -> None:
     content = data(sa.write_report(log, log.with_suffix(".html")).read_text())
     recorded = sa.open_log(log).series("robot.1", "world")
     assert len(content["times"]) == len(recorded.times)
@@ -95,7 +95,7 @@ def test_the_map_has_the_recorded_positions(log: Path) -> None:
     assert len(content["marks"]) >= 1
 
 
-def test_the_map_writes_the_name_of_a_region_in_its_middle(tmp_path: Path) -> None:
+def test_the_map_centres_the_name_of_a_region(tmp_path: Path) -> None:
     shelf = {"shelf": {"circle": {"centre": [4.0, -3.0], "radius": 1.0}}}
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO | {"regions": shelf}))
     log = sa.load(tmp_path / "tiny.yaml").run(output=tmp_path / "run.mcap").log_path
@@ -108,7 +108,7 @@ def test_the_map_writes_the_name_of_a_region_in_its_middle(tmp_path: Path) -> No
     assert min(y for _, y in outline) == pytest.approx(-1.0, abs=0.01)
 
 
-def test_the_report_of_a_sweep_has_statistics_the_certificate_and_the_worst_run(tmp_path: Path) -> None:
+def test_the_report_of_a_sweep_has_statistics_certificate_and_worst_run(tmp_path: Path) -> None:
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(SCENARIO))
     changes = {"specifications.apart.formula": "always distance > 0"}
     sa.sweep(tmp_path / "tiny.yaml", tmp_path / "out", runs=20, changes=changes, claim="P(apart) > 0.5, sequential")
@@ -120,7 +120,7 @@ def test_the_report_of_a_sweep_has_statistics_the_certificate_and_the_worst_run(
         assert text in page
 
 
-def test_what_cannot_be_reported_is_refused(tmp_path: Path) -> None:
+def test_invalid_subjects_of_reports_are_rejected(tmp_path: Path) -> None:
     (tmp_path / "broken.mcap").write_bytes(b"x")
     for name in ("broken.mcap", "none.mcap", "."):
         result = CliRunner().invoke(application, ["report", str(tmp_path / name), "-o", str(tmp_path / "x.html")])
@@ -146,7 +146,7 @@ def test_a_browser_without_a_network_draws_the_map(log: Path, tmp_path: Path) ->
 
 
 @needs_browser
-def test_a_report_is_printed_with_what_is_folded_on_the_screen(log: Path, tmp_path: Path) -> None:
+def test_a_printed_report_includes_content_that_is_folded_on_screen(log: Path, tmp_path: Path) -> None:
     arguments = ["report", str(log), "-o", str(tmp_path / "tiny.html"), "--pdf", str(tmp_path / "tiny.pdf"), "--json"]
     result = CliRunner().invoke(application, arguments)
     assert result.exit_code == 0, result.output

@@ -1,4 +1,4 @@
-"""Runs of sweeps that never were, for pictures of them."""
+"""Fabricated runs of sweeps, for tests of pictures."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Pictures of sweeps are drawn, and the same whenever they are."""
+"""Pictures of sweeps are drawn reproducibly."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ from symaware_cli.studies.picture.sweep_figure import draw
         "one that draws",
     ],
 )
-def test_a_picture_has_the_same_bytes_whenever_it_is_drawn(runs: FinishedRuns, tmp_path: Path) -> None:
+def test_a_picture_is_reproducible_byte_for_byte(runs: FinishedRuns, tmp_path: Path) -> None:
     for name in ("one.svg", "other.svg"):
         draw(composed(runs), tmp_path / name, dpi=50)
     content = (tmp_path / "one.svg").read_bytes()
@@ -44,7 +44,7 @@ def test_a_picture_has_the_same_bytes_whenever_it_is_drawn(runs: FinishedRuns, t
     assert content.startswith(b"<?xml")
 
 
-def test_panels_that_do_not_fit_and_titles_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
+def test_oversized_panels_and_unprintable_titles_are_rejected(tmp_path: Path) -> None:
     picture = composed(swept({"a": [1, 2], "b": [1, 2], "c": [1, 2]}, 3, ["slow", "fast"]))
     with pytest.raises(LogError, match=r"do not fit into 1\.5 x 1\.5 inches"):
         draw(picture, tmp_path / "small.png", size=(1.5, 1.5))

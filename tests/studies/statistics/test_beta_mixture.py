@@ -1,4 +1,4 @@
-"""The intervals of a share hold at all times together."""
+"""The intervals of a share are valid at all times simultaneously."""
 
 import math
 
@@ -13,7 +13,7 @@ from symaware_cli.studies.statistics.confidence_sequence import BetaMixture, bou
 
 
 def martingale(p: float, successes: int, count: int) -> float:
-    """The logarithm of M_n(p), as the docstring has it."""
+    """Return the logarithm of M_n(p), as defined in the docstring of `BetaMixture`."""
     failures = count - successes
     mixed = betaln(0.5 + successes, 0.5 + failures) - betaln(0.5, 0.5)
     return float(mixed - xlogy(successes, p) - xlog1py(failures, -p))
@@ -21,7 +21,7 @@ def martingale(p: float, successes: int, count: int) -> float:
 
 @settings(deadline=None)
 @given(count=st.integers(1, 10**6), share=st.floats(0, 1), alpha=st.sampled_from([0.001, 0.05, 0.5]))
-def test_the_ends_are_where_the_martingale_reaches_its_threshold(count: int, share: float, alpha: float) -> None:
+def test_the_martingale_reaches_its_threshold_at_the_ends(count: int, share: float, alpha: float) -> None:
     successes = round(share * count)
     lower, upper = (float(end[0]) for end in bounds(np.array([float(successes)]), np.array([float(count)]), alpha))
     goal, estimate = math.log(1 / alpha), successes / count
@@ -38,7 +38,7 @@ def test_the_ends_are_where_the_martingale_reaches_its_threshold(count: int, sha
 
 
 @given(values=st.lists(st.booleans(), min_size=1, max_size=60), cuts=st.lists(st.integers(0, 60), max_size=5))
-def test_it_makes_no_difference_in_how_many_blocks_the_values_come(values: list[bool], cuts: list[int]) -> None:
+def test_splitting_the_values_into_blocks_does_not_change_the_intervals(values: list[bool], cuts: list[int]) -> None:
     whole, parts = BetaMixture(), BetaMixture()
     array = np.array(values, float)
     lower, upper = whole.update(array)
@@ -59,7 +59,7 @@ def test_intervals_are_nested(values: list[bool]) -> None:
     assert upper[0] <= 1
 
 
-def test_intervals_that_contradict_each_other_leave_a_point() -> None:
+def test_an_empty_intersection_of_intervals_leaves_a_point() -> None:
     values = np.array([1.0] * 100 + [0.0] * 300)
     whole, parts = BetaMixture(), BetaMixture()
     lower, upper = whole.update(values)
@@ -69,7 +69,7 @@ def test_intervals_that_contradict_each_other_leave_a_point() -> None:
     assert [float(each[1][0]) for each in singly] == upper.tolist()
 
 
-def test_several_streams_are_each_like_one() -> None:
+def test_each_of_several_streams_equals_a_single_one() -> None:
     values = np.random.default_rng(5).integers(0, 2, (50, 3)).astype(float)
     lower, upper = BetaMixture(streams=(3,)).update(values)
     for stream in range(3):
@@ -78,7 +78,7 @@ def test_several_streams_are_each_like_one() -> None:
 
 
 @pytest.mark.parametrize("p", [0.02, 0.5, 0.9, 0.999])
-def test_all_intervals_of_a_stream_cover_as_often_as_they_say(p: float) -> None:
+def test_all_intervals_of_a_stream_jointly_have_the_nominal_coverage(p: float) -> None:
     streams, runs = 500, 800
     values = np.random.default_rng(6).random((runs, streams)) < p
     lower, upper = BetaMixture(streams=(streams,)).update(values)
@@ -86,7 +86,7 @@ def test_all_intervals_of_a_stream_cover_as_often_as_they_say(p: float) -> None:
     assert covered / streams >= 0.95
 
 
-def test_values_of_a_share_are_0_or_1() -> None:
+def test_a_share_accepts_only_values_of_0_and_1() -> None:
     with pytest.raises(ValueError, match="0 and 1"):
         BetaMixture().update([0.5])
     with pytest.raises(ValueError, match="outside the bounds 0 and 1"):

@@ -1,4 +1,4 @@
-"""The intervals of a bounded mean hold at all times together."""
+"""The intervals of a bounded mean are valid at all times simultaneously."""
 
 import math
 
@@ -14,7 +14,7 @@ UNIT = st.lists(st.floats(0, 1), min_size=1, max_size=60)
 
 
 def reference(values: list[float], alpha: float) -> tuple[float, float]:
-    """The interval of theorem 2, one value after the other, before it is cut with those before."""
+    """Return the interval of theorem 2, computed value by value, before intersection with the previous ones."""
     mean, variance, total, squares = 0.5, 0.25, 0.0, 0.0
     bets = gains = penalty = 0.0
     for index, value in enumerate(values, 1):
@@ -31,7 +31,7 @@ def reference(values: list[float], alpha: float) -> tuple[float, float]:
 
 
 @given(values=UNIT, alpha=st.sampled_from([0.01, 0.05, 0.5]))
-def test_the_ends_are_those_of_the_theorem(values: list[float], alpha: float) -> None:
+def test_the_interval_ends_agree_with_the_theorem(values: list[float], alpha: float) -> None:
     found = [reference(values[:count], alpha) for count in range(1, len(values) + 1)]
     lower, upper = EmpiricalBernstein(0, 1, 1 - alpha).update(values)
     expected_lower = max(0.0, *(each[0] for each in found))
@@ -41,7 +41,7 @@ def test_the_ends_are_those_of_the_theorem(values: list[float], alpha: float) ->
 
 
 @given(values=UNIT, cuts=st.lists(st.integers(0, 60), max_size=5))
-def test_it_makes_no_difference_in_how_many_blocks_the_values_come(values: list[float], cuts: list[int]) -> None:
+def test_splitting_the_values_into_blocks_does_not_change_the_intervals(values: list[float], cuts: list[int]) -> None:
     whole, parts = EmpiricalBernstein(0, 1, 0.5), EmpiricalBernstein(0, 1, 0.5)
     lower, upper = whole.update(values)
     blocks = [parts.update(block) for block in np.split(values, sorted(min(cut, len(values)) for cut in cuts))]
@@ -54,7 +54,7 @@ def test_it_makes_no_difference_in_how_many_blocks_the_values_come(values: list[
 
 
 @given(values=UNIT, low=st.floats(-100, 100), width=st.floats(0.1, 100))
-def test_intervals_are_in_the_unit_of_the_values(values: list[float], low: float, width: float) -> None:
+def test_intervals_scale_with_the_unit_of_the_values(values: list[float], low: float, width: float) -> None:
     unit, other = EmpiricalBernstein(0, 1, 0.9), EmpiricalBernstein(low, low + width, 0.9)
     unit.update(values)
     other.update(np.clip(low + width * np.array(values), low, low + width))
@@ -73,19 +73,19 @@ def beta(random: np.random.Generator, shape: tuple[int, int]) -> Array:
 
 
 def rare(random: np.random.Generator, shape: tuple[int, int]) -> Array:
-    """Two points, 0 and 1, the second of which is rare."""
+    """A distribution on 0 and 1, in which 1 is rare."""
     return (random.random(shape) < 0.02).astype(float)
 
 
 @pytest.mark.parametrize(("draw", "mean"), [(uniform, 0.5), (beta, 0.25), (rare, 0.02)])
-def test_all_intervals_of_a_stream_cover_as_often_as_they_say(draw, mean: float) -> None:  # type: ignore[no-untyped-def]
+def test_all_intervals_of_a_stream_jointly_have_the_nominal_coverage(draw, mean: float) -> None:  # type: ignore[no-untyped-def]
     streams = 2000
     values = draw(np.random.default_rng(8), (1000, streams))
     lower, upper = EmpiricalBernstein(0, 1, streams=(streams,)).update(values)
     assert ((lower <= mean) & (mean <= upper)).all(axis=0).mean() >= 0.95
 
 
-def test_it_is_narrower_for_values_that_vary_less() -> None:
+def test_the_interval_is_narrower_for_values_with_less_variance() -> None:
     wide, narrow = EmpiricalBernstein(0, 1), EmpiricalBernstein(0, 1)
     random = np.random.default_rng(9)
     wide.update(random.integers(0, 2, 1000))
@@ -93,7 +93,7 @@ def test_it_is_narrower_for_values_that_vary_less() -> None:
     assert narrow.estimate().halfwidth < 0.25 * wide.estimate().halfwidth
 
 
-def test_bounds_are_kept() -> None:
+def test_invalid_bounds_and_values_outside_them_are_rejected() -> None:
     with pytest.raises(ValueError, match="the value 3 is outside the bounds 0 and 2"):
         EmpiricalBernstein(0, 2).update([1, 3])
     for low, high in ((1, 0), (0, math.inf), (0, 0), (math.nan, 1)):
@@ -101,7 +101,7 @@ def test_bounds_are_kept() -> None:
             EmpiricalBernstein(low, high)
 
 
-def test_before_the_first_value_everything_between_the_bounds_is_possible() -> None:
+def test_the_interval_without_values_spans_the_bounds() -> None:
     found = EmpiricalBernstein(-1, 3).estimate()
     assert (found.lower, found.upper, found.count) == (-1, 3, 0)
     assert math.isnan(found.value)

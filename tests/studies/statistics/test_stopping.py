@@ -1,4 +1,4 @@
-"""A rule stops a sequence of runs at the same run, in whatever order and on how many workers they end."""
+"""A rule stops a sequence at the same run, regardless of the order in which runs end and of the number of workers."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def first(looks: Looks, count: int) -> list[int]:
     return list(itertools.islice(looks, count))
 
 
-def test_looks_come_every_so_many_runs() -> None:
+def test_looks_are_a_fixed_number_of_runs_apart() -> None:
     assert first(Looks(50), 4) == [50, 100, 150, 200]
 
 
-def test_looks_of_a_geometric_schedule_come_ever_more_rarely() -> None:
+def test_looks_of_a_geometric_schedule_become_rarer() -> None:
     assert first(Looks(10, 1.5), 6) == [10, 20, 30, 45, 68, 102]
 
 
@@ -38,7 +38,7 @@ def test_two_looks_are_at_least_a_step_apart(step: int, ratio: float) -> None:
 
 
 @pytest.mark.parametrize(("step", "ratio"), [(0, 1.0), (1, 0.9), (1, math.inf), (1, math.nan)])
-def test_other_schedules_are_refused(step: int, ratio: float) -> None:
+def test_invalid_schedules_are_rejected(step: int, ratio: float) -> None:
     with pytest.raises(ValueError, match="at least 1"):
         Looks(step, ratio)
 
@@ -68,7 +68,7 @@ def draws(p: float, count: int, seed: int = 1) -> Array:
     return (np.random.default_rng(seed).random(count) < p).astype(float)
 
 
-def test_it_stops_at_the_first_look_at_which_the_rule_holds() -> None:
+def test_runs_stop_at_the_first_look_at_which_the_rule_holds() -> None:
     values = draws(0.9, 2000)
     state = followed(rule("halfwidth(satisfied.safe) < 0.05").begin(), values)
     assert state.stopped_at is not None
@@ -90,7 +90,7 @@ def watched(values: Array) -> float:
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 1000), workers=st.integers(1, 60))
-def test_the_order_in_which_runs_end_makes_no_difference(seed: int, workers: int) -> None:
+def test_the_order_in_which_runs_end_does_not_matter(seed: int, workers: int) -> None:
     values = draws(0.8, 400)
     given_rule = rule("halfwidth(satisfied.safe) < 0.1 or lower(satisfied.safe) > 0.9")
     expected = followed(given_rule.begin(), values)
@@ -106,7 +106,7 @@ def test_the_order_in_which_runs_end_makes_no_difference(seed: int, workers: int
     assert found.estimates() == expected.estimates()
 
 
-def test_it_does_not_look_past_a_gap() -> None:
+def test_runs_after_a_gap_are_not_used() -> None:
     state = rule("runs >= 10").begin()
     for index in range(1, 30):
         assert not state.add(index, {})
@@ -117,7 +117,7 @@ def test_it_does_not_look_past_a_gap() -> None:
     assert state.stopped_at == 10
 
 
-def test_a_missing_value_is_left_out_of_its_estimand_alone() -> None:
+def test_a_missing_value_affects_only_its_own_estimand() -> None:
     state = rule("halfwidth(mean.closest) < 0.3 and lower(satisfied.safe) > 0 and runs >= 100").begin()
     for index in range(100):
         state.add(index, {"satisfied.safe": 1.0, "mean.closest": math.nan if index % 2 else 1.0})
@@ -138,7 +138,7 @@ def test_a_missing_value_is_left_out_of_its_estimand_alone() -> None:
         ("runs == 100", []),
     ],
 )
-def test_what_a_rule_asks_about(text: str, asked: list[str]) -> None:
+def test_a_rule_lists_its_estimands(text: str, asked: list[str]) -> None:
     assert list(rule(text).estimands) == asked
 
 
@@ -162,7 +162,7 @@ def test_what_a_rule_asks_about(text: str, asked: list[str]) -> None:
         ("inside(failed, failed)", "there is no function `inside`", "inside", True),
     ],
 )
-def test_what_is_no_rule_is_told_at_its_place(text: str, problem: str, marked: str, offered: bool) -> None:
+def test_errors_in_rules_are_located(text: str, problem: str, marked: str, offered: bool) -> None:
     with pytest.raises(ExpressionError) as caught:
         rule(text)
     assert problem in caught.value.problem
@@ -170,7 +170,7 @@ def test_what_is_no_rule_is_told_at_its_place(text: str, problem: str, marked: s
     assert bool(caught.value.names) is offered
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_invalid_runs_values_and_confidences_are_rejected() -> None:
     state = rule("halfwidth(mean.closest) < 0.3").begin()
     state.add(0, {})
     with pytest.raises(ValueError, match="run 0 was already there"):
@@ -184,11 +184,11 @@ def test_what_cannot_be_is_refused() -> None:
         [state.add(index, {}) for index in range(10)]
 
 
-# Coverage at the stop. Vectorised: what a state does is held to it for some of the streams.
+# Coverage at the stop. Vectorized; some of the streams are compared with `StoppingState`.
 
 
 def prefixes_of_shares(values: Array) -> tuple[Array, Array]:
-    """The ends after each run of each stream, of each number of successes computed once; shapes (runs, streams)."""
+    """Return the ends after each run of each stream, computed once per number of successes; shapes (runs, streams)."""
     successes = np.cumsum(values, axis=0)
     counts = np.broadcast_to(np.arange(1.0, len(values) + 1)[:, None], values.shape)
     pairs, place = np.unique(successes + 1j * counts, return_inverse=True)
@@ -197,7 +197,7 @@ def prefixes_of_shares(values: Array) -> tuple[Array, Array]:
 
 
 def stops(holds: Flags, step: int) -> tuple[NDArray[np.intp], Flags]:
-    """The number of runs of each stream at the first look at which the rule holds, the last one if there is none."""
+    """Return the number of runs of each stream at the first look at which the rule holds, or at the last look."""
     looks = holds[step - 1 :: step]
     first = np.where(looks.any(axis=0), looks.argmax(axis=0), len(looks) - 1)
     stopped: Flags = np.any(looks, axis=0, keepdims=True)[0]
@@ -208,7 +208,7 @@ def stops(holds: Flags, step: int) -> tuple[NDArray[np.intp], Flags]:
     ("p", "halfwidth", "runs"),
     [(0.5, 0.05, 1600), (0.9, 0.05, 900), (0.02, 0.02, 1400), (0.999, 0.01, 1000)],
 )
-def test_the_interval_at_the_stop_covers_a_share_as_often_as_it_says(p: float, halfwidth: float, runs: int) -> None:
+def test_the_interval_of_a_share_at_the_stop_has_the_nominal_coverage(p: float, halfwidth: float, runs: int) -> None:
     streams, step = 2000, 20
     values = (np.random.default_rng(11).random((runs, streams)) < p).astype(float)
     lower, upper = prefixes_of_shares(values)
@@ -225,7 +225,7 @@ def test_the_interval_at_the_stop_covers_a_share_as_often_as_it_says(p: float, h
 
 
 @pytest.mark.parametrize("p", [0.88, 0.93, 0.97])
-def test_a_rule_that_decides_seldom_decides_wrongly(p: float) -> None:
+def test_a_decision_rule_is_rarely_wrong(p: float) -> None:
     streams, runs = 2000, 1500
     values = (np.random.default_rng(12).random((runs, streams)) < p).astype(float)
     lower, upper = prefixes_of_shares(values)
@@ -239,8 +239,8 @@ def test_a_rule_that_decides_seldom_decides_wrongly(p: float) -> None:
         assert stopped.mean() > 0.5
 
 
-def test_an_interval_that_may_not_be_watched_covers_too_rarely() -> None:
-    """The mistake that confidence sequences are for: stopping when the usual interval excludes one half."""
+def test_watching_a_fixed_sample_interval_loses_coverage() -> None:
+    """The mistake that confidence sequences avoid: stopping when a fixed-sample interval excludes one half."""
     from scipy.special import betaincinv
 
     streams, runs = 2000, 1000
@@ -256,7 +256,7 @@ def test_an_interval_that_may_not_be_watched_covers_too_rarely() -> None:
 
 
 @pytest.mark.parametrize(("name", "mean"), [("beta", 0.25), ("two points", 0.1)])
-def test_the_interval_at_the_stop_covers_a_bounded_mean_as_often_as_it_says(name: str, mean: float) -> None:
+def test_the_interval_of_a_bounded_mean_at_the_stop_has_the_nominal_coverage(name: str, mean: float) -> None:
     streams, runs, step = 2000, 1500, 20
     chance = np.random.default_rng(14)
     unit = chance.beta(2, 6, (runs, streams)) if name == "beta" else chance.random((runs, streams)) < 0.1
@@ -278,7 +278,7 @@ def test_the_interval_at_the_stop_covers_a_bounded_mean_as_often_as_it_says(name
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("p", "halfwidth"), [(0.3, 0.05), (0.9, 0.05), (0.999, 0.01)])
-def test_states_of_two_thousand_streams_cover_as_often_as_they_say(p: float, halfwidth: float) -> None:
+def test_the_states_of_two_thousand_streams_have_the_nominal_coverage(p: float, halfwidth: float) -> None:
     given_rule = rule(f"halfwidth(satisfied.safe) < {halfwidth}", 20)
     covered = 0
     for seed in range(2000):
