@@ -23,7 +23,7 @@ class BranchError(LogError):
 
 
 def overrides_of(log: Path, instant: float, changes: Sequence[Assignment]) -> Sequence[Assignment]:
-    """Translate changes of a scenario to changes of its faults, which begin at the instant.
+    """Convert changes to a scenario into changes to its faults that begin at the instant.
 
     Args:
         log: The log.
@@ -97,7 +97,7 @@ def _without_replaced(faults: dict[tuple[str, str], dict[str, Any]]) -> dict[tup
 
 
 def _unindexed(change: Assignment) -> Assignment:
-    """A change of one agent as one of its group, to read its value."""
+    """Return the change of one agent as a change of its group, to parse its value."""
     match change.path:
         case ["agents", str(), int(), _, *_]:
             return change.without(2)

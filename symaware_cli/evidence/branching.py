@@ -262,11 +262,11 @@ Cell = str | int | float | None
 
 
 def branch_rows(results: Sequence[BranchResult], changes: Sequence[Sequence[Assignment]]) -> list[dict[str, Cell]]:
-    """Return a row for each branch, whose keys are the same in all rows.
+    """Return a row for each branch; all rows have the same keys.
 
     Args:
         results: The branches of one run at one instant.
-        changes: What differs between them: the changes of each.
+        changes: The changes of each branch.
     """
     paths = list(dict.fromkeys(dotted(each.path) for some in changes for each in some))
     names = list(dict.fromkeys(each.name for result in results for each in result.summary.specifications))
@@ -321,7 +321,7 @@ def branch_lines(rows: Sequence[dict[str, Cell]]) -> list[str]:
 
 
 def _typed(change: Assignment) -> str:
-    """A text without its quotes, anything else as it is written."""
+    """Return a string value without its quotes, and other values unchanged."""
     value = change.value.value
     return value if isinstance(value, str) else str(change).partition("=")[2]
 

@@ -109,7 +109,7 @@ def check_log(
 
 
 def _repeated(path: Path, changes: Changes, statements: Path | None) -> CheckResult:
-    """Repeat the run of a log, and return its outcomes."""
+    """Return the outcomes of repeating the run of a log."""
     built = open_scenario(path, changes, statements=statements)
     with prepared(built, None, may_exit=False) as run:
         summary = run.execute()

@@ -261,9 +261,9 @@ class RecordedSpecifications:
 
         Args:
             path: The log.
-            changes: Changes of its scenario.
-            statements: A file of other specifications.
-            catalogue: The installed plugins, if they were listed before.
+            changes: Changes to its scenario.
+            statements: A file with other specifications.
+            catalogue: The installed plugins, if already listed.
 
         Raises:
             LogError: The log cannot be read.

@@ -85,7 +85,7 @@ class SharedBeginning:
             run.leave("the branches go on from here")
 
     def obstacle_of(self, built: Built, overrides: Sequence[Assignment]) -> str | None:
-        """Say why a branch cannot go on from the state; None if it can.
+        """Return why a branch cannot continue from the state; None if it can.
 
         Args:
             built: The branch's scenario.

@@ -18,7 +18,7 @@ _SIZES, _ALONE = (1, 3, 7, 64), (0, 2, 6, 63)
 
 
 def differing_runs(path: Path, changes: Changes = ()) -> str | None:
-    """Say which run of a batch differs from the same run made alone; None if none does.
+    """Describe the first run of a batch that differs from the same run executed alone; None if all are equal.
 
     Args:
         path: The scenario file.

@@ -80,7 +80,7 @@ class SweepFolder:
         return cls.opened(path)
 
     def changes(self, index: int) -> list[Assignment]:
-        """Return what the scenario of a run changes in that of the sweep.
+        """Return the changes that a run makes to the scenario of the sweep.
 
         Raises:
             SweepError: There is no such run.

@@ -1,4 +1,4 @@
-"""What a person asks for on the command line or from Python, as assignments to the document of a sweep."""
+"""Requests for sweeps from the command line or Python, as assignments to the document of a sweep."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from symaware_cli.language import Assignment, Changes, ScenarioError, assignment
 from symaware_cli.world import expanded, is_range
 
 Over = Mapping[str, Iterable[Any] | Mapping[str, Any] | str] | Iterable[str] | Iterable[Assignment]
-"""What varies: lists, ranges or distributions by their paths, or texts as ``--over`` takes them."""
+"""The varied parameters: lists, ranges or distributions by path, or texts in the syntax of ``--over``."""
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRequest:
-    """Options of a sweep; what is not among them stays as the file says.
+    """Options of a sweep; all other values of the file remain unchanged.
 
     Attributes:
-        over: What varies.
-        set: What all runs change.
+        over: The varied parameters.
+        set: The changes to all runs.
         entries: Further entries of the document, by ``key`` or ``key.name``.
     """
 
@@ -28,14 +28,14 @@ class SweepRequest:
     entries: Changes = ()
 
     def assignments(self) -> Iterator[Assignment]:
-        """Yield what each option replaces in the document, or adds to it."""
+        """Yield the assignments by which the options replace or add values of the document."""
         yield from (each.inside("over") for each in varied(self.over))
         yield from (each.inside("set") for each in assignments(self.set))
         yield from (each.inside(own=1) for each in assignments(self.entries, "--with"))
 
 
 def varied(over: Over) -> tuple[Assignment, ...]:
-    """Return lists, ranges or distributions for the paths of what varies.
+    """Return the varied parameters as assignments of lists, ranges or distributions.
 
     Raises:
         TypeError: A value has a type that scenarios do not support.
@@ -58,10 +58,10 @@ def _parsed(text: str) -> Assignment:
 
 
 def alternatives(varying: Assignment) -> list[Assignment]:
-    """Return an assignment of each value of a list or a range.
+    """Return one assignment for each value of a list or a range.
 
     Raises:
-        ScenarioError: It is neither.
+        ScenarioError: The value is neither.
     """
     source, span = varying.source.copy(), varying.value.span
     values: Any = None

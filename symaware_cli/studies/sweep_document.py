@@ -1,4 +1,4 @@
-"""What a file of a sweep may say: which scenario, what varies, how many runs, and what is kept.
+"""The format of sweep files: scenario, varied parameters, number of runs, and logs to keep.
 
 Reasons: docs/decisions/0033-drawn-parameters.md
 """
@@ -123,7 +123,7 @@ class SweepDocument(Section):
 
     @property
     def drawn(self) -> dict[str, ProbabilityDistribution]:
-        """What each run draws, by its path."""
+        """The drawn parameters, by path."""
         return {path: each for path, each in self.over.items() if isinstance(each, ProbabilityDistribution)}
 
     @property

@@ -91,7 +91,7 @@ class ParameterChange:
     place: tuple[str | int, ...]
 
     def assignment(self) -> Assignment:
-        """Return it as what ``--set`` would say."""
+        """Return the change as an assignment, as for ``--set``."""
         return Assignment.of(self.target, self.value)
 
 

@@ -31,7 +31,7 @@ def sweep_schema(
     for name in (*RANDOM, *MODIFIERS):
         described = drawn["properties"][name]
         if "anyOf" in described:
-            # What is left out is not null.
+            # An omitted entry is absent, not null.
             drawn["properties"][name] = {**described.pop("anyOf")[0], **described}
             drawn["properties"][name].pop("default")
     drawn["oneOf"] = [{"required": [name]} for name in RANDOM]

@@ -60,8 +60,8 @@ class SweepSource:
     _sources: dict[str, Source]
 
     def assignments(self, changes: Sequence[ParameterChange]) -> list[Assignment]:
-        """Return changes such that problems with them are located where the sweep says them."""
-        # What is wrong with one run is reported with that alone.
+        """Return changes as assignments whose problems are located at their positions in the sweep."""
+        # Each run has separate sources, so that its problems are reported without those of others.
         sources = {name: each.copy() for name, each in self._sources.items()}
         return [self._assignment(change, sources) for change in changes]
 

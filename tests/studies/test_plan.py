@@ -83,7 +83,7 @@ def test_a_document_written_to_a_file_gives_the_same_plan(tmp_path: Path) -> Non
     assert read_sweep(again).plan.cells == source.plan.cells
 
 
-def test_an_option_replaces_what_the_file_has_at_its_path(tmp_path: Path) -> None:
+def test_an_option_replaces_the_value_of_the_file_at_its_path(tmp_path: Path) -> None:
     tiny(tmp_path)
     sweep = tmp_path / "sweep.yaml"
     sweep.write_text(
@@ -103,7 +103,7 @@ def test_an_option_replaces_what_the_file_has_at_its_path(tmp_path: Path) -> Non
     assert (document.runs, document.bounds) == (4, {"satisfied.b": (0.0, 1.0)})
 
 
-def test_values_from_python_and_from_options_are_the_same_plan(tmp_path: Path) -> None:
+def test_values_from_python_and_from_options_give_the_same_plan(tmp_path: Path) -> None:
     scenario = tiny(tmp_path)
     text = "a; b = c, d"
     asked = SweepRequest(
@@ -129,7 +129,7 @@ def test_values_from_python_and_from_options_are_the_same_plan(tmp_path: Path) -
         ("a=1..2 by 0.5", [1.0, 1.5, 2.0]),
     ],
 )
-def test_each_value_of_what_varies_is_an_assignment(text: str, values: list[object]) -> None:
+def test_each_value_of_a_varied_parameter_gives_an_assignment(text: str, values: list[object]) -> None:
     found = alternatives(varied([text])[0])
     assert [each.value.plain() for each in found] == values
     assert {each.path for each in found} == {("a",)}
@@ -145,7 +145,7 @@ def test_each_value_of_what_varies_is_an_assignment(text: str, values: list[obje
         ("a=[1", 2, "is never closed"),
     ],
 )
-def test_what_has_no_values_is_located(text: str, column: int, said: str) -> None:
+def test_a_varied_parameter_without_values_is_located(text: str, column: int, said: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         alternatives(varied([text])[0])
     assert f"--over {text}:1:{column}: " in str(caught.value)

@@ -1,4 +1,4 @@
-"""Designs: points between 0 and 1 for the parameters of runs, which distributions turn into values.
+"""Experimental designs: points between 0 and 1 for the parameters of runs, which distributions map to values.
 
 Reasons: docs/decisions/0033-drawn-parameters.md
 """
