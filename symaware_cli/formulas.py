@@ -1,8 +1,8 @@
 """Formulas of specifications as syntax trees, for components of plugins that do more with them than read their status.
 
-A component that names specifications (`BaseComponent.specifications`) receives each as a `Specification`, in
-`check_specification` and `check_specifications`, and finds it during a run in `AgentGroup.specifications`. Its
-`formulation.tree` is made of the nodes below; `printed` turns one into text.
+A component that names specifications (`BaseComponent.specifications`) receives each as a `Specification` in
+`check_specification`, and finds it during a run in `AgentGroup.specifications`. Its `formulation.tree` is made of the
+nodes below; `printed` turns one into text.
 """
 
 from symaware_cli.geometry import Region

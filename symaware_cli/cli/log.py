@@ -71,20 +71,8 @@ def events(
     as_json: terminal.Json = False,
 ) -> None:
     """Show events, with tracebacks of failures."""
-    with _opened(path, as_json) as opened:
-        from symaware_cli.cli.log_views import show_entries
-        from symaware_cli.log import EntryFilter
-
-        first, last = terminal.span(start, end, as_json)
-        wanted = EntryFilter(
-            agents=tuple(terminal.names(agents)),
-            name=name,
-            source=source,
-            level=level.upper() if level else None,
-            start=first,
-            end=last,
-        )
-        show_entries(opened, "events", wanted, limit, as_json)
+    criteria = {"name": name, "source": source, "level": level and level.upper()}
+    _show_entries(path, "events", agents, start, end, limit, as_json, **criteria)
 
 
 @log.command()
@@ -99,19 +87,7 @@ def messages(
     as_json: terminal.Json = False,
 ) -> None:
     """Show messages between agents: sent, delivered and dropped."""
-    with _opened(path, as_json) as opened:
-        from symaware_cli.cli.log_views import show_entries
-        from symaware_cli.log import EntryFilter
-
-        first, last = terminal.span(start, end, as_json)
-        wanted = EntryFilter(
-            agents=tuple(terminal.names(agents)),
-            kind=kind,
-            stage=stage.upper() if stage else None,
-            start=first,
-            end=last,
-        )
-        show_entries(opened, "messages", wanted, limit, as_json)
+    _show_entries(path, "messages", agents, start, end, limit, as_json, kind=kind, stage=stage and stage.upper())
 
 
 @log.command()
@@ -125,15 +101,7 @@ def contacts(
     as_json: terminal.Json = False,
 ) -> None:
     """Show contacts between bodies."""
-    with _opened(path, as_json) as opened:
-        from symaware_cli.cli.log_views import show_entries
-        from symaware_cli.log import EntryFilter
-
-        first, last = terminal.span(start, end, as_json)
-        wanted = EntryFilter(
-            agents=tuple(terminal.names(agents)), stage=stage.upper() if stage else None, start=first, end=last
-        )
-        show_entries(opened, "contacts", wanted, limit, as_json)
+    _show_entries(path, "contacts", agents, start, end, limit, as_json, stage=stage and stage.upper())
 
 
 @log.command()
@@ -178,6 +146,26 @@ def digest(path: LogPath, as_json: terminal.Json = False) -> None:
         else:
             for name, value in [*result.channels.items(), *result.attachments.items(), ("combined", result.combined)]:
                 typer.echo(f"{value}  {terminal.printable(name)}")
+
+
+def _show_entries(
+    path: Path,
+    what: str,
+    agents: str | None,
+    start: float | None,
+    end: float | None,
+    limit: int | None,
+    as_json: bool,
+    **criteria: str | None,
+) -> None:
+    """Show the entries of one kind that meet further criteria of an `EntryFilter`."""
+    with _opened(path, as_json) as opened:
+        from symaware_cli.cli.log_views import show_entries
+        from symaware_cli.log import EntryFilter
+
+        first, last = terminal.span(start, end, as_json)
+        wanted = EntryFilter(agents=tuple(terminal.names(agents)), start=first, end=last, **criteria)
+        show_entries(opened, what, wanted, limit, as_json)
 
 
 @contextmanager
