@@ -69,3 +69,13 @@ def test_no_two_modules_share_a_name() -> None:
     found = shared(modules())
     assert {name: places for name, places in found.items() if name not in MODULES} == {}
     assert sorted(set(MODULES) - set(found)) == [], "a name that nobody shares needs no reason"
+
+
+def test_no_two_modules_of_tests_share_a_name() -> None:
+    """Pytest imports each by its file name alone, and drops the second of two."""
+    found = defaultdict(list)
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        if file.stem not in ("__init__", "conftest"):
+            found[file.stem].append(str(file.relative_to(Path(__file__).parent)))
+    assert "test_names" in found, "modules are found"
+    assert shared(found) == {}
