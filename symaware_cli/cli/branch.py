@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def _print(log: Path, result: BranchResult) -> None:
 
 
 def _print_table(log: Path, results: Sequence[BranchResult], rows: Sequence[dict[str, Cell]], table: Path) -> None:
-    from symaware_cli.evidence import branch_lines
+    from symaware_cli.evidence import branch_cells
 
     _print_head(log, results[0])
     shared = sum(each.way == "capture" for each in results)
@@ -86,7 +87,7 @@ def _print_table(log: Path, results: Sequence[BranchResult], rows: Sequence[dict
         typer.echo(f"  {'captured':<12} {shared} of {len(results)} continue from the state of one run to the instant")
     for why in dict.fromkeys(each.reason for each in results if each.reason and len(results) > 1):
         typer.echo(f"  {'repeated':<12} {sum(each.reason == why for each in results)}: {terminal.printable(why)}")
-    for line in branch_lines(rows):
+    for line in aligned(branch_cells(rows), ">", indent=""):
         typer.echo(f"  {terminal.printable(line)}")
     typer.echo(f"  {'table':<12} {table}")
 

@@ -22,6 +22,7 @@ from symaware_cli.cli.terminal import (
     printable,
     trouble_shown,
 )
+from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -170,16 +171,13 @@ def _notes(result: CheckResult) -> list[str]:
 def _table(results: Sequence[CheckResult]) -> list[str]:
     """The report on several logs, with a line for each."""
     names = list(dict.fromkeys(each.name for result in results for each in result.specifications))
-    width = max(len(str(result.log)) for result in results)
-    columns = {name: max(len(name), 20) for name in names}
-    lines = ["  ".join([f"{'log':<{width}}", *(f"{name:<{columns[name]}}" for name in names)]).rstrip()]
+    lines = [["log", *names]]
     for result in results:
         said = {each.name: _cell(each.verdict, each.robustness) for each in result.specifications}
-        cells = [f"{said.get(name, '-'):<{columns[name]}}" for name in names]
-        lines.append("  ".join([f"{result.log!s:<{width}}", *cells]).rstrip())
+        lines.append([str(result.log), *(said.get(name, "-") for name in names)])
     counts = {name: sum(name in result.violated for result in results) for name in names}
     violated = ", ".join(f"{name} in {count} of {len(results)}" for name, count in counts.items() if count)
-    return [*lines, f"violated: {violated or 'none'}"]
+    return [*aligned(lines, "<", indent=""), f"violated: {violated or 'none'}"]
 
 
 def _cell(verdict: str, robustness: float | None) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli.terminal import FAILED, WRONG_INPUT, Json, fail, print_json, printable, trouble_shown
+from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -83,11 +84,11 @@ def _sweep_lines(result: SweepComparison) -> Iterator[str]:
     if result.first is not None:
         yield f"  {'different':<12} {result.differing:,} rows, from run {result.first} on"
     if result.columns:
-        yield f"  {'column':<28} {'first':>11} {'second':>11} {'difference':>11}  interval of 95 %"
-    for each in result.columns[:_MOST]:
-        interval = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
-        numbers = " ".join(f"{_number(value):>11}" for value in (*each.means, each.difference))
-        yield f"  {printable(each.name):<28} {numbers}  {interval}".rstrip()
+        lines = [["column", "first", "second", "difference", "interval of 95 %"]]
+        for each in result.columns[:_MOST]:
+            interval = "" if each.interval is None else f"{each.interval[0]:.4g} to {each.interval[1]:.4g}"
+            lines.append([printable(each.name), *map(_number, (*each.means, each.difference)), interval])
+        yield from aligned(lines, "<>>><")
     yield from _more(len(result.columns), "column")
     for path, names in zip(result.paths, result.only, strict=True):
         if names:
@@ -111,10 +112,11 @@ def _lines(result: ComparisonResult) -> Iterator[str]:
     if result.first is not None:
         yield f"  {'from here on':<12} {printable(str(result.first))}"
     if result.channels:
-        yield f"  {'channel':<34} {'since [s]':>10} {'messages':>9}  greatest difference"
-    for each in result.channels[:_MOST]:
-        since = "" if each.first.time is None else f"{each.first.time / 1e9:.9g}"
-        yield f"  {printable(each.topic):<34} {since:>10} {each.messages:>9,}  {_greatest(each)}"
+        lines = [["channel", "since [s]", "messages", "greatest difference"]]
+        for each in result.channels[:_MOST]:
+            since = "" if each.first.time is None else f"{each.first.time / 1e9:.9g}"
+            lines.append([printable(each.topic), since, f"{each.messages:,}", _greatest(each)])
+        yield from aligned(lines, "<>><")
     yield from _more(len(result.channels), "channel")
     for name, (first_count, second_count) in (result.events or {}).items():
         yield f"  {'event':<12} {printable(name)}: {first_count} and {second_count} times"

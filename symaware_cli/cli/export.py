@@ -12,6 +12,7 @@ import typer
 from symaware_cli.api import number, size_in_words
 from symaware_cli.api.progress import progress
 from symaware_cli.cli import terminal
+from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -99,10 +100,10 @@ def _listed(text: str | None) -> list[str] | None:
 def _text(path: Path, place: Path, exported: Exported) -> str:
     part, entry = exported.nouns
     count = sum(entries for _, entries, _ in exported.parts)
-    width = max(len(name) for name in (part, *(name for name, _, _ in exported.parts)))
     sizes = any(size is not None for _, _, size in exported.parts)
-    lines = [f"  {part:<{width}} {entry:>10}{'      size' if sizes else ''}"]
-    for name, entries, size in exported.parts:
-        lines.append(f"  {name:<{width}} {entries:>10,}{'' if size is None else f' {size_in_words(size):>9}'}")
+    lines = [[part, entry, "size" if sizes else ""]]
+    lines += [
+        [name, f"{entries:,}", "" if size is None else size_in_words(size)] for name, entries, size in exported.parts
+    ]
     total = f"{number(len(exported.parts), part)}, {count:,} {entry}, {size_in_words(exported.size)}"
-    return "\n".join([f"{path}: {total} in {place}", "", *lines])
+    return "\n".join([f"{path}: {total} in {place}", "", *aligned(lines, "<>")])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.api import size_in_words
 from symaware_cli.cli.terminal import WRONG_INPUT, fail, print_array, print_json, printable
+from symaware_cli.cli.text_table import aligned
 from symaware_cli.language import nearest
 from symaware_cli.log import EntryFilter, Log, LogError, Overview, Series, UnknownNameError
 from symaware_cli.log.logged_events import Communication, LoggedContact, LoggedEvent
@@ -76,14 +77,12 @@ def _computed(versions: Mapping[str, str]) -> str:
 
 
 def _channels(summary: Overview) -> list[str]:
-    width = max((len(printable(channel.topic)) for channel in summary.channels), default=0)
-    lines = [f"  {'channel':<{width}}  {'messages':>9}  {'rate':>9}  {'size':>8}  content"]
+    lines = [["channel", "messages", "rate", "size", "content"]]
     for channel in summary.channels:
         rate = f"{channel.rate:.4g} Hz" if channel.rate else "-"
         content = printable(f"{channel.schema.rpartition('.')[2]} {_listed(channel.columns)}".rstrip())
-        size = size_in_words(channel.size)
-        lines.append(f"  {printable(channel.topic):<{width}}  {channel.messages:>9,}  {rate:>9}  {size:>8}  {content}")
-    return lines
+        lines.append([printable(channel.topic), f"{channel.messages:,}", rate, size_in_words(channel.size), content])
+    return aligned(lines, "<>>><")
 
 
 def _line(label: str, text: str) -> str:
@@ -243,17 +242,12 @@ def show_series(
         )
         return
     heads = [f"{label} [{unit}]" if unit else label for label, unit in zip(labels, units, strict=True)]
-    widths = [max(len(head), 12) for head in heads]
-
-    def line(first: str, rest: list[str]) -> str:
-        return "  ".join([f"{first:>12}", *(f"{text:>{width}}" for text, width in zip(rest, widths, strict=True))])
-
-    typer.echo(line("time [s]", heads))
-    for index in shown.tolist():
-        typer.echo(line(f"{times[index] / 1e9:.9g}", [_number(value) for value in values[index].tolist()]))
-    typer.echo("")
-    for word, row in extremes.items():
-        typer.echo(line(word, [_number(value) for value in row.tolist()]))
+    instants = [f"{times[index] / 1e9:.9g}" for index in shown.tolist()]
+    numbers = [*values[shown].tolist(), *(row.tolist() for row in extremes.values())]
+    lines = [["time [s]", *heads]]
+    lines += [[first, *map(_number, row)] for first, row in zip([*instants, *extremes], numbers, strict=True)]
+    shown_lines = aligned(lines, ">", indent="")
+    typer.echo("\n".join([*shown_lines[: len(instants) + 1], "", *shown_lines[len(instants) + 1 :]]))
     left_out = f", {len(shown):,} of them shown" if len(shown) < len(times) else ""
     typer.echo(f"of {len(times):,} instants{left_out}")
 

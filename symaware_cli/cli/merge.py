@@ -13,6 +13,7 @@ import typer
 from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
 from symaware_cli.cli.terminal import DATA_LOST, Json, is_lively, print_json, trouble_shown
+from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -84,16 +85,12 @@ def _plain(parts: Sequence[ProcessLog], merged: Merged, lost: Sequence[ProcessLo
 def _text(parts: Sequence[ProcessLog], merged: Merged) -> str:
     once = f"; {merged.repeated:,} that stand in several parts are written once" if merged.repeated else ""
     names = ["(whole)" if part.whole else part.name for part in parts]
-    width = max(map(len, ["part", *names]))
-    lines = [
-        f"{merged.path}: {merged.messages:,} messages, {size_in_words(merged.size)}{once}",
-        "",
-        f"  {'part':<{width}} {'agents':>7} {'from [s]':>10} {'until [s]':>10}  log",
-    ]
+    lines = [["part", "agents", "from [s]", "until [s]", "log"]]
     for name, part in zip(names, parts, strict=True):
-        start, end = (_number(time) for time in (part.start, part.log.end_time))
-        lines.append(f"  {name:<{width}} {len(part.agents):>7,} {start:>10} {end:>10}  {part.log.path}")
-    return "\n".join(lines)
+        instants = (_number(time) for time in (part.start, part.log.end_time))
+        lines.append([name, f"{len(part.agents):,}", *instants, str(part.log.path)])
+    title = f"{merged.path}: {merged.messages:,} messages, {size_in_words(merged.size)}{once}"
+    return "\n".join([title, "", *aligned(lines, "<>>><")])
 
 
 def _seconds(time: int | None) -> float | None:

@@ -12,6 +12,7 @@ import typer
 
 from symaware_cli.cli import terminal
 from symaware_cli.cli.terminal import print_array, printable
+from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -156,8 +157,7 @@ def _aligned(lines: Sequence[Mapping[str, Any]]) -> list[str]:
     short = [name.rpartition(".")[2] if _is_parameter(name) else name for name in names]
     heads = [brief if short.count(brief) == 1 else name for name, brief in zip(names, short, strict=True)]
     texts = [heads, *([_cell(line[name]) for name in names] for line in lines)]
-    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
-    return ["  ".join(f"{text:>{width}}" for text, width in zip(line, widths, strict=True)) for line in texts]
+    return aligned(texts, ">", indent="")
 
 
 def _is_parameter(name: str) -> bool:

@@ -4,7 +4,7 @@ from .branch_changes import BranchError as BranchError
 from .branching import BranchResult as BranchResult
 from .branching import Cell as Cell
 from .branching import branch as branch
-from .branching import branch_lines as branch_lines
+from .branching import branch_cells as branch_cells
 from .branching import branch_rows as branch_rows
 from .branching import branches as branches
 from .branching import write_branch_table as write_branch_table

@@ -312,12 +312,10 @@ def write_branch_table(rows: Sequence[dict[str, Cell]], folder: Path) -> Path:
     return path
 
 
-def branch_lines(rows: Sequence[dict[str, Cell]]) -> list[str]:
-    """Format the rows as text, without the names of logs and without empty columns."""
+def branch_cells(rows: Sequence[dict[str, Cell]]) -> list[list[str]]:
+    """Format the names of columns and the rows as text, without the names of logs and without empty columns."""
     shown = [key for key in rows[0] if key != "log" and any(row[key] is not None for row in rows)]
-    cells = [[_short(key) for key in shown], *([_text(row[key]) for key in shown] for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return ["  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True)) for line in cells]
+    return [[_short(key) for key in shown], *([_text(row[key]) for key in shown] for row in rows)]
 
 
 def _typed(change: Assignment) -> str:

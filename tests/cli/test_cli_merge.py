@@ -97,7 +97,7 @@ def test_what_was_lost_with_a_process_is_told_and_so_is_exit_status_3(
 ) -> None:
     done = merge("host.mcap", killed, "-o", "whole.mcap")
     assert done.exit_code == 3
-    assert done.stdout.splitlines()[-1] == "  left       2          0       0.95  left.mcap"
+    assert done.stdout.splitlines()[-1].split() == ["left", "2", "0", "0.95", "left.mcap"]
     assert done.stderr == (
         "symaware: left.mcap: the log breaks off after 0.95 s of simulated time and the end of the run is missing\n"
     )
@@ -134,7 +134,7 @@ def test_a_part_of_a_process_that_came_back_begins_when_its_agents_do(
     late = write_part(whole, tmp_path / "late.mcap", "left", ["robot.1", "car"], start=30 * STEP, begun=True)
     assert open_log(late).start_time == 0
     done = merge("host.mcap", "left.mcap", "late.mcap", "-o", "whole.mcap")
-    assert done.stdout.splitlines()[-1] == "  left       2        1.5       1.95  late.mcap"
+    assert done.stdout.splitlines()[-1].split() == ["left", "2", "1.5", "1.95", "late.mcap"]
     found = json.loads(merge("host.mcap", "left.mcap", "late.mcap", "-o", "whole.mcap", "--json").stdout)
     assert [part["start"] for part in found["parts"]] == [0.0, 0.0, 1.5]
 
@@ -149,7 +149,7 @@ def test_the_merged_log_is_sound_and_says_what_was_lost(killed: str, merge: Call
 def test_a_whole_log_is_called_that(sample: Path, merge: Callable[..., Result]) -> None:
     done = merge("sample.mcap", "-o", "whole.mcap")
     assert done.exit_code == 0
-    assert done.stdout.splitlines()[-1] == "  (whole)       4          0       1.95  sample.mcap"
+    assert done.stdout.splitlines()[-1].split() == ["(whole)", "4", "0", "1.95", "sample.mcap"]
 
 
 @pytest.mark.parametrize(
