@@ -153,9 +153,10 @@ def _of(cell: Cell) -> dict[str, Any]:
 
 def _aligned(lines: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return lines under the shortest names that tell columns apart."""
+    from symaware_cli.studies import brief_names
+
     names = list(lines[0])
-    short = [name.rpartition(".")[2] if _is_parameter(name) else name for name in names]
-    heads = [brief if short.count(brief) == 1 else name for name, brief in zip(names, short, strict=True)]
+    heads = brief_names(names, _is_parameter)
     texts = [heads, *([_cell(line[name]) for name in names] for line in lines)]
     return aligned(texts, ">", indent="")
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import FancyArrowPatch, Rectangle
 from numpy.typing import NDArray
 
 from symaware_cli.knowledge.abstraction.knowledge_model import KnowledgeModel
 from symaware_cli.knowledge.abstraction.transition_system import TransitionSystem
-from symaware_cli.views import save, styled
+from symaware_cli.views import FigureSheet, Handles
 
 Array = NDArray[np.float64]
 
@@ -43,11 +44,9 @@ def draw_models(models: Mapping[str, KnowledgeModel], path: Path, dpi: int = 150
     ]
     width = sum(extent[0] for extent in extents) + 0.8 * len(extents)
     height = max(extent[1] for extent in extents) + 1.0 + 0.3 * len(said)
-    with styled(1.0):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        if said:
-            figure.suptitle("\n".join(said), x=0.02, ha="left")
-        grid = figure.add_gridspec(1, len(drawn), width_ratios=[extent[0] for extent in extents])
+
+    def fill(figure: Figure, place: SubplotSpec) -> tuple[Sequence[Handles], Sequence[str]]:
+        grid = place.subgridspec(1, len(drawn), width_ratios=[extent[0] for extent in extents])
         for number, (name, model) in enumerate(drawn.items()):
             axes = figure.add_subplot(grid[0, number], anchor="N")
             axes.set_title(f"{name}: {_size(model, 'cells' if len(model.bounds) else 'states')}", loc="left")
@@ -55,7 +54,9 @@ def draw_models(models: Mapping[str, KnowledgeModel], path: Path, dpi: int = 150
                 _draw(axes, model, _SIDE / float(np.ptp(model.bounds, axis=(0, 2)).max()))
             else:
                 draw_states(axes, model.system)
-        save(figure, path, dpi)
+        return (), said
+
+    FigureSheet((width, height), "", len(drawn)).draw(path, None, dpi, fill)
 
 
 def _size(model: KnowledgeModel, noun: str) -> str:

@@ -7,7 +7,7 @@ per replicate, which all cells share.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -229,3 +229,20 @@ def _points(document: SweepDocument) -> Iterator[tuple[ParameterChange, ...]]:
         )
     for combination in product(*axes):
         yield tuple(change for changes in combination for change in changes)
+
+
+def brief_names(paths: Sequence[str], is_path: Callable[[str], bool] = lambda _: True) -> list[str]:
+    """Return the ends of dotted paths, each as short as tells it apart from the others.
+
+    Args:
+        paths: The paths, and names among them that stay whole.
+        is_path: Whether one of them is a path.
+    """
+
+    def brief(path: str) -> str:
+        parts = path.split(".")
+        others = [other for other in paths if other != path]
+        ends = (".".join(parts[-count:]) for count in range(1, len(parts)))
+        return next((end for end in ends if not any(f".{other}".endswith(f".{end}") for other in others)), path)
+
+    return [brief(path) if is_path(path) else path for path in paths]

@@ -39,14 +39,11 @@ from .palette import AGENTS as AGENTS
 from .palette import RISK as RISK
 from .palette import hexadecimal as hexadecimal
 from .plotting.content import gather as gather
+from .plotting.figure_sheet import FigureSheet as FigureSheet
+from .plotting.figure_sheet import Fill as Fill
+from .plotting.figure_sheet import Handles as Handles
 from .plotting.figure_style import FAINT as FAINT
-from .plotting.figure_style import HEADING as HEADING
-from .plotting.figure_style import LEAST_TYPE as LEAST_TYPE
 from .plotting.figure_style import SMALL as SMALL
-from .plotting.figure_style import require_writable as require_writable
-from .plotting.figure_style import save as save
-from .plotting.figure_style import settle as settle
-from .plotting.figure_style import styled as styled
 from .plotting.figure_style import type_scale as type_scale
 from .plotting.line_styles import Chosen as Chosen
 from .plotting.line_styles import LineStyle as LineStyle

@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ from sweeping import rows, symaware, tiny
 
 from symaware_cli import load
 from symaware_cli.studies.folder import SweepFolder
-from symaware_cli.studies.picture.paths_figure import draw
+from symaware_cli.studies.picture.paths_figure import draw, prepared
 from symaware_cli.studies.picture.paths_picture import RunPaths, gathered
 from symaware_cli.studies.sweep_error import SweepError
+from symaware_cli.studies.sweep_plan import brief_names
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +71,28 @@ def test_a_picture_of_paths_counts_violating_runs(swept: Path, tmp_path: Path) -
     assert facts["runs"] == 16
     assert "The first runs of each combination: 16 of 20." in facts["notes"]
     assert file.read_bytes().startswith(b"\x89PNG")
+
+
+def test_names_are_as_short_as_tells_them_apart() -> None:
+    assert brief_names(["a.b.speed", "a.b.gain", "count"]) == ["speed", "gain", "count"]
+    assert brief_names(["a.b.speed", "a.c.speed", "speed"]) == ["b.speed", "c.speed", "speed"]
+    assert brief_names(["x.a.use", "y.a.use"]) == ["x.a.use", "y.a.use"]
+    assert brief_names(["verdict.near", "a.b.near"], lambda name: name != "verdict.near") == ["verdict.near", "b.near"]
+
+
+def test_long_values_of_a_combination_leave_the_panels_as_wide_as_short_ones(swept: Path) -> None:
+    def widths(caption: str) -> list[float]:
+        panels = [replace(panel, caption=caption) for panel in picture.panels]
+        sheet, fill = prepared(replace(picture, panels=panels))
+        with sheet.drawn(None, fill) as figure:
+            return [axes.get_position().width for axes in figure.axes if axes.get_xlabel()]
+
+    picture = gathered(SweepFolder.opened(swept), 2)
+    short = widths("speed = 1")
+    assert len(short) == 2
+    assert widths(", ".join(["main.components.steer.use = control.velocity-obstacle"] * 3)) == pytest.approx(
+        short, rel=0.1
+    )
 
 
 def test_a_picture_of_paths_is_reproducible_byte_for_byte(swept: Path, tmp_path: Path) -> None:

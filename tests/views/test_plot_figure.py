@@ -13,8 +13,7 @@ from simulating import present, untyped
 from symaware_cli import Log
 from symaware_cli.log.error import LogError, OutputError, UnknownNameError
 from symaware_cli.views.plotting.content import gather
-from symaware_cli.views.plotting.figure import _arranged, _figure, _Layout
-from symaware_cli.views.plotting.figure_style import styled
+from symaware_cli.views.plotting.figure import _Layout, prepared
 from symaware_cli.views.plotting.plane import extent, round_interval
 from symaware_cli.views.plotting.plot import plot
 from symaware_cli.views.plotting.request import PlotRequest, SeriesName
@@ -26,12 +25,9 @@ def yard(tmp_path_factory: pytest.TempPathFactory) -> Log:
 
 
 def drawn(log: Log, request: PlotRequest = PlotRequest()) -> Figure:  # noqa: B008 (it is frozen)
-    content = gather(log, request)
-    layout, size, scale = _arranged(content, request)
-    with styled(scale):
-        figure = _figure(content, layout, size, request.title)
-        figure.draw_without_rendering()
-    return figure
+    sheet, fill = prepared(gather(log, request), request.title)
+    with sheet.drawn(request.size, fill) as figure:
+        return figure
 
 
 def titles(figure: Figure) -> list[str]:

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
+from matplotlib.gridspec import SubplotSpec
 from numpy.typing import NDArray
 
 from symaware_cli.log import whole_file
-from symaware_cli.studies.picture.figure_sheet import FigureSheet, Handles, columns_of
-from symaware_cli.views import AGENTS, FAINT, hexadecimal
+from symaware_cli.studies.picture.panel_grid import columns_of, natural_size
+from symaware_cli.views import AGENTS, FAINT, FigureSheet, Handles, hexadecimal
 
 #: Width and height of a panel [inch].
 _PANEL = (4.3, 3.4)
@@ -69,21 +69,30 @@ def draw_pairs(
     if len(columns) > len(shown):
         said.append(f"{len(columns) - len(shown)} further columns differ.")
     width = columns_of(len(shown))
-    sheet = FigureSheet((-(-len(shown) // width), width), _PANEL, f"{names[0]} and {names[1]}", said, len(shown))
+    grid = -(-len(shown) // width), width
+    sheet = FigureSheet(natural_size(grid, _PANEL), f"{names[0]} and {names[1]}", len(shown))
     with whole_file(Path(path)) as unfinished:
-        sheet.draw(unfinished, None, 150, partial(_fill, shown, names))
+        sheet.draw(unfinished, None, 150, partial(_fill, shown, names, grid, said))
 
 
-def _fill(columns: Sequence[PairedValues], names: tuple[str, str], figure: Figure, places: GridSpec) -> Handles:
+def _fill(
+    columns: Sequence[PairedValues],
+    names: tuple[str, str],
+    grid: tuple[int, int],
+    said: Sequence[str],
+    figure: Figure,
+    place: SubplotSpec,
+) -> tuple[Sequence[Handles], Sequence[str]]:
+    places = place.subgridspec(*grid)
     for number, column in enumerate(columns):
-        axes = figure.add_subplot(places[divmod(number, places.ncols)])
+        axes = figure.add_subplot(places[divmod(number, grid[1])])
         axes.set_axisbelow(True)
         axes.set_title(f"{column.label}\n{column.caption}", loc="left")
         if column.is_share:
             _draw_counts(axes, column, names)
         else:
             _draw_points(axes, column, names)
-    return ()
+    return (), said
 
 
 def _draw_points(axes: Axes, column: PairedValues, names: tuple[str, str]) -> None:

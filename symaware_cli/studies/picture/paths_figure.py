@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,12 +13,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from symaware_cli.studies.picture.figure_sheet import FigureSheet, Handles, columns_of
+from symaware_cli.studies.picture.panel_grid import columns_of, natural_size
 from symaware_cli.studies.picture.paths_picture import PathsPanel, PathsPicture
 from symaware_cli.views import (
     AGENTS,
@@ -25,6 +26,9 @@ from symaware_cli.views import (
     RISK,
     SMALL,
     Chosen,
+    FigureSheet,
+    Fill,
+    Handles,
     LineStyle,
     Trajectories,
     draw_goals,
@@ -38,6 +42,9 @@ Array = NDArray[np.float64]
 
 #: The greatest side of a panel [inch], alone and among others, and the margins of the map in it.
 _ALONE, _AMONG, _AROUND = 7.0, 4.3, (0.9, 0.85)
+
+#: The width of a character and the height of a line of the text above a panel [inch].
+_CHARACTER, _LINE = 0.085, 0.18
 
 #: The maximum numbers of obstacles with written names and of marked start positions.
 _NAMED, _STARTS = 24, 60
@@ -62,15 +69,25 @@ def draw(
         LogError: The title cannot be written with the font, or the panels do not fit.
         OSError: The file cannot be written.
     """
+    sheet, fill = prepared(picture, title)
+    sheet.draw(path, size, dpi, fill)
+
+
+def prepared(picture: PathsPicture, title: str | None = None) -> tuple[FigureSheet, Fill]:
+    """Arrange the panels, and return the sheet for them and the function that draws them."""
     low, high = _extent(picture)
     columns = columns_of(len(picture.panels))
     grid = (-(-len(picture.panels) // columns), columns)
     wide, tall = (high - low).tolist()
     scale = (_ALONE if len(picture.panels) == 1 else _AMONG) / max(wide, tall)
-    panel = (max(2.6, wide * scale) + _AROUND[0], max(1.2, tall * scale) + _AROUND[1])
+    width = max(2.6, wide * scale)
+    # Text that is wider than its panel would make the layout shrink all panels.
+    captions = [textwrap.wrap(each.caption, int(width / _CHARACTER), break_on_hyphens=False) for each in picture.panels]
+    lines = max(map(len, captions))
+    panel = (width + _AROUND[0], max(1.2, tall * scale) + _AROUND[1] + _LINE * max(0, lines - 1))
     usual = f"{picture.name}: trajectories of {picture.runs:,} runs, seed {picture.seed}"
-    sheet = FigureSheet(grid, panel, usual if title is None else title, picture.notes, len(picture.panels))
-    sheet.draw(path, size, dpi, partial(_fill, picture, low, high))
+    sheet = FigureSheet(natural_size(grid, panel), usual if title is None else title, len(picture.panels))
+    return sheet, partial(_fill, picture, captions, grid, (low, high))
 
 
 def _extent(picture: PathsPicture) -> tuple[Array, Array]:
@@ -83,16 +100,24 @@ def _extent(picture: PathsPicture) -> tuple[Array, Array]:
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def _fill(picture: PathsPicture, low: Array, high: Array, figure: Figure, places: GridSpec) -> Handles:
+def _fill(
+    picture: PathsPicture,
+    captions: Sequence[Sequence[str]],
+    grid: tuple[int, int],
+    area: tuple[Array, Array],
+    figure: Figure,
+    place: SubplotSpec,
+) -> tuple[Sequence[Handles], Sequence[str]]:
+    places = place.subgridspec(*grid)
     handles: dict[str, Line2D | Patch] = {}
-    for number, panel in enumerate(picture.panels):
-        axes = figure.add_subplot(places[divmod(number, places.ncols)])
-        for handle in _draw_panel(axes, panel, low, high):
+    for number, (panel, caption) in enumerate(zip(picture.panels, captions, strict=True)):
+        axes = figure.add_subplot(places[divmod(number, grid[1])])
+        for handle in _draw_panel(axes, panel, *area):
             handles.setdefault(str(handle.get_label()), handle)
         violated = sum(panel.violated)
-        said = f"{violated:,} of {len(panel.paths):,} runs violate" if picture.specifications else ""
-        axes.set_title("\n".join(filter(None, [panel.caption, said])), loc="left")
-    return list(handles.values())
+        said = [f"{violated:,} of {len(panel.paths):,} runs violate"] if picture.specifications else []
+        axes.set_title("\n".join([*caption, *said]), loc="left")
+    return [list(handles.values())], picture.notes
 
 
 def _draw_panel(axes: Axes, panel: PathsPanel, low: Array, high: Array) -> list[Line2D | Patch]:

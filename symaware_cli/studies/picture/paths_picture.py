@@ -18,7 +18,7 @@ from symaware_cli.studies.row import Row
 from symaware_cli.studies.sweep_error import SweepError
 from symaware_cli.studies.sweep_files import JOURNAL
 from symaware_cli.studies.sweep_journal import SweepJournal
-from symaware_cli.studies.sweep_plan import Cell, SweepPlan
+from symaware_cli.studies.sweep_plan import Cell, SweepPlan, brief_names
 from symaware_cli.views import PlotRequest, Trajectories, gather
 
 Array = NDArray[np.float64]
@@ -236,9 +236,7 @@ def _require_equal(folder: SweepFolder, before: Row, again: Row) -> None:
 
 def _caption(cell: Cell, plan: SweepPlan) -> str:
     varying = [path for path in cell.parameters if len({repr(each.parameters[path]) for each in plan.cells}) > 1]
-    last = [path.rpartition(".")[2] for path in varying]
-    names = [short if last.count(short) == 1 else path for short, path in zip(last, varying, strict=True)]
-    values = [f"{name} = {cell.parameters[path]}" for name, path in zip(names, varying, strict=True)]
+    values = [f"{name} = {cell.parameters[path]}" for name, path in zip(brief_names(varying), varying, strict=True)]
     return ", ".join([*([] if cell.variant is None else [cell.variant]), *values])
 
 

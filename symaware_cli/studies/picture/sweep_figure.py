@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter
 
-from symaware_cli.studies.picture.figure_sheet import FigureSheet, Handles, columns_of
 from symaware_cli.studies.picture.finished_runs import Array, ParameterAxis
 from symaware_cli.studies.picture.metric_panel import MetricPanel, SweepPicture
-from symaware_cli.views import AGENTS, SMALL, hexadecimal, type_scale
+from symaware_cli.studies.picture.panel_grid import columns_of, natural_size
+from symaware_cli.views import AGENTS, SMALL, FigureSheet, Handles, hexadecimal, type_scale
 
 #: Width and height of a panel [inch].
 _PANEL = (4.3, 3.0)
@@ -61,20 +62,24 @@ def draw(
         rows = len(picture.panels) // picture.facets * -(-picture.facets // columns)
     runs = picture.runs
     usual = f"{runs.name}: {len(runs.indices):,} runs, seed {runs.seed}"
-    sheet = FigureSheet((rows, columns), _PANEL, usual if title is None else title, picture.notes, len(picture.panels))
-    sheet.draw(path, size, dpi, partial(_fill, picture))
+    grid = (rows, columns)
+    sheet = FigureSheet(natural_size(grid, _PANEL), usual if title is None else title, len(picture.panels))
+    sheet.draw(path, size, dpi, partial(_fill, picture, grid))
 
 
-def _fill(picture: SweepPicture, figure: Figure, places: GridSpec) -> Handles:
+def _fill(
+    picture: SweepPicture, grid: tuple[int, int], figure: Figure, place: SubplotSpec
+) -> tuple[Sequence[Handles], Sequence[str]]:
+    places = place.subgridspec(*grid)
     row, column, metric = 0, 0, picture.panels[0].metric.name
     for panel in picture.panels:
-        if column == places.ncols or (picture.facets > 1 and panel.metric.name != metric):
+        if column == grid[1] or (picture.facets > 1 and panel.metric.name != metric):
             row, column = row + 1, 0
         metric = panel.metric.name
         axes = figure.add_subplot(places[row, column])
         column += 1
         _draw_panel(figure, axes, panel, _range(picture, metric))
-    return ()
+    return (), picture.notes
 
 
 def _draw_panel(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[float, float]) -> None:

@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
-import textwrap
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from symaware_cli.core import seconds
-from symaware_cli.log import LogError
 from symaware_cli.views.plotting.curves import PlottedCurves
-from symaware_cli.views.plotting.figure_style import (
-    FAINT,
-    HEADING,
-    LEAST_TYPE,
-    SMALL,
-    require_writable,
-    save,
-    settle,
-    styled,
-    type_scale,
-)
+from symaware_cli.views.plotting.figure_sheet import FigureSheet, Fill, Handles
+from symaware_cli.views.plotting.figure_style import FAINT
 from symaware_cli.views.plotting.line_styles import LineStyle
 from symaware_cli.views.plotting.offer_timeline import OfferTimeline
 from symaware_cli.views.plotting.panels import Content, Distances, Trajectories
@@ -37,17 +24,14 @@ from symaware_cli.views.plotting.plane import draw_trajectories, extent
 from symaware_cli.views.plotting.request import PlotRequest
 from symaware_cli.views.plotting.time import DASHES, draw_curves, draw_offers, draw_separation
 
-#: Sizes in inches: maximum of the plane, a panel over time, a line of the foot, and the width of a character there.
-_PLANE, _PANEL, _LINE, _CHARACTER = (6.2, 7.0), (5.6, 2.1), 0.19, 0.071
+#: Sizes in inches: maximum of the plane, and a panel over time.
+_PLANE, _PANEL = (6.2, 7.0), (5.6, 2.1)
 
 #: Sizes in inches: the space around a plane, for title and labels, and around all panels.
 _AROUND, _MARGINS = 0.6, 1.2
 
 #: Aspect ratio of the plane above which it is placed above the other panels.
 _WIDE = 2.2
-
-#: Maximum number of entries of a legend.
-_ENTRIES = 32
 
 
 def draw(content: Content, request: PlotRequest, path: Path) -> None:
@@ -62,36 +46,25 @@ def draw(content: Content, request: PlotRequest, path: Path) -> None:
         LogError: The font does not have the characters of the title, or the panels do not fit.
         OSError: The file cannot be written.
     """
-    layout, size, scale = _arranged(content, request)
-    with styled(scale), warnings.catch_warnings():
-        warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
-        try:
-            figure = _figure(content, layout, size, request.title)
-            settle(figure)
-        except UserWarning:
-            count = f"{len(content.panels)} panel{'s do' if len(content.panels) > 1 else ' does'}"
-            raise LogError(f"{count} not fit into {size[0]:g} x {size[1]:g} inches") from None
-        save(figure, path, request.dpi)
+    sheet, fill = prepared(content, request.title)
+    sheet.draw(path, request.size, request.dpi, fill)
 
 
-def _arranged(content: Content, request: PlotRequest) -> tuple[_Layout, tuple[float, float], float]:
-    """Return the layout, the size of the figure [inch], and the font scale relative to the natural size."""
+def prepared(content: Content, title: str | None = None) -> tuple[FigureSheet, Fill]:
+    """Arrange the panels, and return the sheet for them and the function that draws them."""
     plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
     layout = _Layout.of(_ratio(plane) if plane else None, len(content.panels) - (plane is not None))
-    width, height = request.size or layout.size
-    scale = max(LEAST_TYPE, min(1.0, width / layout.size[0], height / layout.size[1]))
-    return layout, (width, height), scale
+    sheet = FigureSheet(layout.size, _title(content, title), len(content.panels))
+    return sheet, partial(_fill, content, layout)
 
 
-def _figure(content: Content, layout: _Layout, size: tuple[float, float], title: str | None) -> Figure:
-    """Draw the panels, and below them legends and caption."""
+def _fill(
+    content: Content, layout: _Layout, figure: Figure, place: SubplotSpec
+) -> tuple[Sequence[Handles], Sequence[str]]:
+    """Draw the panels; return the legends of marks and of agents, and the sentences of the caption."""
     plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
     others = [panel for panel in content.panels if not isinstance(panel, Trajectories)]
-    # The panels, two legends and the caption, whose heights are only known when everything is drawn.
-    engine = ConstrainedLayoutEngine(rect=(0.008, 0.004, 0.984, 0.988), w_pad=0.06, h_pad=0.05, hspace=0.0)
-    figure = Figure(figsize=size, layout=engine)
-    whole = figure.add_gridspec(4, 1)
-    places = layout.places(whole[0], len(others))
+    places = layout.places(place, len(others))
     handles: list[Line2D | Patch] = []
     said: list[str] = []
     if plane:
@@ -112,14 +85,7 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
         axes.set_xlabel("simulated time [s]" if lowest else "")
     if first and content.window.start < content.window.end:
         first.set_xlim(seconds(content.window.start), seconds(content.window.end))
-    feet = [
-        _explained(figure, whole[1], handles),
-        _explained(figure, whole[2], _owners(content)),
-        _captioned(figure, whole[3], said + content.notes),
-    ]
-    whole.set_height_ratios((max(size[1] - _AROUND - sum(feet), 1.0), *(max(foot, 0.01) for foot in feet)))
-    figure.suptitle(_title(content, title), x=0.012, ha="left", fontsize=HEADING * type_scale(), fontweight="bold")
-    return figure
+    return (handles, _owners(content)), said + content.notes
 
 
 def _drawn(axes: Axes, panel: Distances | OfferTimeline | PlottedCurves) -> tuple[list[Line2D | Patch], list[str]]:
@@ -196,7 +162,6 @@ def _ratio(plane: Trajectories) -> float:
 
 def _title(content: Content, title: str | None) -> str:
     if title is not None:
-        require_writable(title)
         return title
     count, total = len(content.chosen.lines), content.agent_count
     agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {total:,}" if count < total else "")
@@ -216,50 +181,3 @@ def _owners(content: Content) -> list[Line2D | Patch]:
         Line2D([], [], color=line.colour, linestyle=DASHES if line.dashed else "solid", label=line.name)
         for line in lines
     ]
-
-
-def _explained(figure: Figure, place: SubplotSpec, handles: Sequence[Line2D | Patch]) -> float:
-    """Draw a legend in as few lines as possible, and return its height [inch]."""
-    if not 0 < len(handles) <= _ENTRIES:
-        return 0.0
-    lengths = [len(str(handle.get_label())) for handle in handles]
-    width = (figure.get_figwidth() - 0.3) / type_scale()
-    columns = next(count for count in range(len(handles), 0, -1) if count == 1 or _width(lengths, count) <= width)
-    axes = _unframed(figure, place)
-    rows = -(-len(handles) // columns)
-    legend = axes.legend(
-        handles=handles,
-        loc="upper left",
-        ncols=-(-len(handles) // rows),
-        borderaxespad=0.0,
-        borderpad=0.0,
-        columnspacing=1.6,
-        labelspacing=0.35,
-        frameon=False,
-    )
-    legend.set_in_layout(False)
-    return (_LINE * rows + 0.06) * type_scale()
-
-
-def _width(lengths: Sequence[int], columns: int) -> float:
-    """Return the width of a legend with labels of these lengths in a number of columns, filled one by one [inch]."""
-    return sum(_CHARACTER * max(column, default=0) + 0.62 for column in np.array_split(lengths, columns))
-
-
-def _captioned(figure: Figure, place: SubplotSpec, said: Sequence[str]) -> float:
-    """Draw the caption, and return its height [inch]."""
-    text = textwrap.wrap(
-        " ".join(dict.fromkeys(said)), max(20, int((figure.get_figwidth() - 0.3) / _CHARACTER / type_scale()))
-    )
-    axes = _unframed(figure, place)
-    words = axes.text(
-        0.0, 1.0, "\n".join(text), va="top", fontsize=SMALL * type_scale(), color=FAINT, transform=axes.transAxes
-    )
-    words.set_in_layout(False)
-    return _LINE * len(text) * type_scale()
-
-
-def _unframed(figure: Figure, place: SubplotSpec) -> Axes:
-    axes = figure.add_subplot(place)
-    axes.axis("off")
-    return axes
