@@ -16,7 +16,7 @@ GROUPS = {
     "author": "Author",
 }
 
-#: The title of what belongs to no group.
+#: The title for commands without a group.
 OTHERS = "Other commands"
 
 _ATTRIBUTE = "__symaware_help__"
@@ -40,7 +40,7 @@ class HelpPlace(NamedTuple):
 
     @property
     def rank(self) -> tuple[int, str, int]:
-        """What commands are sorted by: the groups in their order, others by their names, then those without one."""
+        """The sort key of commands: the groups in their order, others by their names, then commands without one."""
         known = list(GROUPS)
         number = known.index(self.group) if self.group in known else len(known) + (not self.group)
         return number, self.group, self.order

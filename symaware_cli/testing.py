@@ -29,7 +29,7 @@ from symaware_cli.world import Model
 __all__ = ["assert_batchable", "assert_conforming", "assert_repeatable"]
 
 
-#: The exit status of a run in which a specification is violated, which repeats as well as any other.
+#: The exit status of a run that violates a specification; such a run can be compared like any other.
 _VIOLATED = 3
 
 
@@ -51,9 +51,9 @@ def assert_repeatable(
     seed: int | None = None,
     timeout: float | None = None,
 ) -> Digest:
-    """Run a scenario twice, in two fresh processes, and compare what they recorded.
+    """Run a scenario twice, in two fresh processes, and compare the logs.
 
-    Everything except /timing must be equal byte for byte. This detects plugins that depend on wall-clock time, on the
+    All channels except /timing must be equal byte for byte. This detects plugins that depend on wall-clock time, on the
     global random state, on the order of a set or on the address of an object: use ``self.random`` and sort instead. The
     second process computes as on a processor of level x86-64-v3, without AVX-512.
 
@@ -95,15 +95,15 @@ def assert_batchable(scenario: str | os.PathLike[str], overrides: Sequence[str] 
     """Run a scenario in batches of several sizes, and compare each run with the same run made alone.
 
     The true states, the control inputs and all metrics must be equal to the bit. This detects components, models and
-    worlds that declare ``batchable = True`` although the rows of a run depend on those of others, or on how many there
-    are: reductions across rows, and BLAS.
+    worlds that declare ``batchable = True`` although the rows of a run depend on the rows of other runs or on the
+    number of rows, as in reductions across rows and in BLAS.
 
     Args:
         scenario: A scenario file.
         overrides: Changes as ``path=value``; a shorter ``run.duration`` makes the test faster.
 
     Raises:
-        AssertionError: A run differs, or the scenario cannot be batched; the message says which run, or why.
+        AssertionError: A run differs, or the scenario cannot be batched; the message names the run or the reason.
         ScenarioError: The scenario has problems.
     """
     from symaware_cli.studies import differing_runs
@@ -114,16 +114,16 @@ def assert_batchable(scenario: str | os.PathLike[str], overrides: Sequence[str] 
 
 
 def assert_conforming(model: Model, state: Sequence[float] | None = None) -> None:
-    """Check that a model returns what it declares: the numbers of rates, bounds, positions and Jacobians.
+    """Check the shapes and types of a model's results: rates, bounds, positions, velocities, Jacobians.
 
-    A scenario is refused for the same reasons.
+    The same faults make a scenario invalid.
 
     Args:
         model: The model.
         state: The state at which to evaluate it, in the model's order; zeros by default.
 
     Raises:
-        AssertionError: Something has another form; the message names everything that does, with the counts.
+        AssertionError: A result has another shape or type; the message has a line for each fault.
     """
     faults = list(faults_of(model, None if state is None else np.asarray(state, float)))
     if faults:

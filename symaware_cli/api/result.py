@@ -101,10 +101,10 @@ class RunFailedError(RuntimeError):
 
     Attributes:
         run: The result until the failure.
-        source: The dotted path of what failed, such as ``agents.robot.2.steer`` or ``environment``.
+        source: The dotted path of the part that failed, such as ``agents.robot.2.steer`` or ``environment``.
         plugin: The entry-point name of the plugin that failed.
         time: Simulated time [s].
-        problem: What happened, in one sentence.
+        problem: The failure, described in one sentence.
     """
 
     def __init__(self, message: str, run: RunResult, source: str, plugin: str, time: float, problem: str) -> None:

@@ -59,7 +59,7 @@ class Outline:
         steps: The greatest number of steps.
         duration: Simulated time of these steps [s].
         digest: A digest of the scenario, in hexadecimal digits.
-        warnings: What is valid, and probably not meant, as `validate` finds it.
+        warnings: Warnings about valid but probably unintended values; only `validate` looks for them.
     """
 
     name: str
@@ -230,15 +230,15 @@ class Scenario:
             record: Whether to write a log.
             timeout: Wall time after which the run is ended with the status ``interrupted`` and its log finished [s].
             progress: True to show a bar, on the terminal or in a notebook; or a function that is called from time to
-                time with the simulated time that is reached [s].
-            on_event: Called with each event, those of every step, turn and message included; or functions by the names
-                of events, in which ``*`` matches anything, which cost less.
+                time with the present simulated time [s].
+            on_event: Called with each event, including those of every step, turn and message; or functions by event
+                names, in which ``*`` matches anything, which cost less time.
             live: True to show the run in a viewer while it is running, or the URL of a running viewer.
             place: The role of this process in a run of several: `Place.host` or `Place.member`.
             may_exit: Whether the process may exit, like a command, if the run reacts neither to a second Ctrl-C nor to
                 its time-out. Otherwise a second Ctrl-C ends the run immediately, even within the record of an instant.
-            on_warnings: Called before the run begins with what is valid and probably not meant, as `validate` finds it,
-                if there is any. Without a function to call, nothing is looked for.
+            on_warnings: Called before the run begins with the warnings of `validate`, if there are any. None to skip
+                the search for them.
 
         Raises:
             ScenarioError: The scenario has problems; no log was written.
@@ -361,14 +361,14 @@ class Scenario:
 
 
 def _warn_of_processor() -> None:
-    """Warn the caller of the API if another processor may compute other last bits."""
+    """Warn the caller of the API if the last bits of results may differ on another processor."""
     shortfall = processor.shortfall()
     if shortfall:
         warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=3)
 
 
 def _subscribe(built: Built, subscribers: Subscribers | None) -> None:
-    """Let functions be called for the events of a run."""
+    """Subscribe functions to the events of a run."""
     by_pattern = {"*": subscribers} if callable(subscribers) else subscribers or {}
     for pattern, call in by_pattern.items():
         built.simulation.events.subscribe_matching(pattern, call)

@@ -41,36 +41,36 @@ def sweep(
     """Make many runs of a scenario, and return their table.
 
     Args:
-        scenario: A scenario or a log of one, or the file of a sweep, or the folder of one that is to be resumed.
-        output: The folder for its journal and table; if it has the same sweep, that is resumed. By default nothing is
-            kept.
+        scenario: A scenario or a log of one, the file of a sweep, or the folder of a sweep to resume.
+        output: The folder for the journal and the table; if it contains the same sweep, it is resumed. By default
+            nothing is kept.
         over: Values of the scenario that vary, by their paths: lists, ranges such as ``"0..1 by 0.1"``, or
             distributions such as ``{"uniform": [0, 1]}``, from which each run draws.
-        design: How they draw: ``random``, ``latin-hypercube`` or ``sobol``.
+        design: The sampling of the distributions: ``random``, ``latin-hypercube`` or ``sobol``.
         changes: Values of the scenario that all runs share, by their paths.
         variants: Variants of the scenario by name, each with its values by their paths.
         runs: Runs of each combination.
         seed: The seed of the sweep.
         paired: Whether all variants share the seed of each run.
         until: A rule that ends the runs of each combination early, such as ``"halfwidth(satisfied.safe) < 0.01"``.
-        claim: What is to be certified, such as ``"P(safe) > 0.99 with confidence 0.99, sequential"``; ``"none"`` takes
-            away the claim of the file.
+        claim: The claim to certify, such as ``"P(safe) > 0.99 with confidence 0.99, sequential"``; ``"none"`` removes
+            the claim of the file.
         keep: Which logs are kept: ``none``, ``failed``, ``worst:N`` or ``all``.
         timeout: Wall time after which a run is given up [s].
-        jobs: How many worker processes; 0 to make all runs in this process.
-        on: Where the runs are made, as ``EXECUTOR`` or ``EXECUTOR:ADDRESS``, such as ``"ray:10.0.0.1:6379"`` or
-            ``"ray:auto"`` for a Ray cluster; `jobs` is then how many are made at a time, 0 for as many as are
-            possible. By default on this machine.
-        batch: How many runs are made together at most, where that is possible; 1 for none. The rows are the same.
-        fail_fast: Whether to end with the first run that fails.
+        jobs: The number of worker processes; 0 to execute all runs in this process.
+        on: The executor of the runs, as ``EXECUTOR`` or ``EXECUTOR:ADDRESS``, such as ``"ray:10.0.0.1:6379"`` or
+            ``"ray:auto"`` for a Ray cluster; `jobs` is then the number of concurrent runs, 0 for as many as
+            possible. By default this machine.
+        batch: The maximum number of runs batched as arrays; 1 for none. The rows are the same.
+        fail_fast: Whether to stop at the first failed run.
 
     Returns:
-        One row a run in order of its index; docs/sweeps.md describes the columns.
+        One row for each run, in the order of their indices; docs/sweeps.md describes the columns.
 
     Raises:
         ScenarioError: The sweep or the scenario has problems; nothing was run.
-        SweepError: The folder has something else, or there is no such cluster, or it has other code.
-        KeyboardInterrupt: Ctrl-C ended it; the rows are in the folder.
+        SweepError: The folder has other contents, there is no such cluster, or its nodes have other code.
+        KeyboardInterrupt: Ctrl-C ended the sweep; the rows are in the folder.
     """
     from pyarrow import parquet
 
@@ -99,16 +99,16 @@ def sweep(
 
 
 def opened(target: Path, output: Path | None, request: SweepRequest) -> SweepFolder:
-    """Return the folder of a sweep, made if there is none.
+    """Open the folder of a sweep, or create it.
 
     Args:
         target: A scenario, the file of a sweep, or the folder of one.
-        output: Where the folder is to be, unless the target is one.
-        request: What is asked for.
+        output: The folder to create or to resume, unless the target is one.
+        request: The requested values, changes and entries of the sweep; ignored if the target is a folder.
 
     Raises:
         ScenarioError: The sweep or the scenario has problems; nothing was created.
-        SweepError: The folder has something else, or pyarrow is not installed.
+        SweepError: The folder has other contents, or pyarrow is not installed.
     """
     from symaware_cli.studies import require_pyarrow
 
@@ -165,11 +165,11 @@ def verify_sweep(
 
     Args:
         folder: The folder.
-        level: How much, each level with those before it: ``arithmetic`` is what the table says of itself, ``monitor``
-            the logs that were kept, ``sample`` some rows that are made again, ``all`` all of them.
-        rows: How many rows the level ``sample`` makes again.
-        seed: The seed by which these are chosen; by default one that cannot be predicted.
-        on_progress: Called with how many runs were made again, and of how many.
+        level: The extent, each level including those before it: ``arithmetic`` compares the table with the journal
+            and the plan, ``monitor`` evaluates the kept logs, ``sample`` repeats some rows, ``all`` every row.
+        rows: The number of rows repeated at the level ``sample``.
+        seed: The seed of their random choice; by default one that cannot be predicted.
+        on_progress: Called with the number of repeated runs and the total to repeat.
 
     Raises:
         SweepError: There is no sweep.

@@ -136,7 +136,7 @@ class Column:
         return beyond if since is None else [row for row in beyond if row in since]
 
     def problem(self, row: int) -> str:
-        """Describe what is wrong with a row that is out of bounds."""
+        """Describe the invalid values of a row that is out of bounds."""
         return said_of(self._array[row])
 
     def clear(self, rows: Sequence[int]) -> None:
@@ -220,7 +220,7 @@ class TableColumn:
         return sorted(row for row in since if not self.bounds.includes(self._tables[row]))
 
     def problem(self, row: int) -> str:
-        """Describe what is wrong with a row that is out of bounds."""
+        """Describe the invalid values of a row that is out of bounds."""
         table = self._tables[row]
         return said_of(table[self.bounds.rows_beyond(table)[0]])
 

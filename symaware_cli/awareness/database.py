@@ -33,7 +33,7 @@ _EVERYBODYS = frozenset(part.name for part in PARTS)
 
 
 class OtherAwareness(AwarenessVector):
-    """What an agent believes of another: a view that reads and writes the present beliefs."""
+    """The beliefs of an agent about another one: a view that reads and writes the present beliefs."""
 
     __slots__ = ("_database",)
 
@@ -91,14 +91,14 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     The `state` of the agent itself is a state of its model.
 
-    That of every other agent is its motion, whatever its source: the position, then the velocity, in the dimensions of
-    the world; NaN where nothing is known. `elements` returns them by name. Nothing is stored for each pair of agents: a
-    value is looked up in the beliefs that the group's components share, in those that the agent's own components wrote,
-    and in received messages. `_look_up` and `part` define which of these takes precedence.
+    The `state` of every other agent is its motion, from any source: the position, then the velocity, in the dimensions
+    of the world; NaN where nothing is known. `elements` returns them by name. Nothing is stored for each pair of
+    agents: a value is looked up in the beliefs that the group's components share, in those that the agent's own
+    components wrote, and in received messages. `_look_up` and `part` define which of these takes precedence.
 
     Attributes:
         others: The beliefs about others that the agent's own components wrote.
-        received: What others sent about themselves, for the time of sending, by id.
+        received: The values that others sent about themselves, for the time of sending, by id.
     """
 
     __slots__ = (
@@ -151,9 +151,9 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     def part(self, name: str, id: str) -> Said | None:
         """Return the belief about a part of another agent, except its state: a series, maybe empty, or a vector.
 
-        Values written by the agent's own components take precedence. Received values are used whatever the source of
-        the state, unless `Part.merge` is ``latest``: then they come from the same source as the state. Returns None if
-        nothing is known of a part that not every agent has.
+        Values written by the agent's own components take precedence. Received values are used even if the state has
+        another source, unless `Part.merge` is ``latest``: then they must have the same source. Returns None if nothing
+        is known of a part that not every agent has.
         """
         own = self.others.parts.get(name, _NO_PART).get(id)
         if own is not None:

@@ -1,4 +1,4 @@
-"""Knowledge: what an agent knows in addition to its situational awareness, such as its goal."""
+"""Knowledge: information of an agent beyond its situational awareness, such as its goal."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class KnownList(tuple[Any, ...]):
     """A list that cannot be changed; it equals a list or a tuple of the same elements.
 
     Attributes:
-        known_as: The name under which it is known, itself or what it is part of.
+        known_as: The name of the knowledge that it is or belongs to.
     """
 
     known_as: str
@@ -61,7 +61,7 @@ class KnownMapping(dict[Any, Any]):
     """A mapping that cannot be changed.
 
     Attributes:
-        known_as: The name under which it is known, itself or what it is part of.
+        known_as: The name of the knowledge that it is or belongs to.
     """
 
     known_as: str
@@ -80,7 +80,7 @@ class KnownSet(frozenset[Any]):
     """A set that cannot be changed.
 
     Attributes:
-        known_as: The name under which it is known, itself or what it is part of.
+        known_as: The name of the knowledge that it is or belongs to.
     """
 
     known_as: str
@@ -108,10 +108,10 @@ def _if_own(name: str) -> Callable[..., Any]:
 
 
 class KnownArray(np.ndarray[Any, Any]):
-    """An array that cannot be changed; what is computed with it is a plain array.
+    """An array that cannot be changed; results of computations with it are plain arrays.
 
     Attributes:
-        known_as: The name under which it is known, itself or what it is part of.
+        known_as: The name of the knowledge that it is or belongs to.
     """
 
     known_as: str = ""

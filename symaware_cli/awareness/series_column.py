@@ -28,8 +28,8 @@ class SeriesColumn:
         bounds: The numbers that may be written.
         count: The number of agents.
         fresh: Whether something was written since `take_beyond` was last called.
-        author: What is written and by whom, for the `NotFiniteError` of a deferred series: the name of the quantity,
-            the path of the component and its plugin.
+        author: The name of the written quantity, the path of the writing component and its plugin, for the
+            `NotFiniteError` of a deferred series.
     """
 
     __slots__ = (
@@ -167,7 +167,7 @@ class SeriesColumn:
         return sorted(beyond)
 
     def problem(self, row: int) -> str:
-        """Describe what is wrong with a row that is out of bounds."""
+        """Describe the invalid values of a row that is out of bounds."""
         own = self._rows.get(row)
         times, values = (self._times, self._values[row]) if own is None else (own.times, own.values)
         assert times is not None
@@ -201,7 +201,7 @@ class SeriesColumn:
         return self._times is None and self._deferred is None and not self._rows
 
     def restore(self, series: Mapping[int, TimeSeries]) -> None:
-        """Restore the series of some rows as they were read here before; what was deferred stays so."""
+        """Restore the series of some rows as they were read here before; deferred series stay deferred."""
         unwritten = self._times is None and self._deferred is None
         for index, own in series.items():
             if self._rows.get(index) is own or (unwritten and index not in self._rows):

@@ -13,14 +13,14 @@ def main() -> None:
     """Run the command ``symaware``."""
     open_streams()
     if sys.argv[1:] == ["--version"]:
-        # Before anything is imported: this is what scripts ask for most often.
+        # Before anything is imported: scripts ask for the version most often.
         from symaware_cli.version import __version__
 
         print(f"symaware {__version__}")
         return
-    # What is imported stays: looking for garbage among it takes a tenth of the time that a verb needs to start.
+    # Imported objects stay: searching them for garbage takes a tenth of the time that a verb needs to start.
     gc.set_threshold(20_000, 50, 50)
-    # A plugin of pydantic might change what a scenario means; and the search for one reads all that is installed.
+    # A plugin of pydantic might change the meaning of a scenario; and the search for one reads all installed packages.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from symaware_cli.cli.application import application

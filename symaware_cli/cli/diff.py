@@ -132,7 +132,7 @@ def _more(count: int, what: str) -> Iterator[str]:
 
 
 def _greatest(channel: ChannelDifference) -> str:
-    """Where the numbers of a channel differ most, or who differs."""
+    """The place of the greatest difference between numbers of a channel, or the agents that differ."""
     found = channel.greatest
     if found is None or found.time is None or found.distance is None:
         return printable(", ".join(channel.agents[:3]) + (" ..." if len(channel.agents) > 3 else ""))

@@ -42,7 +42,7 @@ def falsify(
     ] = None,
     as_json: terminal.Json = False,
 ) -> None:
-    """Search for a violation of a specification, and simplify what is found. Exit status 3 if there is one."""
+    """Search for a violation of a specification, and simplify it. Exit status 3 if one is found."""
     with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
         from symaware_cli.evidence import falsify
 

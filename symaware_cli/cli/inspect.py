@@ -19,7 +19,7 @@ def inspect(
     path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="PATH")],
     as_json: terminal.Json = False,
 ) -> None:
-    """Show what a log contains (agents, times, channels, the scenario, what is missing), or how far a sweep is."""
+    """Show the contents of a log (agents, times, channels, scenario, missing parts), or the progress of a sweep."""
     with terminal.trouble_shown(as_json):
         if terminal.is_sweep(path):
             from symaware_cli.studies.sweep_overview import sweep_overview

@@ -1,4 +1,4 @@
-"""``symaware log``: what is in a log, one command for each kind of entry."""
+"""``symaware log``: the entries of a log, one command for each kind."""
 
 from __future__ import annotations
 

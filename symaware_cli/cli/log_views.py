@@ -1,4 +1,4 @@
-"""Views of a log in the terminal: its overview, lists of what happened, and values over time."""
+"""Views of a log in the terminal: its overview, lists of events, messages and contacts, and values over time."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ def trajectories(
 ) -> None:
     """Plot the paths of the runs of a sweep over the map, those that violate a specification in red.
 
-    The runs are made again for it.
+    The runs are repeated for this, so that the sweep need not keep their logs.
     """
     measures = _measures(size, as_json=as_json)
     with terminal.trouble_shown(as_json):
@@ -206,7 +206,7 @@ def _measures(size: str | None, *, as_json: bool) -> tuple[float, float] | None:
 
 
 def _text(facts: dict[str, Any]) -> str:
-    """Lay out what was drawn for people."""
+    """Lay out the contents of a figure as text."""
     lines = [
         f"{facts['file']}: {', '.join(panel['panel'] for panel in facts['panels'])}; {size_in_words(facts['size'])}",
         _line("agents", f"{facts['agents']:,}, {facts['start']:g} to {facts['end']:g} s"),

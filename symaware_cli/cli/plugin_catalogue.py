@@ -12,7 +12,7 @@ from symaware_cli.world import InstalledPlugins, PluginKind
 
 
 class _DoorKind(PluginKind):
-    """Further kinds of plugins, each an object beside the base class of its plugins."""
+    """The kind of the plugins that define further kinds of plugins: `PluginKind` objects."""
 
     def fault(self, loaded: Any) -> str | None:
         """Return why an object is not a kind of plugins."""

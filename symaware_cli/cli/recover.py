@@ -28,7 +28,7 @@ def recover(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Repair a damaged log: write everything readable to a new log, and report what was lost."""
+    """Repair a damaged log: write everything readable to a new log, and report the losses."""
     with trouble_shown(as_json):
         from symaware_cli.log import open_log
         from symaware_cli.log import recover as write
@@ -48,7 +48,7 @@ def recover(
 
 
 def _plain(log: Log, recovery: Recovery | None) -> dict[str, Any]:
-    """Return what was recovered and lost as plain data for JSON; times in seconds."""
+    """Return the damage of a log and its recovery as plain data for JSON; times in seconds."""
     damage = log.damage
     content: dict[str, Any] = {"log": str(log.path), "lost": bool(damage and damage.lost), "damage": None}
     if damage:

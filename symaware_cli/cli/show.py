@@ -39,7 +39,7 @@ def show(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show a plugin: what it does, its parameters with units and defaults. Of a scenario: draw the knowledge models."""
+    """Show the purpose and parameters (units, defaults) of a plugin, or draw the knowledge models of a scenario."""
     if Path(name).suffix in (".yaml", ".yml", ".toml"):
         _draw(Path(name), output, as_json=as_json)
         return

@@ -112,7 +112,7 @@ def resume(
     quiet: Quiet = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Resume a sweep: make the runs that are left, or further ones."""
+    """Resume a sweep: execute its remaining runs, or additional ones."""
     terminal.refuse(
         [(folder.is_file(), f"{folder} is a file: `symaware sweep {folder} -o DIR` begins a sweep")], as_json
     )
@@ -173,7 +173,7 @@ def _conduct(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Make the runs of a sweep that are left, print the outcome, and exit."""
+    """Execute the remaining runs of a sweep, print the outcome, and exit."""
     reasons = (
         (batch not in _BATCHES and not _is_count(batch), f"--batch takes auto, off or a number, not `{batch}`"),
         (on is not None and jobs == 0, "--jobs 0 makes all runs in this process, --on elsewhere: leave one out"),
@@ -272,7 +272,7 @@ def _text(outcome: SweepOutcome) -> str:
 
 @contextmanager
 def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress], None] | None]:
-    """Show how far a sweep is, on a terminal."""
+    """Show the progress of a sweep on a terminal."""
     if not shown or not terminal.is_lively(sys.stderr):
         yield None
         return
@@ -280,7 +280,7 @@ def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress
     from rich.progress import BarColumn, Progress, TextColumn
 
     console = Console(stderr=True)
-    # Where there is little room, the bar is short, and what is cut off is what comes last.
+    # On a narrow terminal, the bar is short, and the end of the line is cut off.
     is_narrow = console.width < _WIDE
     name = folder.path.resolve().name
     name = f"{name[: _NARROW_NAME - 1]}…" if is_narrow and len(name) > _NARROW_NAME else name
@@ -299,7 +299,7 @@ def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress
 
 
 def _told(progress: SweepProgress) -> str:
-    """Say how far a sweep is, the most important first."""
+    """Describe the progress of a sweep, the most important figures first."""
     left = math.ceil(progress.time_left) if math.isfinite(progress.time_left) else 0
     parts = [f"{progress.made:,} of {progress.planned:,} runs", f"{progress.rate:,.1f}/s"]
     parts.append(f"{timedelta(seconds=left)} left")

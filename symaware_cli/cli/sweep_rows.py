@@ -128,7 +128,7 @@ def compare(
 
 
 def _with_method(lines: Sequence[Mapping[str, Any]], estimate: IntervalEstimate, more: str = "") -> list[str]:
-    """Return lines, and below how their intervals were made; without the columns that assume independent runs."""
+    """Return aligned lines and the method of their intervals; dependent runs have none, nor columns that need them."""
     if estimate.method:
         return [*_aligned(lines), f"intervals: {estimate.method}, confidence {estimate.confidence:g}{more}"]
     assuming = ("from", "to", "sign test", "variance ratio")

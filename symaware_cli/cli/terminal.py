@@ -93,7 +93,7 @@ def is_lively(stream: TextIO) -> bool:
 
 @contextmanager
 def progress_shown(what: str, wanted: bool = True) -> Iterator[Callable[[int, int], None] | None]:
-    """Show a bar on a terminal, told by how much of how many is done; None where none is shown."""
+    """Show a progress bar on a terminal; yields its update, from completed and total counts, or None without a bar."""
     if not wanted or not is_lively(sys.stderr):
         yield None
         return
@@ -150,7 +150,7 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
 
 
 def fail_for(error: OSError, as_json: bool = False) -> NoReturn:
-    """Exit because a path cannot be used: as wrong input, unless the disk is full or fails."""
+    """Exit because a path cannot be used; this is wrong input, unless the disk is full or faulty."""
     from symaware_cli.log import is_about_path, reason
 
     name = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else str(error.filename)
@@ -158,7 +158,7 @@ def fail_for(error: OSError, as_json: bool = False) -> NoReturn:
 
 
 def refuse(reasons: Iterable[tuple[bool, str]], as_json: bool) -> None:
-    """Exit with the first of some sentences that is true of the options."""
+    """Exit with the first reason whose condition is true."""
     for is_true, reason in reasons:
         if is_true:
             fail(reason, WRONG_INPUT, as_json)
@@ -195,7 +195,7 @@ def instant(option: str, time: float | None, as_json: bool = False) -> int | Non
 
 
 def span(start: float | None, end: float | None, as_json: bool = False) -> tuple[int | None, int | None]:
-    """Return the first and last instant [ns] of --from and --to [s]; exit if there is nothing in between."""
+    """Return --from and --to [s] as instants [ns]; exit if --from is later than --to."""
     first, last = instant("--from", start, as_json), instant("--to", end, as_json)
     if first is not None and last is not None and first > last:
         fail(f"--from {start:g} is later than --to {end:g}", WRONG_INPUT, as_json)
@@ -204,11 +204,11 @@ def span(start: float | None, end: float | None, as_json: bool = False) -> tuple
 
 @contextmanager
 def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator[None]:
-    """Report what the user can change, and exit with its status.
+    """Report errors that the user can correct without a traceback, and exit with their status.
 
     Args:
         as_json: Whether to report them as JSON.
-        interrupted: What is said to be interrupted by Ctrl-C; None to exit without a word.
+        interrupted: The subject of the message after Ctrl-C, such as a path; None to exit without a message.
     """
     from symaware_cli.entry_points import PluginError
     from symaware_cli.language import ScenarioError, nearest, render, to_json
@@ -241,7 +241,7 @@ def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator
 
 @contextmanager
 def _plugins_reported() -> Iterator[None]:
-    """Print which plugins are left out because they are broken, each once."""
+    """Print a line about each broken plugin that is left out, once."""
     import warnings
 
     from symaware_cli.entry_points import PluginWarning

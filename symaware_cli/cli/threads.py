@@ -1,4 +1,4 @@
-"""Threads and processes that plugins have left behind, for which the interpreter would wait forever."""
+"""Threads and processes of plugins that outlive the command, for which the interpreter would wait forever."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The group of all verbs, and what all of them refuse."""
+"""The group of all verbs, with the error reports that they share."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from symaware_cli.cli.verbs import Verbs
 class VerbGroup(TyperGroup):
     """The group of all verbs.
 
-    It finds the verbs among the entry points, and reports paths that cannot be used, whichever verb uses them first
-    and for what.
+    It finds the verbs among the entry points, and reports errors about paths, scenarios and logs for all of them.
     """
 
     def __init__(self, **attributes: Any) -> None:
@@ -74,7 +73,7 @@ class VerbGroup(TyperGroup):
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a verb; errors of the operating system about a path, of scenarios and of logs are reported."""
+        """Run a verb; report errors of scenarios, of logs, and of the operating system about a path."""
         as_json = "--json" in ctx.args
         try:
             return super().invoke(ctx)
@@ -85,14 +84,14 @@ class VerbGroup(TyperGroup):
         except (typer.Exit, typer.Abort):
             raise
         except Exception:
-            # An error of a scenario or a log has been raised by what defines it.
+            # Only if one of these modules is imported can the error be one of a scenario or a log.
             if not {"symaware_cli.log.error", "symaware_cli.language.problem"} & sys.modules.keys():
                 raise
             with trouble_shown(as_json):
                 raise
 
     def _listing(self) -> TyperGroup:
-        """A group with a line of help for each verb, which is cheaper than all of their options."""
+        """A group of commands without options for the help, which is cheaper than building all options."""
         commands: dict[str, Any] = {}
         for each in self._verbs.summaries():
             key = each.name if each.name not in commands else f"{each.name} {len(commands)}"

@@ -1,4 +1,4 @@
-"""The verbs of the command: those of this package, and those that plugins add.
+"""The verbs of the command: those of this package and those of plugins.
 
 Reasons: docs/decisions/0055-doors-for-verbs.md
 """
@@ -33,8 +33,8 @@ class Summary(NamedTuple):
 
     Attributes:
         name: Its name.
-        text: What it does, or why it cannot be used.
-        place: Where it is listed; None if it cannot be used.
+        text: Its help, or the reason that it cannot be used.
+        place: Its place in the help; None if it cannot be used.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Summary(NamedTuple):
 
 
 class Verbs:
-    """The verbs. A verb is imported when it is used; other packages are searched only for what is not built in."""
+    """The verbs. A verb is imported when it is used; other packages are searched only for verbs not built in."""
 
     @cached_property
     def _built_in(self) -> Listings:
@@ -67,7 +67,7 @@ class Verbs:
         return list(self._installed)
 
     def command(self, name: str) -> Any:
-        """The command of a verb; None if there is no such verb, and one that tells why if it cannot be used."""
+        """The command of a verb; None if there is no such verb, an `UnusableVerb` if it cannot be used."""
         try:
             listing = self._find(name)
             return None if listing is None else _command(name, listing)
@@ -103,7 +103,7 @@ class Verbs:
                         yield Summary(name, f"{listing.origin} is ignored: `symaware {name}` is built in", None)
 
     def _find(self, name: str) -> Listing | None:
-        """The registration of a verb: that of this package if there is one.
+        """The registration of a verb, preferably by this package; None if there is none.
 
         Raises:
             PluginError: Several packages register it.
@@ -113,7 +113,7 @@ class Verbs:
 
 
 class UnusableVerb(TyperCommand):
-    """A verb that cannot be used: it says why, whatever its arguments are."""
+    """A verb that cannot be used: it accepts any arguments and exits with the reason."""
 
     def __init__(self, name: str, error: PluginError) -> None:
         super().__init__(name, help=_message(error), add_help_option=False, hidden=True)
@@ -131,7 +131,7 @@ def _message(error: PluginError) -> str:
 
 
 def _command(name: str, listing: Listing) -> Any:
-    """Import a verb, and make a command of its function or its group of functions.
+    """Import a verb, and convert its function or its Typer application to a command.
 
     Raises:
         PluginError: It cannot be imported, or is not a function whose annotations Typer knows.

@@ -44,7 +44,7 @@ def verify(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Repeat runs and compare: equal, or what differs and where. Exit status 1 if something does."""
+    """Repeat runs, and report whether they are equal or where they differ. Exit status 1 if they differ."""
     is_of_sweep = path.suffix == ".json" or path.is_dir()
     for option, value in {"--level": level, "--rows": rows, "--seed": seed}.items():
         if value is not None and not is_of_sweep:

@@ -70,10 +70,10 @@ class AgentGroup(EntityGroup):
         knowledge_changes: The changes of the knowledge.
         awareness: The awareness of all agents.
         surroundings: The objects that all agents of the run share.
-        drive: How the world moves their bodies; None where it does not state that, and before the run.
+        drive: How the world moves their bodies; None if it does not state that, and before the run.
         regions: The regions of the scenario, by name.
-        folder: The folder of the scenario, below which the files that parameters name are.
-        sections: What the sections of the scenario that plugins add describe, by their keys.
+        folder: The folder of the scenario, which contains the files that parameters name.
+        sections: The objects built from the sections of the scenario that plugins add, by key.
         specifications: The statuses of the specifications of the run, by name.
         offers: Accepts specifications that are offered; None if the scenario has none.
     """
@@ -259,10 +259,11 @@ class Agent:
 
     @property
     def offers(self) -> Mapping[str, Mapping[str, Any]]:
-        """The specifications that are offered, as far as the agent was told, by name.
+        """The offered specifications known to the agent, by name.
 
         Each has ``formula``, ``epsilon``, ``from``, ``since`` and ``until`` [s], and ``knowledge``; see
-        docs/specifications.md. It may be told by the run, in its own knowledge, or by others, in what it knows of them.
+        docs/specifications.md. It is in the agent's own knowledge, from the run, or in its knowledge of others, from
+        messages; its own takes precedence.
         """
         found: dict[str, Mapping[str, Any]] = {}
         for id in sorted(self.knowledge_database, key=lambda each: (each == self.id, each)):
@@ -270,10 +271,10 @@ class Agent:
         return found
 
     def measured_robustness(self, name: str) -> float:
-        """Return the robustness of a specification on what was measured of the agent, from its beginning up to now.
+        """Return the robustness of a specification on the samples of the agent, from its beginning up to now.
 
-        All windows are cut to what was measured: of ``eventually`` it is the greatest so far and of ``always`` the
-        least. Before the specification begins, the present instant counts as its first. NaN for linear temporal logic.
+        All windows are cut to these samples: for ``eventually`` it is the greatest so far and for ``always`` the least.
+        Before the specification begins, the present instant counts as its first. NaN for linear temporal logic.
 
         Args:
             name: The name of a specification, also of one that is offered.

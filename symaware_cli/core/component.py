@@ -30,8 +30,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     value.
 
     Attributes:
-        batchable: Whether each row that it computes depends on no other but those that `AgentGroup.others` tells of, so
-            that the agents of many runs may share the columns; see docs/sweeps.md.
+        batchable: Whether each row that it computes depends only on itself and on the agents that `AgentGroup.others`
+            returns for it, so that the agents of many runs may share the columns; see docs/sweeps.md.
         bodies: Which of its parameters name an ``agent``, an ``agent or entity``, ``agents`` by a list of ids, groups
             and patterns, or ``agents or entities`` likewise; looked up before a run.
         events: The events that the component fires in addition to those of every component, with their meanings.
@@ -103,13 +103,13 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         """Check the whole scenario before a run; see `Plugin.check_scenario`."""
 
     def find_warnings(self, view: ScenarioView) -> None:
-        """Look for what is valid and probably not meant; see `Plugin.find_warnings`."""
+        """Warn of valid but probably unintended values; see `Plugin.find_warnings`."""
 
     def perceives(self) -> Mapping[str, bool]:
-        """Return what the component perceives, and whether it does so without errors and delay.
+        """Return whether the component perceives states without errors and delay, for each kind that it perceives.
 
         Returns:
-            ``own`` for the agent's own state, ``others`` for those of others; empty by default.
+            By ``own`` for the agent's own state and ``others`` for the states of others; empty by default.
         """
         return {}
 

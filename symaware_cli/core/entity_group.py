@@ -71,7 +71,7 @@ class EntityGroup:
 
     @property
     def rows(self) -> NDArray[np.intp]:
-        """The rows of those that are in the world, ascending."""
+        """The rows of the entities that are in the world, ascending."""
         return np.arange(len(self)) if self.present is None else np.flatnonzero(self.present)
 
     @property

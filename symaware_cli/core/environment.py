@@ -229,7 +229,7 @@ class Environment(Plugin, ABC):
         """Return the present poses of obstacles.
 
         Args:
-            names: Obstacles with the same number of coordinates, for all or none of which `body_poses` returns poses.
+            names: Obstacles with the same number of coordinates; `body_poses` must return poses for all or for none.
 
         Returns:
             Position [m], heading [rad] and, if `body_poses` returns it, the quaternion (x, y, z, w); shape (n, d + 1)

@@ -47,9 +47,9 @@ class Event:
         data: Further facts as plain JSON values, which are recorded.
         subject: The object that it concerns, for subscribers within the process; never recorded.
         agent: The id of the agent that it concerns; None if it does not concern a single one.
-        value: What it is about, which must not be changed; never recorded: the computed value for ``computed``,
-            ``updating`` and ``updated``, the `Message` for ``sending``, ``sent``, ``received`` and ``dropped``, the
-            `Contact` for ``contact``.
+        value: A value for subscribers, which must not be changed and is never recorded: the computed value for
+            ``computed``, ``updating`` and ``updated``, the `Message` for ``sending``, ``sent``, ``received`` and
+            ``dropped``, the `Contact` for ``contact``.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Families of components of single agents: what each computes, and how the result is used."""
+"""Families of components of single agents: the value that each computes, and its use."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class MessageBatch:
         senders: The senders as indices in the roster, ascending; shape (s,).
         columns: The payload by name, with a row for each of `senders`: numbers, of shape (s, ...), or any values that a
             `Message` may have, as an array of objects of shape (s,). Must not be changed afterwards.
-        kind: A word for what it is about.
+        kind: The kind of message; components read messages by their kinds.
         receivers: The receiver of each row as an index in the roster; shape (s,). None for all neighbours of each
             sender.
     """

@@ -13,9 +13,9 @@ from symaware_cli.world import Plugin
 
 
 class Metric(Plugin, ABC):
-    """A figure of a run: follows it, and has one value when it is over.
+    """A figure of a run, computed while the run goes on; it has one value at the end.
 
-    An instance follows one run. What it raises makes the run's row failed.
+    An instance follows one run. If it raises an exception, the row of the run has the state ``failed``.
 
     Attributes:
         kind: The type of its value; a ``series`` is a sequence of pairs of a time [s] and a number.

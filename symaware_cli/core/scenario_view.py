@@ -61,7 +61,7 @@ class TimingView(Protocol):
 
     @property
     def latency(self) -> DurationView:
-        """How long computations take."""
+        """The time that computations take."""
 
     def is_steady(self, time_step: int) -> bool:
         """Whether there is exactly one turn at each step of the world."""
@@ -96,7 +96,7 @@ class EntryView(Protocol):
 
 
 class ScenarioView(ABC):
-    """A whole scenario as one of its plugins sees it, and where this plugin reports what it refuses.
+    """A whole scenario as one of its plugins sees it; takes the problems that this plugin reports.
 
     Attributes:
         document: The validated scenario: its sections are attributes, by the names that they have in the file.
@@ -105,7 +105,7 @@ class ScenarioView(ABC):
         entries: All component entries: groups in the order of the file, the components of each in order of execution.
         environment: The environment.
         is_initialised: Whether the environment has placed all bodies. It has not if the scenario has problems already;
-            then only what needs no world is checked.
+            then only checks that need no world are possible.
         groups: All groups, in the order of the roster.
         links: Which agents can send messages to which; None if links change, or if all agents reach each other.
         network_changes: Whether links change during the run.
@@ -164,23 +164,23 @@ class ScenarioView(ABC):
 
         Args:
             message: A sentence for the author of the scenario, without a full stop.
-            place: The keys below the section, such as ``"with", "weights"``; the section itself stands for what the
-                scenario does not write.
+            place: The keys below the section, such as ``"with", "weights"``. If the scenario has no such key, the
+                problem is located at the section itself.
             section: The path of a section; that of the plugin by default.
             key: Whether the message is about the key at that place, not its value.
             code: A stable identifier of the kind of problem.
-            expected: What is valid there.
+            expected: A description of valid values.
         """
 
     @abstractmethod
     def report_unknown(self, kind: str, name: str, *place: str | int, known: Iterable[str]) -> None:
-        """Refuse a name that nothing of a kind has, with the names that there are.
+        """Refuse a name that nothing of a kind has, and list the valid names.
 
         Args:
-            kind: What the name is for, such as ``agent``.
+            kind: The kind of object that was to be named, such as ``agent``.
             name: The name, or a pattern.
-            place: Where it is, below the plugin's section.
-            known: All names that there are.
+            place: Its keys below the plugin's section.
+            known: All valid names.
         """
 
     @abstractmethod
@@ -193,4 +193,4 @@ class ScenarioView(ABC):
         code: str = "reservation",
         expected: str | None = None,
     ) -> None:
-        """Tell the author of the scenario what is valid and probably not meant; the arguments as of `report`."""
+        """Warn the author of the scenario of a valid but probably unintended value; arguments as for `report`."""

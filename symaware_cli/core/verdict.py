@@ -33,11 +33,11 @@ class SpecificationStatuses(Protocol):
         """The status for an agent: its own, the worst of its pairs, or the world's; None where it has none."""
 
     def measured(self, agent: str) -> float:
-        """The robustness on what was measured of an agent so far, with windows cut to that."""
+        """The robustness on the samples of an agent up to now, with windows cut to these."""
 
     @property
     def began(self) -> int | None:
-        """When its evaluation began, in nanoseconds; None before, and in a worker process."""
+        """The instant at which its evaluation began, in nanoseconds; None before, and in a worker process."""
 
     @property
     def worst(self) -> SpecificationStatus:

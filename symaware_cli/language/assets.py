@@ -73,7 +73,7 @@ def check_assets(
 
 
 def assets(document: ScenarioDocument, further: Parameters, folders: asset.AssetFolders) -> dict[str, bytes]:
-    """Return the contents of the files and of those that they refer to, by path relative to the folder."""
+    """Return the contents of the files and of the files they refer to, by path relative to the folder."""
     files = [file for _, file, _ in _named(document, further)]
     return {name: content for file in files for name, content in asset.needed(file, folders).items()}
 

@@ -32,11 +32,11 @@ _Segments = Sequence[tuple[str | int, TextSpan]]
 class Assignment:
     """A value for a path, with the position of each part; `str()` is its text, `path=value`.
 
-    The value replaces what stands at the path, and null removes it. Missing mappings on the way are created.
+    The value replaces the present value at the path; null removes it. Missing mappings along the path are created.
 
     Attributes:
-        source: The pseudo file `--set path=value`, whose only line is the text, with the problems of that; or the file
-            in which the assignment stands.
+        source: The pseudo file `--set path=value`, whose only line is the text, with its problems; or the file that
+            contains the assignment.
         value: The value; null if it cannot be parsed.
     """
 
@@ -45,7 +45,7 @@ class Assignment:
     ) -> None:
         """Takes the parts of an assignment; without segments it does nothing, for reasons in `source.problems`.
 
-        With `keeps_null`, null is a value like any other instead of removing what is there.
+        With `keeps_null`, null is assigned like any other value instead of removing the present one.
         """
         self.source = source
         self.value = value or SourceNode(None, source.at(0))

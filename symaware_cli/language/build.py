@@ -57,8 +57,8 @@ class Built:
         data: The resolved document as plain data.
         files: Each file as written, including assets such as meshes, by its path relative to the scenario's folder.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
-        sections: What the sections that plugins add describe, by their keys.
-        find_warnings: Returns what is valid and probably not meant; it takes longer than a run should begin with.
+        sections: The objects built from the sections of plugins, by key.
+        find_warnings: Returns warnings about valid but probably unintended values; too slow for the start of a run.
     """
 
     document: ScenarioDocument

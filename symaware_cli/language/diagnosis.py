@@ -26,7 +26,7 @@ class Diagnosis:
         composition: The composed document, from which problems get their positions.
         earlier: Problems with single values that were found while the document was composed.
         problems: The problems found since.
-        warnings: What is valid, and probably not meant.
+        warnings: Warnings about valid but probably unintended values.
     """
 
     def __init__(self, composition: Composition, earlier: Sequence[Problem] = ()) -> None:
@@ -64,7 +64,7 @@ class Diagnosis:
         raise ReportedError
 
     def report_unknown(self, kind: str, name: str, path: Path, known: Iterable[str]) -> None:
-        """Note that nothing of a kind has a name or matches a pattern, with what there is."""
+        """Note that nothing of a kind has a name or matches a pattern, with the names that exist."""
         names = list(dict.fromkeys(known))
         expected = f"one of {listed(names)}" if names else None
         message = f"there is no {kind} {quoted(name)}"
@@ -77,7 +77,7 @@ class Diagnosis:
             text: The expression.
             path: The path of the expression.
             error: The error.
-            expected: What is valid there, if the error does not state it.
+            expected: A description of a valid expression, used if the error lists no valid names.
         """
         problem = self.composition.problem(
             "bad-expression",

@@ -46,7 +46,7 @@ class ScenarioContext(FaultContext):
         """Prepare.
 
         Args:
-            path: The path of what is written under the key of the kind.
+            path: The path of the parameters of the fault, under the key of its kind.
             others: See `FaultContext`.
             diagnosis: Takes the problems.
             environment: See `FaultContext`.
@@ -155,6 +155,6 @@ class ScenarioContext(FaultContext):
         self._diagnosis.refuse(code, message, path, key=key, expected=expected, suggestion=suggestion)
 
     def refuse_unknown(self, noun: str, name: str, known: Iterable[str], *place: str | int) -> NoReturn:
-        """Report that nothing has a name, with what there is; see `FaultContext`."""
+        """Report that nothing has a name, with the names that exist; see `FaultContext`."""
         self._diagnosis.report_unknown(noun, name, (*self._path, *place), known)
         raise ReportedError

@@ -1,4 +1,4 @@
-"""The sections of faults: when each begins, how long it lasts, and under the key of its kind, what it does."""
+"""The sections of faults: the beginning and duration of each, and its parameters under the key of its kind."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class FaultUse(Section):
 
     @property
     def content(self) -> Any:
-        """What is written under that key: the parameters of the kind."""
+        """The parameters of its kind, written under that key."""
         return getattr(self, _field(self.kinds, self.kind))
 
     @property
@@ -76,12 +76,12 @@ def use_of(kinds: Mapping[str, type[Fault] | None], installed: Collection[str]) 
 
 
 def _field(kinds: Collection[str], kind: str) -> str:
-    """The field of a kind, whose name need not be an identifier, and may be that of another attribute of a model."""
+    """The field of a kind; the kind's own name need not be an identifier, and may clash with another attribute."""
     return f"kind_{[*kinds].index(kind)}"
 
 
 def description_of(plugin: type[Fault]) -> str:
-    """The description of a kind: the first line of its docstring and, for a single value, what that is."""
+    """The description of a kind: the first line of its docstring and, if it takes a single value, that of the value."""
     text = (plugin.__doc__ or "").strip().partition("\n")[0]
     root = plugin.Parameters.model_fields.get("root") if issubclass(plugin.Parameters, RootModel) else None
     return f"{text} {root.description}" if root is not None and root.description else text

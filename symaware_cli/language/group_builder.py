@@ -120,7 +120,7 @@ class GroupBuilder:
     Attributes:
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         declared: The names of the parts of awareness and signals that components declare.
-        sections: What the sections that plugins add describe, by their keys.
+        sections: The objects built from the sections of plugins, by key.
     """
 
     def __init__(

@@ -148,7 +148,7 @@ class PluginFactory:
     def make(self, entry: Mapping[str, Any], path: Path, count: int = 1) -> list[Any]:
         """Instantiate the plugin of an entry with its parameters; an empty list after a problem.
 
-        A group component is instantiated once, whatever the count.
+        A group component is instantiated once, for any count.
         """
         plugin, given = self.plugins.get(path), entry.get("with", {})
         if plugin is None or not isinstance(given, Mapping):

@@ -40,7 +40,7 @@ class Problem:
         message: One sentence without a full stop.
         span: The position, if there is one.
         path: The dotted path of the value in the document, such as `agents.robot.state`.
-        expected: What is valid there, worded to follow "expected".
+        expected: A description of valid values, worded to follow "expected".
         suggestion: The nearest valid name.
         source_line: The whole line of `span`.
     """
@@ -80,12 +80,12 @@ def dotted(path: Iterable[str | int]) -> str:
 
 
 def is_inside(path: str, outer: str) -> bool:
-    """Return whether a path in that notation is another one, or of something inside it."""
+    """Return whether a path in the notation of `dotted` is equal to another one or inside it."""
     return path == outer or path.startswith((f"{outer}.", f"{outer}["))
 
 
 def listed(names: Sequence[str], most: int = 6) -> str:
-    """Return names as a text, those beyond the first ones as dots."""
+    """Return the first names as text, and dots for further ones."""
     return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
@@ -100,13 +100,13 @@ def _short(line: str | None) -> str | None:
 
 
 def render(problems: Sequence[Problem], *, colour: bool = False, width: int = _WIDTH, noun: str = "problem") -> str:
-    """Returns the problems for people: position, message, the line with a caret, what was expected.
+    """Returns the problems as text: position, message, source line with a caret, and hints on valid values.
 
     Args:
         problems: The problems, in this order.
         colour: Whether to mark the message and the caret with terminal colours.
         width: Columns of the terminal; longer source lines are cut around the caret.
-        noun: What they are.
+        noun: The word for them in the last line, which counts them: "problem" or "warning".
     """
     lines: list[str] = []
     for problem in problems:

@@ -56,7 +56,7 @@ class Sampler:
             composition: The scenario.
             seed: The seed of the run; of several runs, whose agents are sampled together, those of the first run first.
             ids: The ids of the agents of a run.
-            indexed: Whether the scenario says how many agents there are.
+            indexed: Whether the scenario states the number of agents.
             model: Their model, if it is known.
         """
         self.problems: list[Problem] = []
@@ -65,7 +65,7 @@ class Sampler:
         self._ids = ids
         self._indexed = indexed
         self._model = model
-        #: How many values there are: one for each agent of each run.
+        #: The number of values: one for each agent of each run.
         self._rows = len(ids) * (1 if isinstance(seed, int) else len(seed))
         self._numbers = np.tile(agent_numbers(ids), self._rows // max(1, len(ids)))
         # The parameters of each distribution, checked once for all agents; None after a problem.
@@ -73,7 +73,7 @@ class Sampler:
         # The draws of all agents from each distribution that they share.
         self._drawn: dict[Path, Array] = {}
         self._is_each = False
-        #: Where the value of all agents without one of their own stands, see `_own`.
+        #: The paths of the values for all agents without one of their own; see `_own`.
         self._rests: set[Path] = set()
 
     def states(self, value: Any, path: Path) -> Array:
@@ -107,7 +107,7 @@ class Sampler:
         return [np.array(one, float) if _is_array(one) else one for one in each] if each else []
 
     def known(self, content: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:
-        """The whole knowledge of each agent, by name; without what has problems."""
+        """The whole knowledge of each agent, by name; invalid values are left out."""
         found: list[dict[str, Any]] = [{} for _ in range(self._rows)]
         for name, value in content.items():
             for own, one in zip(found, self.knowledge(value, (*path, name)), strict=False):
@@ -156,11 +156,11 @@ class Sampler:
         )
 
     def _own(self, own: Any, rest: Any, path: Path, width: int | None) -> list[Any] | None:
-        """Determine the value of each agent where some have values of their own; None after a problem.
+        """Determine the value of each agent if some agents have values of their own; None after a problem.
 
         Args:
             own: Values by the numbers of their agents, as text.
-            rest: What the others have, in any form; they draw the same as if nobody had a value of their own.
+            rest: The value of all other agents, in any form; their random draws do not depend on `own`.
             path: The path of both.
             width: See `_filled`.
         """
@@ -186,7 +186,7 @@ class Sampler:
         return found if len(self.problems) == before else None
 
     def _form(self, value: Any, path: Path, width: int | None) -> tuple[bool, Any, Path] | None:
-        """Return whether a value is a list of one for each agent, the content and its path; None after a problem."""
+        """Return whether a value lists one value per agent, its content and the path of that; None after a problem."""
         if isinstance(value, Mapping):
             if len(value) == 1 and next(iter(value)) in ("each", "all"):
                 form = next(iter(value))
@@ -450,10 +450,10 @@ def _shape(value: Any) -> tuple[int, ...] | None:
 
 
 def _kind_of(value: Mapping[str, Any], forms: Sequence[str]) -> str | None:
-    """Return the form of a distribution; None if a mapping is none."""
+    """Return the form of a distribution; None if the mapping is not a distribution."""
     return next((name for name in value if name in forms), None)
 
 
 def _of_units(distribution: VectorDistribution, units: Array) -> Array:
-    """Return what a distribution makes of standard normal numbers or, except for a normal one, of uniform ones."""
+    """Transform samples to a distribution: standard normal ones for a plain normal distribution, else uniform ones."""
     return distribution.scaled(units) if distribution.is_plain_normal else distribution.quantiles(units)

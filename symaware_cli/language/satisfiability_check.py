@@ -21,7 +21,8 @@ def check_satisfiable(
 
     Args:
         specifications: The specifications.
-        begun_by_events: The names of those that begin with an event; when they do, is not known.
+        begun_by_events: The names of specifications that begin with an event; they are skipped, as the time of the
+            event is not known.
         duration: The declared duration of the run, in nanoseconds.
         time_step: The time between two instants, in nanoseconds.
         diagnosis: Takes the warnings.

@@ -1,4 +1,4 @@
-"""Lets each plugin of a scenario check the whole of it, and locates what it reports in the files."""
+"""Lets each plugin of a scenario check the whole scenario, and locates the reported problems in the files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from symaware_cli.world import ParameterError
 
 @dataclass(frozen=True)
 class ScenarioFacts:
-    """What plugins see of a whole scenario; see `ScenarioView`."""
+    """The parts of a scenario that plugins can check; see `ScenarioView`."""
 
     document: ScenarioDocument
     environment: Environment
@@ -47,7 +47,7 @@ class ScenarioCheck:
         self._diagnosis = diagnosis
 
     def check(self, *, is_initialised: bool) -> None:
-        """Report what plugins refuse.
+        """Let each plugin check the scenario, and report its problems.
 
         A plugin may raise a `ValueError` instead of reporting it. It is located at the plugin's section, or at the
         first of the specifications the plugin names that is mentioned in backquotes.

@@ -1,4 +1,4 @@
-"""Sections of scenarios that plugins add: what is written under a key of their own, and what is built from it.
+"""Sections of scenarios that plugins add: the form of the contents under a new key, and how to build objects from it.
 
 Reasons: docs/decisions/0069-sections-of-plugins.md
 """
@@ -22,11 +22,11 @@ from symaware_cli.world import PluginKind
 
 
 class SectionContext(ABC):
-    """What a section is built from, and where its problems are reported.
+    """The surroundings of a section while it is built; takes the problems of the section.
 
     Attributes:
-        document: The validated scenario; None if it has problems, so that what is built is only checked.
-        folder: The folder of the scenario, below which files are.
+        document: The validated scenario; None if it has problems: then the section is built only to check it.
+        folder: The folder of the scenario; it contains the files that the scenario refers to.
         regions: The regions of the scenario, by name.
     """
 
@@ -57,25 +57,25 @@ class SectionContext(ABC):
 
         Args:
             message: A sentence for the author of the scenario, without a full stop.
-            place: Where the problem is, below the section.
+            place: The path of the problem, below the section.
             key: Whether the message is about the key at that place, not its value.
             code: A stable identifier of the kind of problem.
-            expected: What is valid there.
+            expected: A description of valid values.
             suggestion: The nearest valid name.
         """
 
     @abstractmethod
     def add(self, problems: Iterable[Problem]) -> None:
-        """Add problems of a side file, which are located there."""
+        """Add problems of another file, with positions in that file."""
 
 
 class ScenarioSection:
     """A section of scenarios, registered in the group `symaware.sections` under its key.
 
     Attributes:
-        form: What may be written: the annotation of a field of a pydantic model. A section that is left out is null,
-            or empty if it is a mapping.
-        description: What it is for, in one or two sentences.
+        form: The type of the contents: the annotation of a field of a pydantic model. A section that is left out is
+            null, or empty if it is a mapping.
+        description: Its purpose, in one or two sentences.
         uses: The kinds of plugins that its entries name with `use`, with the models of these entries.
     """
 
@@ -100,9 +100,9 @@ class ScenarioSection:
         return iter(())
 
     def build(self, written: Any, context: SectionContext) -> Any:
-        """Build what the section describes; called before the groups are built.
+        """Build an object from the section, before the groups are built.
 
-        Components find the result in `group.sections`, and whoever runs the scenario in `Built.sections`.
+        Components find the result in `group.sections`; it is also in `Built.sections`.
 
         Args:
             written: The section as plain data; it may be invalid if `context.document` is None.
@@ -115,7 +115,7 @@ class ScenarioSection:
         return {}
 
     def connect(self, built: Any, simulation: Simulation) -> None:
-        """Connect what was built with the simulation; called if the scenario is valid."""
+        """Connect the result of `build` with the simulation; called if the scenario is valid."""
 
 
 class SectionKind(PluginKind):

@@ -20,7 +20,7 @@ class SectionBuilder:
     """Builds the sections of a scenario that plugins add, and reports problems with them.
 
     Attributes:
-        built: What each section describes, by its key.
+        built: The object built from each section, by key.
     """
 
     def __init__(self, diagnosis: Diagnosis, factory: PluginFactory) -> None:
@@ -74,7 +74,7 @@ class SectionBuilder:
         }
 
     def connect(self, simulation: Simulation) -> None:
-        """Connect what was built with the simulation."""
+        """Connect the built objects with the simulation."""
         for key, section in self._sections.items():
             section.connect(self.built[key], simulation)
 

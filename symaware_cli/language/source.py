@@ -62,7 +62,7 @@ class SourceNode:
 
     @classmethod
     def of(cls, value: Any, span: TextSpan) -> "SourceNode":
-        """Returns the tree of a plain value, all of which stands at one position."""
+        """Returns the tree of a plain value; all of its nodes get the same position."""
         if isinstance(value, dict):
             return cls({key: MappingEntry(span, cls.of(each, span)) for key, each in value.items()}, span)
         return cls([cls.of(each, span) for each in value] if isinstance(value, list) else value, span)

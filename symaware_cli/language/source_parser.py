@@ -48,7 +48,7 @@ def read_text(path: FilePath, name: str, kind: str, suffixes: Sequence[str]) -> 
     Args:
         path: The file.
         name: Its name in messages.
-        kind: What it is, for messages, such as "a scenario file".
+        kind: The kind of file, for messages, such as "a scenario file".
         suffixes: The suffixes that it may have, in lower case.
     """
     source, shown = Source(name, b""), quoted(name, 200)
@@ -82,7 +82,7 @@ def read_text(path: FilePath, name: str, kind: str, suffixes: Sequence[str]) -> 
 
 
 def nearest_file(path: FilePath) -> str | None:
-    """Returns the name of a file in the same folder that was probably meant by a missing one."""
+    """Returns the file in the same folder whose name is most similar to that of a missing file; None if none is."""
     try:
         with os.scandir(path.parent) as entries:
             names = sorted(entry.name for entry in entries if entry.name.endswith(_SUFFIXES))

@@ -1,4 +1,4 @@
-"""What a scenario says about specifications."""
+"""The sections of specifications and of their offers."""
 
 from __future__ import annotations
 

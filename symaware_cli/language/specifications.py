@@ -1,4 +1,4 @@
-"""From what a scenario says about specifications to what a run monitors, and reports of what is wrong with it."""
+"""Builds the monitored specifications from the sections of a scenario, and reports problems with them."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ from symaware_cli.specification import (
 from symaware_cli.specification.columns import ARGUMENTS, NO_VALUE, TAKEN
 from symaware_cli.specification.node import Name, Node, walk
 
-#: The most pairs of which there is a verdict each; of more the closest stands for all.
+#: The maximum number of pairs with a verdict each; of more pairs, only the closest is evaluated at each instant.
 MOST_PAIRS = 10_000
 
 
 class SpecificationBuilder:
-    """Understands the specifications of a scenario, and reports what is wrong with them."""
+    """Builds the specifications of a scenario, and reports problems with them."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class SpecificationBuilder:
         self.triggers: dict[str, Trigger] = {}
 
     def build(self, document: ScenarioDocument) -> Sequence[Specification]:
-        """Make the specifications that are sound; the others are reported."""
+        """Build the valid specifications, and report the problems of the others."""
         self._regions = self._sound_regions(document.regions)
         self._entities = tuple(document.environment.entities)
         self._steps = nanoseconds(document.run.duration) // self._world.time_step + 1
@@ -89,7 +89,7 @@ class SpecificationBuilder:
     def _check_named(
         self, entry: ComponentEntry, document: ScenarioDocument, found: Mapping[str, Specification | None]
     ) -> None:
-        """Report specifications that a component names and cannot predict."""
+        """Report specifications that a component names but cannot predict."""
         component, group = entry.components[0], entry.group.name
         if component.specifications is None:
             return
@@ -119,7 +119,7 @@ class SpecificationBuilder:
                     )
 
     def _sound_regions(self, regions: Mapping[str, Region]) -> Mapping[str, Region]:
-        """The regions that are sound; the others are reported."""
+        """Return the valid regions, and report the problems of the others."""
         sound = dict(regions)
         for name, region in regions.items():
             path: Path = ("regions", name)
@@ -184,7 +184,7 @@ class SpecificationBuilder:
         )
 
     def _offer(self, use: OfferSection, each: str, path: Path) -> Offer | None:
-        """How a specification is offered; None after a problem."""
+        """The offer of a specification to agents; None after a problem."""
         said = [each] if use.to is None else [use.to] if isinstance(use.to, str) else use.to
         known = {name: group.ids for name, group in self._groups.items()} | {id: (id,) for id in self._ids}
         if each not in self._groups:
@@ -213,7 +213,7 @@ class SpecificationBuilder:
         )
 
     def _scope(self, use: SpecificationUse, path: Path) -> Scope | None:
-        """What a specification is about; None after a problem."""
+        """The agents, pairs or world that a specification is about; None after a problem."""
         groups = list(self._groups.values())
         if use.each is not None:
             if use.each not in self._groups:

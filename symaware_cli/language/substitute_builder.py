@@ -69,7 +69,7 @@ class SubstituteBuilder:
         use: str,
         path: Path,
     ) -> None:
-        """Check that a component fits in the place of another one, which the run has prepared."""
+        """Check that a component can take the turns and the messages of another one during the run."""
         if entry.timing.in_process:
             self._refuse(f"{quoted(entry.name)} runs in a process of its own, where it cannot be replaced", path)
         substitute = ComponentEntry(entry.group, entry.name, use, [component])
@@ -87,7 +87,7 @@ class SubstituteBuilder:
             self._refuse(f"{quoted(use)} reads the messages to all of {quoted(entry.group.name)} at once", path)
 
     def _declare(self, group: AgentGroup, name: str, component: BaseComponent[Any], use: str, path: Path) -> None:
-        """Let the group have the signals of a component, and check that what it writes agrees with what there is."""
+        """Add a component's new signals to its group; its other signals, parts and columns must be declared already."""
         awareness = group.awareness
         for part in component.parts:
             if awareness.parts.get(part.name) != part:

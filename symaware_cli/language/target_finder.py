@@ -55,7 +55,7 @@ class TargetFinder:
         return np.array(values, float)
 
     def _refuse_unknown(self, noun: str, pattern: str, path: Path, known: Sequence[str]) -> NoReturn:
-        """Report that nothing matches a pattern, with what there is."""
+        """Report that nothing matches a pattern, with the names that exist."""
         self._diagnosis.report_unknown(noun, pattern, path, known)
         raise ReportedError
 

@@ -51,7 +51,7 @@ def parse_yaml(source: Source, plain: Callable[[str], Scalar] | None = None) -> 
 
     Args:
         source: The text.
-        plain: Returns what an unquoted scalar means; by default as in the core schema of YAML 1.2.
+        plain: Returns the value of an unquoted scalar; by default that in the core schema of YAML 1.2.
     """
     builder = _YamlNodeBuilder(source, plain or plain_scalar)
     try:
@@ -65,7 +65,7 @@ def parse_yaml(source: Source, plain: Callable[[str], Scalar] | None = None) -> 
 
 
 def plain_scalar(text: str) -> Scalar:
-    """Returns what an unquoted scalar means in the core schema of YAML 1.2."""
+    """Returns the value of an unquoted scalar in the core schema of YAML 1.2."""
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):

@@ -18,10 +18,10 @@ _COUNTER = struct.Struct(">Q")
 
 
 class AuthenticationError(Exception):
-    """A record is not signed as it should be.
+    """A record has no valid signature, was sent before, or follows a lost record.
 
     Attributes:
-        rejection: What is wrong with it; None if it is valid, but a record before it was lost.
+        rejection: The kind of fault; None if the record is valid, but one before it was lost.
     """
 
     def __init__(self, rejection: Rejection | None, text: str) -> None:

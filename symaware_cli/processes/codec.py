@@ -44,11 +44,11 @@ _REAL = np.dtype("<f8")
 class _Heads(Generic[T, S]):
     """A cache of the first bytes of messages that end with an array, which are the same in each step.
 
-    The same arrays are sent in each step, so only the bytes of their numbers change. The cache saves time; it does not
-    change what is encoded or decoded.
+    The same arrays are sent in each step, so only the bytes of their numbers change. The cache saves time; it has no
+    effect on the encoded bytes or the decoded messages.
     """
 
-    #: The most heads that are stored, and the most bytes of each.
+    #: The maximum number of stored heads, and of the bytes of each.
     MOST, LONGEST = 64, 2**18
 
     def __init__(self, make: Callable[[T, NDArray[np.float64]], bytes], read: Callable[[T], S]) -> None:

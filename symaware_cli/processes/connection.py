@@ -27,10 +27,10 @@ _NOT_FROM_THERE = ("oversized", "unauthenticated", "replayed")
 
 
 class ConnectionOwner(Protocol):
-    """What a connection needs of its port; see `PeerPort`.
+    """The port of a connection, as the connection uses it; see `PeerPort`.
 
     Attributes:
-        parameters: Those of the transport.
+        parameters: The parameters of the transport.
         is_host: Whether this is the host's port.
         links: Every connection that is not closed.
     """

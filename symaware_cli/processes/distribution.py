@@ -31,7 +31,7 @@ _ABSENCE = 5.0
 
 
 class Asked(Protocol):
-    """What is asked of a process: the attributes of `Place`."""
+    """The requested role of a process in a run: the attributes of `Place`."""
 
     @property
     def role(self) -> str:
@@ -55,7 +55,7 @@ class Asked(Protocol):
 
     @property
     def patience(self) -> float:
-        """How long to wait for other processes before the run begins [s]."""
+        """The time to wait for other processes before the run begins [s]."""
 
 
 def participant(built: Built, place: Asked, log: Path | None = None) -> Participant:

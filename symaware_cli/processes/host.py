@@ -111,7 +111,7 @@ class Host(Participant):
 
     @property
     def _returning(self) -> list[RemoteMember]:
-        """The members that repeat what the run did without them; their agents do not take part yet."""
+        """The rejoining members that still repeat the steps they missed; their agents do not take part yet."""
         return [each for each in self._members.values() if each.absent is not None]
 
     def begun(self) -> None:
@@ -172,7 +172,7 @@ class Host(Participant):
         return None
 
     def _collect(self) -> None:
-        """Handle what has come; without a pace, wait until all members have reported and lost ones are back."""
+        """Handle received messages; without a pace, wait until all members have reported and lost ones are back."""
         if self._run.pacer is None and self._in_order:
             self._wait_for_reports()
         else:

@@ -72,7 +72,7 @@ class LostMembers:
         """Remove the lost member that continues in another process, and return it; None if that is not possible.
 
         Args:
-            hello: What the process sent.
+            hello: The first message of the process.
             agents: Its agents, in the order of the roster.
             run: The random bytes that the host drew for the run.
         """

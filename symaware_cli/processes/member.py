@@ -44,14 +44,14 @@ class Member(Participant):
     It goes through the same instants as the host. If it is late, or its connection was lost for a while, it makes up
     for missed steps one after the other, in the latest state of the world.
 
-    If the run goes on when its process dies, it stores its state now and then. A process that is started in its place
-    restores the state, and gets from the host again what the host has sent since then. If the run does not wait for it,
-    its agents then miss the steps until it is back.
+    If the run goes on when its process dies, it stores its state at intervals. A process that is started in its place
+    restores the state, and the host sends it again all frames since then. If the run does not wait for it, its agents
+    miss the steps until it is back.
     """
 
     decides = False
 
-    #: What it received for the present step is returned by `captured`; everything else belongs to the process.
+    #: `captured` returns the messages received for the present step; everything else belongs to the process.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(
@@ -128,7 +128,7 @@ class Member(Participant):
             self._unusable = str(error)
 
     def begun(self) -> None:
-        """Restore the stored state, if the host repeats what it has sent since then."""
+        """Restore the stored state, if the host repeats the frames that it has sent since then."""
         if self._stored is None or self._checkpoints is None:
             return
         (_, state), self._stored = self._stored, None
@@ -145,7 +145,7 @@ class Member(Participant):
         self._warn("restored", text, recorded=True)
 
     def stepped(self) -> None:
-        """Store the state now and then, where this process has followed all steps of the host."""
+        """Store the state at intervals, if this process has followed all steps of the host."""
         file, run, world, began = self._checkpoints, self._run, self._world, time.monotonic()
         if file is None or began < self._due or world is None or world.step != run.kernel.done:
             return
@@ -163,7 +163,7 @@ class Member(Participant):
         self._due = now + max(_INTERVAL, _SPARING * (now - began))
 
     def captured(self) -> dict[str, Any]:
-        """What has come for the present step and did not take effect yet, as encoded frames."""
+        """The messages received for the present step that did not take effect yet, as encoded frames."""
         done, now = self._run.kernel.done, self._simulation.clock.now
         return {
             "step": encode(Step(done, now, {}, (), tuple(self._arrived))),
@@ -172,7 +172,7 @@ class Member(Participant):
         }
 
     def restored(self, state: Mapping[str, Any]) -> None:
-        """Restore what `captured` returned."""
+        """Restore the messages that `captured` returned."""
         step, report = decode(state["step"]), decode(state["report"])
         news = [(decode(data), recorded) for data, recorded in state["news"]]
         if not isinstance(step, Step) or not isinstance(report, Report):

@@ -196,7 +196,7 @@ class _Once:
 
 
 def _is_end(message: LogMessage) -> bool:
-    """Whether a message is the event that the run finished, which each process records with what it knows."""
+    """Whether a message is the event that the run finished, which each process records with figures of its own."""
     if not message.channel.carries("Event") or _END not in message.data:
         return False
     event = message.decode()

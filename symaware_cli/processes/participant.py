@@ -149,7 +149,7 @@ class Participant(ABC):
 
     @property
     def _keeps_step(self) -> bool:
-        """Whether each instant ends only when every process knows what the others did in it."""
+        """Whether each instant ends only when every process has received the results of all others."""
         return self._run.pacer is None and not self._run.asynchronous
 
     def _goes_on_without(self, agents: Iterable[str]) -> bool:
@@ -158,7 +158,7 @@ class Participant(ABC):
         return bool(policies) and "stop" not in policies
 
     def _waits_for(self, agents: Iterable[str]) -> bool:
-        """Whether the run waits for a process of these agents to rejoin when it dies, so that they miss nothing."""
+        """Whether the run waits for a process of these agents to rejoin when it dies, so that they miss no step."""
         return self._run.pacer is None and self._goes_on_without(agents) and "restart" in self._policies(agents)
 
     def _policies(self, agents: Iterable[str]) -> set[OnFailure]:

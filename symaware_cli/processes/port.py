@@ -42,16 +42,16 @@ _LEAVE = 0.02
 
 
 class PeerPort(Port):
-    """A port that keeps connections, which one of two threads serves: the one that has the lock.
+    """A port with connections, which are served by one of two threads: the one that holds the lock.
 
     A subclass listens or connects, and creates the connections. Its methods are called with the lock.
 
     Attributes:
-        parameters: Those of the transport.
+        parameters: The parameters of the transport.
         is_host: Whether this is the host's port, to which members connect.
         numbers: The numbers of further peers.
-        links: Every connection that is not closed, those that have ended included.
-        selector: Calls what is registered as data of a socket when it is ready, with the events.
+        links: Every connection that is not closed, including those that have ended.
+        selector: The selector of sockets; the data of each is a function, called with the events of the ready socket.
         ending: Whether the port is being closed.
     """
 
@@ -73,7 +73,7 @@ class PeerPort(Port):
         self._reason = f"the {'host' if host else 'member'} ended the connection"
         self._pause, self._dice = _FIRST_PAUSE, random.Random()
         self._interval = parameters.timeout / _TICKS
-        # What to call at which time of the monotonic clock, and what other threads want called; they wake the selector.
+        # Calls that are due at times of the monotonic clock, and calls from other threads, which wake the selector.
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._calls: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
@@ -109,7 +109,7 @@ class PeerPort(Port):
         """Listen no more, and end an attempt to connect."""
 
     def shut(self) -> None:
-        """Release what is left when all connections are closed."""
+        """Release all remaining resources when all connections are closed."""
         return
 
     # The run's thread.
@@ -216,10 +216,10 @@ class PeerPort(Port):
     # With the lock.
 
     def _serve(self, end: float, is_enough: Callable[[], object]) -> None:
-        """Do what is due and handle what arrives, once at least.
+        """Make the calls that are due and handle received bytes, at least once.
 
         Args:
-            end: Until which time of the monotonic clock.
+            end: The time of the monotonic clock at which to return.
             is_enough: Whether to return before.
         """
         timers, calls = self._timers, self._calls

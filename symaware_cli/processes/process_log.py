@@ -151,8 +151,8 @@ def _require_one_run(log: Log, other: Log) -> None:
 def _require_one_place(one: ProcessLog, other: ProcessLog) -> None:
     """Check that no agent is in two parts at the same time.
 
-    It may move to another process when its own died; and a process that continues from a stored state repeats what the
-    one before it did since then, with the same messages.
+    An agent may move to another process when its own has died. A process that continues from a stored state repeats the
+    steps of its predecessor since then, with the same messages; such an overlap is permitted.
     """
     spans = [(part.start, part.log.end_time) for part in (one, other)]
     start, end = (max(span[0] or 0 for span in spans), min(span[1] or 0 for span in spans))

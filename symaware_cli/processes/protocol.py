@@ -61,7 +61,7 @@ class ConnectionEnded(Exception):  # noqa: N818 - most connections end well
     """The connection must end.
 
     Attributes:
-        rejection: What was wrong with the last record, if anything was.
+        rejection: The kind of fault of the last record; None if it has none.
     """
 
     def __init__(self, reason: str, rejection: Rejection | None = None) -> None:
@@ -73,16 +73,16 @@ class PeerProtocol:
     """One end of the protocol.
 
     Attributes:
-        preamble: Sent first, as it is.
+        preamble: The first bytes to send, without a record.
         outgoing: Records to send next, as arguments of `record`.
         introduced: Whether the preamble of the other end has been received.
         open: Whether the handshake is complete.
         heard: Whether anything has been received.
         limit: The length of the longest record that may come next [bytes].
-        offset: How far the other end's clock is ahead of ours [s].
+        offset: The time by which the other end's clock is ahead of ours [s].
         count: The number of records received.
         sent: The number of records sent.
-        taken: How many of our records the other end has received, as it last reported.
+        taken: The number of our records that the other end has received, as it last reported.
     """
 
     def __init__(
@@ -131,13 +131,13 @@ class PeerProtocol:
     def record(self, kind: int, content: bytes) -> bytes:
         """Return a record to send. Records are numbered, so they must be sent in the order of these calls."""
         if kind == COUNT:
-            content = _NUMBER.pack(self.sent)  # what was queued before is sent before
+            content = _NUMBER.pack(self.sent)  # records queued earlier are sent earlier
         self.sent += 1
         record = bytes((kind,)) + content
         return record if self._signer is None else self._signer.sign(record)
 
     def tell_taken(self) -> None:
-        """Report to the other end how many of its records were received."""
+        """Report to the other end the number of its records that were received."""
         self.outgoing.append((TAKEN, _NUMBER.pack(self.count)))
 
     def notice(self, now: float) -> None:

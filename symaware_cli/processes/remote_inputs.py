@@ -1,4 +1,4 @@
-"""What the host stores of its members, and the control inputs of the agents that they run."""
+"""The host's records of its members, and the control inputs of the agents that they run."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class RemoteMember:
         reported: The last step for which it sent a report.
         arrived: Messages for its agents that have not been sent to it yet.
         sent: The frames since its last checkpoint; None if the run ends when its process dies.
-        repeated: The frames that are to be sent again, as it continues from its checkpoint, and those that follow.
+        repeated: The frames to send again, as it continues from its checkpoint, and the frames after them.
         absent: The first step that its agents miss, as its process died and the run goes on; None if they take part.
         repeats: The last step that it repeats: the host has received its report for this one and all before.
         heard: The last step for which it sent a report through its present connection.

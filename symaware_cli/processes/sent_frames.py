@@ -1,4 +1,4 @@
-"""The frames that the host sent to a member since the member's last checkpoint, and how they are sent again."""
+"""Keeps the frames that the host sent to a member since the member's last checkpoint, and sends them again."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class SentFrames:
             self._forget(step)
 
     def _forget(self, step: int) -> None:
-        """Forget a `Step` and what was sent before."""
+        """Forget a `Step` and the frames sent before it."""
         if self._since is not None and self._since >= step:
             return
         self._since = step

@@ -202,7 +202,7 @@ class _TcpConnection(Connection):
         return True
 
     def _split(self, data: memoryview, now: float) -> None:
-        """Split what arrived into records, and keep the rest."""
+        """Split received bytes into records, and keep the rest."""
         position, size = 0, len(data)
         protocol = self.protocol
         self._length = 0
@@ -227,7 +227,7 @@ class _TcpConnection(Connection):
         self._arrived = bytearray(data[position:]) if position < size else bytearray()
 
     def _write(self) -> None:
-        """Send more of what was to be sent."""
+        """Send as many of the remaining bytes as the socket takes."""
         try:
             self._left = self._left[self._socket.send(self._left) :]
         except BlockingIOError:
@@ -307,12 +307,12 @@ class _TcpConnection(Connection):
 def _watch(connected: socket.socket, timeout: float) -> None:
     """Make the operating system break a connection whose other machine no longer responds.
 
-    The other operating system responds, whatever its process does. Pings ensure that there is always something to
+    The other operating system responds even if its process hangs. Pings ensure that there is always something to
     acknowledge; systems without `TCP_USER_TIMEOUT` only probe idle connections.
 
     Args:
         connected: The socket.
-        timeout: After which time [s], rounded to seconds, at least one.
+        timeout: The time without a response [s], rounded to seconds, at least one.
     """
     seconds = max(1, round(timeout))
     idle = max(1, seconds // 2)

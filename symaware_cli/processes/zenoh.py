@@ -256,7 +256,7 @@ class _ZenohConnection(Connection):
             self.refuse(ConnectionEnded(f"{self.protocol.other} sent more than it was let", "oversized"))
 
     def resume(self) -> None:
-        """Acknowledge what was received."""
+        """Acknowledge the received records."""
         self._tell()
 
     def hang_up(self) -> None:

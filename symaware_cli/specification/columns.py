@@ -1,14 +1,14 @@
 """Evaluation of expressions: the tables of operators and functions, and the robustness of predicates.
 
 Conditions, `run.until`, metrics, specifications and conditions on the rows of a table are all evaluated here, for many
-rows at once: agents, pairs, samples of a prediction, or runs of a sweep. Others tell what names stand for.
+rows at once: agents, pairs, samples of a prediction, or runs of a sweep. The caller looks up the values of names.
 
 A value is a number that all rows share, or an array with the rows along its first axis: shape (n,) for a number per
 row, (n, d) for a vector per row. The result of a row, to the bit, depends neither on the number of rows nor on its
 index.
 
-What has no value is NaN, which compares with nothing. Under ``np.errstate(divide="raise", over="raise")`` a division by
-zero and a number that is too large are errors.
+An undefined value is NaN, and so is the robustness of a comparison with it. Under
+``np.errstate(divide="raise", over="raise")`` a division by zero and a number that is too large are errors.
 
 Reasons: docs/decisions/0072-one-evaluator-of-expressions.md
 """
@@ -392,7 +392,7 @@ TAKEN: frozenset[str] = RESERVED.union(FUNCTIONS)
 
 
 def _divided(call: Callable[[Any, Any], Any], one: Any, other: Any) -> Any:
-    """Divide; what is divided by zero has no value: NaN, never infinity."""
+    """Divide; a division by zero gives NaN, never infinity."""
     is_zero = np.equal(other, 0.0)
     if not is_zero.any():
         return call(one, other)

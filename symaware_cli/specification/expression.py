@@ -118,7 +118,7 @@ def one_row(value: Any) -> Any:
 
 
 class _Keyed:
-    """What has elements that are looked up one at a time."""
+    """A value with elements that are looked up one at a time."""
 
     def __init__(self, elements: Any) -> None:
         self._elements = elements

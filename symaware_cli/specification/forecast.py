@@ -1,4 +1,4 @@
-"""Forecasts: what becomes of a specification on predicted continuations of a run."""
+"""Forecasts: the verdicts of a specification on predicted continuations of a run."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Formulas of signal temporal logic (STL) over evenly spaced instants, counted in steps.
 
-A formula is composed of predicates, each of which has a *robustness* at each instant: its distance from a change of
-truth, positive where the predicate holds. ``docs/specifications.md`` defines the operators. Windows are numbers of
+A formula is composed of predicates. Each has a *robustness* at each instant: its distance from a change of truth value,
+positive where the predicate holds. ``docs/specifications.md`` defines the operators. Windows are numbers of
 steps relative to the current instant, both ends included; ``last`` is None where a window extends to the end of the run
 (or, in the past, to its beginning).
 

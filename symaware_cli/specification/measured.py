@@ -1,4 +1,4 @@
-"""The robustness of formulas on what has been measured so far, as if the run ended there."""
+"""The robustness of formulas on the samples up to now, as if the run ended now."""
 
 from __future__ import annotations
 

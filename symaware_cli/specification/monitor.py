@@ -34,7 +34,7 @@ class Monitor:
         instants: Number of instants processed.
         ended: Whether the declared run has ended.
         verdict: Whether the formula holds at the first instant, for each row: 1 true, -1 false, 0 undecided.
-        lower: Least possible robustness at the first instant, whatever follows (only with `interval`).
+        lower: Least possible robustness at the first instant, over all continuations (only with `interval`).
         upper: Greatest possible robustness at the first instant.
         complete: Whether all samples were kept that the exact robustness at the end of the run requires, if it is not
             known before. At most `KEPT` are.

@@ -35,7 +35,7 @@ class MonitorStatuses:
         return self.monitor.status(rows)
 
     def measured(self, agent: str) -> float:
-        """The robustness on what was measured of an agent so far; see `SpecificationMonitor.measured`."""
+        """The robustness on the samples of an agent up to now; see `SpecificationMonitor.measured`."""
         return min(self.monitor.measured(row, self._clock.now) for row in self._rows.get(agent, [0]))
 
     @property

@@ -145,5 +145,5 @@ def with_children(node: Node, change: Callable[[Node], Node]) -> Node:
 
 
 def moved(node: Node, span: Span) -> Node:
-    """The same tree with one span for all its nodes: that of the name which stands for it in another text."""
+    """A copy of a tree whose nodes all have one span: that of the name that is replaced by the tree in a text."""
     return replace(with_children(node, lambda child: moved(child, span)), span=span)

@@ -1,4 +1,4 @@
-"""Operators and words of other languages, with what to write instead in expressions."""
+"""Operators and words of other languages, with their equivalents in expressions."""
 
 from __future__ import annotations
 
@@ -86,10 +86,10 @@ def foreign_sign(text: str, position: int) -> ForeignSign | None:
 
 
 def foreign_word(word: str, reserved: frozenset[str]) -> str | None:
-    """Return what a word of another language means here; None if it is none.
+    """Return the equivalent of a word of another language; None if there is none.
 
     Args:
-        word: The word, which is no name.
+        word: The word, which is not a known name.
         reserved: The words of this language.
     """
     plain = word.rstrip("_")

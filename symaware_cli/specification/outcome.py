@@ -46,7 +46,7 @@ class Decision:
 
     @property
     def reason(self) -> str:
-        """What decided the verdict, in one sentence."""
+        """The reason for the verdict, in one sentence."""
         if self.instant is None:
             return f"`{self.formula}` is about no instant"
         if not self.predicate:
@@ -69,7 +69,7 @@ class Decision:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Decision:
-        """Create a decision from what `to_json` returned.
+        """Create a decision from the data that `to_json` returned.
 
         Raises:
             ValueError: The data do not describe a decision.
@@ -126,12 +126,12 @@ class Outcome:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Outcome:
-        """Create an outcome from what `to_json` returned; keys that this version does not know are ignored."""
+        """Create an outcome from the data that `to_json` returned; keys that this version does not know are ignored."""
         known = {each.name: data[each.name] for each in fields(cls) if each.name in data}
         return cls(**{**known, "agents": tuple(data["agents"])})
 
     def rejected(self, reason: str) -> Outcome:
-        """Return the outcome of a specification that was offered and that nobody took."""
+        """Return the outcome of a specification that was offered and that no agent accepted."""
         return replace(self, verdict=REJECTED, reason=reason)
 
     def __str__(self) -> str:

@@ -66,18 +66,18 @@ _CONSTANTS: Mapping[str, bool | None] = {"true": True, "True": True, "false": Fa
 
 
 class Keys(NamedTuple):
-    """What a name is followed by in brackets, as in ``position["robot.2"]``.
+    """The valid keys in brackets after a name, as in ``position["robot.2"]``.
 
     Attributes:
-        kind: What it names: ``agent``, ``specification``, ...
-        names: The texts that are valid.
+        kind: The kind of object that a key names: ``agent``, ``specification``, ...
+        names: The valid keys.
     """
 
     kind: str
     names: Collection[str]
 
 
-#: The names that an expression may refer to, each with what follows it in brackets; None for a plain value.
+#: The names that an expression may refer to, each with the keys that must follow it in brackets; None for no key.
 Names: TypeAlias = Mapping[str, Keys | None]
 
 
@@ -92,7 +92,7 @@ def parse(
 
     Args:
         text: The expression.
-        names: The names it may refer to; those of `Names` have to be followed by what these say.
+        names: The names it may refer to; in `Names`, with the keys that must follow them.
         functions: The functions it may call, each with its number of arguments; None for any number but 0.
         definitions: Syntax trees by name; a name in the text is replaced by its tree.
         longest: Maximum length in characters.

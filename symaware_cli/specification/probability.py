@@ -85,7 +85,7 @@ def _all(operands: Sequence[TruthBounds]) -> TruthBounds:
 
 
 def _always(operand: TruthBounds, first: int, last: int | None) -> TruthBounds:
-    """Return the bounds of `Always`: the sum of failures, and the least bound of what must hold."""
+    """Return the bounds of `Always`: the sum over the window of `fails`, and the minimum of `holds`."""
     instants, rows = operand.fails.shape
     width = instants if last is None else last - first + 1
     # Beyond the last instant nothing fails, and nothing is known to hold.

@@ -57,7 +57,7 @@ def accumulated(ufunc: np.ufunc, values: Values, out: Values | None = None) -> V
 
 
 class History:
-    """Arrays of successive instants, the oldest of which can be dropped.
+    """Arrays of successive instants; the oldest can be dropped.
 
     Attributes:
         first: The instant of the first array kept.

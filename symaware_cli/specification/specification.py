@@ -28,14 +28,14 @@ class SpecificationError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """How a specification is offered.
+    """The terms on which a specification is offered to agents.
 
     Attributes:
-        at: When it is offered, in nanoseconds; None if an event brings it.
-        open_for: How long it can be accepted, in nanoseconds; None for the rest of the run.
-        epsilon: The probability with which whoever accepts it may fail it; None if nothing is said.
-        to: The ids of the agents that the run tells of it; others learn of it by messages.
-        knowledge: What comes with it, as plain values by name.
+        at: The time of the offer, in nanoseconds; None if an event triggers it.
+        open_for: The time for which it can be accepted, in nanoseconds; None for the rest of the run.
+        epsilon: The probability with which the agent that accepts it may fail it; None if the scenario has none.
+        to: The ids of the agents whose knowledge the run adds it to; others learn of it by messages.
+        knowledge: Further knowledge for these agents, as plain values by name.
     """
 
     at: int | None
@@ -59,8 +59,8 @@ class Specification:
         end: The last instant that counts, in nanoseconds; None for the end of the run.
         on_violation: The effect of a violation on the run.
         automaton: The automaton of a formula of linear temporal logic; None for signal temporal logic.
-        offer: How it is offered to agents while the run goes on; None for one that is in force by itself.
-        explains: Whether verdicts are explained by what decided them, in the decisions of its monitor.
+        offer: Its offer to agents during the run; None if it is in force by itself.
+        explains: Whether the decisions of its monitor name the predicates and instants that determined the verdicts.
         interval: Whether the robust satisfaction interval is computed before the verdict.
     """
 

@@ -84,9 +84,9 @@ class Worst:
 class SpecificationMonitor:
     """Monitors a specification during a run.
 
-    The formula must hold for each row from `Specification.start` on, or from when the row becomes present; or from
-    several instants on, the *instances*, of which the worst counts. An offered specification is evaluated for all rows
-    that are present when it begins; it counts for the row that has accepted it, no matter when it did.
+    The formula must hold for each row from `Specification.start` on, or from the instant at which the row becomes
+    present; or from several instants on, the *instances*: then the worst instance counts. An offered specification is
+    evaluated for all rows that are present when it begins; it counts for the row that has accepted it, at any time.
 
     Attributes:
         specification: The specification.
@@ -96,8 +96,8 @@ class SpecificationMonitor:
         robustness: The exact robustness of each row at the latest instant where it is known; NaN before the first.
         settled: The exact robustness that the verdict of each row is about, the least of its instances; NaN while that
             of any is unknown.
-        begun: Which rows count: those that have ever been present, or that have accepted it; shape (rows,).
-        rejection: Why nobody has accepted it; empty if that is open, or if it is not offered.
+        begun: Whether each row counts, as it has been present, or has accepted the offer; shape (rows,).
+        rejection: The reason why the offer was rejected; empty if it is open or accepted, or if there is no offer.
         decisions: The decisions in the order in which they were made.
         begins: Whether evaluation begins by itself, once for each row.
         cohorts: The rows that are evaluated, by the instant at which their evaluation began.
@@ -177,18 +177,18 @@ class SpecificationMonitor:
         self._due.append(np.array(rows, np.intp))
 
     def accept(self, row: int) -> None:
-        """Let what is offered count for a row, from its beginning."""
+        """Let the offered specification count for a row, from the beginning of its evaluation."""
         self.begun[row] = True
         if not self._due:  # otherwise its evaluation has not begun, and there is nothing to combine
             self._combine()
 
     def release(self, row: int) -> None:
-        """Let what is offered no longer count for a row."""
+        """Let the offered specification no longer count for a row."""
         self.begun[row] = False
         self._combine()
 
     def is_open_to(self, row: int) -> bool:
-        """Whether a row may accept what is offered: it is evaluated, or soon will be, and has not failed it."""
+        """Whether a row may accept the offer: the row is evaluated, or will be next, and does not violate it."""
         present = self.specification.scope.present
         if self.is_over or (present is not None and not present[row]):
             return False
@@ -198,9 +198,9 @@ class SpecificationMonitor:
         return any(row in rows for rows in self._due)
 
     def measured(self, row: int, now: int) -> float:
-        """Return the robustness of a row on what was measured from its beginning to an instant; see `measured`.
+        """Return the robustness of a row on its samples from the beginning to the present; see the module `measured`.
 
-        Before its beginning, what is measured now counts as its first instant.
+        Before the beginning, the present values count as its first sample.
 
         Args:
             row: The row.

@@ -2,8 +2,8 @@
 
 A stream evaluates a formula and has streams for its operands. It is pushed once at each instant and returns the exact
 robustness at the instant that lies its horizon back, in time independent of the widths of windows. For later instants
-it computes bounds on request: an interval that contains the robustness, whatever samples follow (Deshmukh et al.,
-"Robust online monitoring of signal temporal logic", RV 2015). All arrays have the rows along their last axis; they hold
+it computes bounds on request: an interval that contains the robustness for all continuations (Deshmukh et al., "Robust
+online monitoring of signal temporal logic", RV 2015). All arrays have the rows along their last axis; they hold
 robustness, or truth values, where false is less than true.
 """
 

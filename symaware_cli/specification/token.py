@@ -22,7 +22,7 @@ class ExpressionError(ValueError):
     """A text is not a valid expression.
 
     Attributes:
-        problem: What is wrong, in one sentence.
+        problem: The error, in one sentence.
         start: Start of the faulty part of the text, in characters.
         end: Its end.
         names: Valid names, if an unknown name is the problem.
@@ -43,7 +43,7 @@ class ExpressionError(ValueError):
         """Initialise.
 
         Args:
-            problem: What is wrong, in one sentence.
+            problem: The error, in one sentence.
             span: The faulty part of the text.
             name: The unknown name, if any.
             names: Valid names, if an unknown name is the problem.

@@ -91,6 +91,6 @@ def _squared(array: Array) -> float:
 
 
 def said_of(values: Array) -> str:
-    """Describe what is wrong with a row that is not within bounds."""
+    """Describe the invalid values of a row that is out of bounds."""
     what = "is not finite" if not is_finite(values) else f"has run away, beyond {FARTHEST:g}"
     return f"{what}: {values.tolist()}"

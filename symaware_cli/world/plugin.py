@@ -62,14 +62,14 @@ class Plugin:
 
         Args:
             view: A `symaware_cli.ScenarioView`: the other plugins with their timing, the groups, links and
-                specifications. What is wrong is reported to it, and so is located in the file.
+                specifications. Problems are reported to it, which locates them in the file.
         """
 
     def find_warnings(self, view: Any) -> None:
-        """Look for what is valid and probably not meant.
+        """Warn of valid but probably unintended values.
 
         It is called when a valid scenario is validated, and not before a run, so it may take a second.
 
         Args:
-            view: As of `check_scenario`; warnings are given to it.
+            view: As for `check_scenario`; takes the warnings.
         """

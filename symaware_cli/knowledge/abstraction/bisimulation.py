@@ -1,10 +1,10 @@
-"""Whether a linear model can do in a step of a strategy what a transition system says, and nothing else.
+"""Checks whether a linear model can make exactly the transitions of a transition system, each in one step.
 
-The control inputs of the model lie in a box. It is anywhere in its cell, a box of positions; the other elements of its
-state, such as velocities, are anywhere within bounds, in which they have to stay. If each transition can be made from
-every such state (1), each strategy for the system can be followed. If besides each move leads along a transition (2),
-the states of the cells and the cells are bisimilar: with the observation map of the system, the system and the model
-have the same observations, step by step (Alur, Henzinger, Lafferriere and Pappas, Discrete abstractions of hybrid
+The control inputs of the model lie in a box. Its position may be anywhere in its cell, which is a box; the other
+elements of its state, such as velocities, may be anywhere within bounds, which they must not leave. If each transition
+can be made from every such state (1), each strategy for the system can be followed. If also each move is a transition
+(2), the states of the cells and the cells are bisimilar: with the observation map of the system, the system and the
+model have the same observations, step by step (Alur, Henzinger, Lafferriere and Pappas, Discrete abstractions of hybrid
 systems, Proceedings of the IEEE 88(7), 2000).
 
 The states from which a convex set can be reached in a step are a convex set, so (1) is checked at the corners of cells.
@@ -35,7 +35,7 @@ _WIDTH = 1e-7
 
 @dataclass(frozen=True)
 class Bisimulation:
-    """How moves of a model and transitions differ.
+    """The differences between the moves of a model and the transitions of a system.
 
     Attributes:
         impossible: Transitions that cannot be made from every state of the cell in one step.

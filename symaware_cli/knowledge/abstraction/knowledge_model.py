@@ -60,7 +60,7 @@ class KnowledgeModel(Plugin):
         """
 
     def cells(self, points: Array) -> Indices:
-        """Return the cell that each point lies in, -1 for none; of two that touch there, the latter.
+        """Return the cell that contains each point, -1 for none; on a common boundary, the cell with the higher number.
 
         Args:
             points: Shape (n, d); the first two coordinates count.
@@ -87,7 +87,7 @@ class KnowledgeModel(Plugin):
         return np.asarray(self.bounds[cell].mean(axis=1))
 
     def gate(self, cell: int, following: int) -> Array:
-        """Return the middle of what two cells share [m]; shape (2,)."""
+        """Return the centre of the side that two cells share [m]; shape (2,)."""
         low = np.maximum(self.bounds[cell, :, 0], self.bounds[following, :, 0])
         high = np.minimum(self.bounds[cell, :, 1], self.bounds[following, :, 1])
         return np.asarray(0.5 * (low + high))

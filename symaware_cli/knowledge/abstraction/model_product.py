@@ -1,4 +1,4 @@
-"""A knowledge model that is the product of others: the cells of an agent, and the states of what it carries."""
+"""A knowledge model that is the product of others, such as the cells of an agent and the states of its gripper."""
 
 from __future__ import annotations
 
@@ -25,10 +25,9 @@ _MOST_TRANSITIONS = 1_000_000
 class ModelProduct(KnowledgeModel):
     """The synchronous product of models, at most one of which has cells: at each step each makes a transition.
 
-    A strategy chooses the transitions of all of them. The cell of a state is that of the model that has cells, so an
-    agent is steered through these; the states of the others, such as a gripper, change when a step is over. They begin
-    in their initial states. A state is called by the names of its parts, with commas between them, and has the labels
-    of all.
+    A strategy chooses the transitions of all models. An agent is steered through the cells of the model that has cells;
+    the states of the others, such as a gripper, begin as initial states and change at the end of each step. The name of
+    a state joins those of its parts with commas; it has the labels of all parts.
     """
 
     class Parameters(Parameters):

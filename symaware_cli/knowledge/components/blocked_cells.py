@@ -1,4 +1,4 @@
-"""Learns which cells of a knowledge model are blocked, from the scans of a lidar and from what others tell."""
+"""Learns which cells of a knowledge model are blocked, from lidar scans and from messages of other agents."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ BLOCKED = Signal(
 
 
 class LearntCells(NamedTuple):
-    """What an agent learnt in a turn.
+    """The blocked cells that an agent knows after a turn.
 
     Attributes:
         known: The names of all blocked cells, in the order of the model.
-        seen: Those that it sees to be blocked now and did not know.
-        told: Those that others told and it did not know, with the id of one who did, first by id.
+        seen: The new ones among them that its own scan shows.
+        told: Further new ones, each with the first agent, by id, whose list has it.
         pose: The position [m] and heading [rad] that the agent believes to have.
     """
 
@@ -46,11 +46,11 @@ class BlockedCells(Component):
     """Keeps a list of the cells that cannot be entered among an agent's knowledge.
 
     A cell is blocked if enough rays of a lidar end well within it, and not at another agent; or if the list of another
-    agent, which it told by a message, names the cell. What is on the list stays there, so that agents that tell each
-    other agree after a while, in whatever order messages arrive.
+    agent, received in a message, has the cell. Cells are never taken off the list, so agents that exchange their lists
+    come to agree, in any order of messages.
 
-    Rays are taken to begin where the agent believed to be when they were measured. So a scan counts if the component
-    has a turn at the instant of its measurement, however much later it becomes known.
+    Rays are taken to begin at the believed pose of the agent at the time of their measurement. So a scan counts only if
+    the component has a turn at that instant; the scan itself may arrive later.
     """
 
     signals = (BLOCKED,)
@@ -102,7 +102,7 @@ class BlockedCells(Component):
         """Look up the model."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         self._model = model_named(self.parameters.model, agent.group)
-        #: What was believed to be the pose at past turns [ns], and the instant of the last scan that was read.
+        #: The believed pose at past turns, by instant [ns], and the instant of the last scan that was read.
         self._poses: dict[int, tuple[float, float, float]] = {}
         self._read = -1
 
@@ -148,7 +148,7 @@ class BlockedCells(Component):
         return np.flatnonzero(inside.sum(axis=1) >= given.rays)
 
     def _ends(self, pose: tuple[float, float, float]) -> Array:
-        """Return where the rays of a new scan end that do not end at other agents [m]; shape (m, 2)."""
+        """Return the end points of the rays of a new scan, except rays that end at other agents [m]; shape (m, 2)."""
         scan = self._scan()
         if scan is None or scan.time == self._read:
             return np.empty((0, 2))
@@ -166,7 +166,7 @@ class BlockedCells(Component):
         return np.asarray(ends[~near])
 
     def _scan(self) -> Scan | None:
-        """Return the last scan that became known; None if there is none."""
+        """Return the last scan that has arrived; None if there is none."""
         name = self.parameters.scan
         scan = None if name is None else self._agent.group.awareness.readings.get(name)
         return scan if isinstance(scan, Scan) else None
@@ -177,7 +177,7 @@ class BlockedCells(Component):
         return x, y, 0.0 if model.heading is None else float(state[0, model.heading])
 
     def _others(self) -> Array:
-        """Return where the agent believes others to be [m]; shape (k, 2)."""
+        """Return the positions of other agents as the agent believes them [m]; shape (k, 2)."""
         awareness, agent = self._agent.group.awareness, self._agent
         tracks, world = awareness.tracks, awareness.world
         if tracks is not None:

@@ -1,4 +1,4 @@
-"""Checks that agents that go from cell to cell surely keep to their two cells, and come to the next one.
+"""Checks that agents certainly stay within their present and next cell, and reach the next one.
 
 docs/decisions/0051-certified-cells.md has the proof whose premises are checked here.
 """
@@ -32,7 +32,7 @@ class CellCheck:
         self._period = self._step if view.entry.timing.period is None else view.entry.timing.period
 
     def check(self) -> None:
-        """Report whatever makes it uncertain that an agent keeps to its cells."""
+        """Report each reason why an agent might leave its cells."""
         self._check_turns()
         self._check_perception()
         for each in self._view.after:
@@ -54,7 +54,7 @@ class CellCheck:
         self._view.report(said, *place, section=section, code="uncertain", expected=f"{expected}, {_OTHERWISE}")
 
     def _check_turns(self) -> None:
-        """Check that the turns are at each step of the world, or at each of a number of steps."""
+        """Check that there is a turn at each step of the world, or at every k-th."""
         timing, step = self._entry.timing, seconds(self._step)
         for key, is_wrong, why in (
             ("jitter", timing.jitter > 0, "the time for which an input is held varies"),

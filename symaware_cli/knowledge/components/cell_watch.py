@@ -9,12 +9,12 @@ from symaware_cli.core import Level
 from symaware_cli.geometry import Array
 from symaware_cli.knowledge.abstraction.knowledge_model import KnowledgeModel
 
-#: From which distance on an agent is outside a cell [m]: rounding errors, and what is left of a way at its end.
+#: The distance from a cell beyond which an agent is outside [m]; it allows for rounding and for stopping just short.
 _OUTSIDE = 2e-6
 
 
 class CellEvent(NamedTuple):
-    """What happened to an agent.
+    """An event about an agent and its cells.
 
     Attributes:
         name: The name of the event.
@@ -30,7 +30,7 @@ class CellEvent(NamedTuple):
 
 
 class CellWatch:
-    """Compares where agents are with the cell that each came to and the one that it goes to."""
+    """Compares the positions of agents with the present cell of each and the cell that it goes to."""
 
     uncaptured: ClassVar[Collection[str]] = ("_model",)
 
@@ -52,18 +52,18 @@ class CellWatch:
         """
         self._model = model
         self._is_outside = [False] * count
-        #: The two cells of each agent, and whether it has been in the second or was said to have skipped it.
+        #: The two cells of each agent, and whether it has reached the second or was reported to have skipped it.
         self._pairs = [(-1, -1)] * count
         self._is_told = [False] * count
 
     def seen(self, row: int, cell: int, following: int, position: Array) -> CellEvent | None:
-        """Return what happened to an agent that is at a position [m], shape (d,); None for nothing new.
+        """Return the event of an agent at a position; None for no new event.
 
         Args:
             row: Its row.
             cell: The cell that it came to last.
             following: The cell that it goes to.
-            position: Where it is.
+            position: Its position [m]; shape (d,).
         """
         model, states = self._model, self._model.system.states
         if self._pairs[row] != (cell, following):

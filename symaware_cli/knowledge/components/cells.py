@@ -93,12 +93,12 @@ class Braking:
 
 
 class Courses(NamedTuple):
-    """Where agents will be when the input that is chosen now takes effect, and where they are to go.
+    """The straight lines that agents are to follow, from their positions when the input chosen now takes effect.
 
     Attributes:
-        position: Where they will be then [m]; shape (n, d).
-        way: The way from there to the end of the present straight line [m]; shape (n, d).
-        distance: Its length [m]; shape (n,).
+        position: Their positions then [m]; shape (n, d).
+        way: The vectors from there to the ends of the present straight lines [m]; shape (n, d).
+        distance: The lengths of these [m]; shape (n,).
     """
 
     position: Array
@@ -118,9 +118,9 @@ class CellSteering(Steering):
     one. Cells are convex, so both ways lie within them; the speed is such that no turn goes beyond the end of either,
     and that a body whose force is limited can stop there. A vehicle with a heading first stops, and turns on the spot.
 
-    Before the run it is checked that this is certain: for a single integrator or a unicycle without noise that
-    perceives its own state exactly, takes a turn at each step of the world or at each of a number of steps, and that
-    nothing touches. Whatever is not so is refused, unless `certified` is false. docs/decisions/0051 has the proof.
+    This is certain for a single integrator or a unicycle without noise that perceives its own state exactly, has a turn
+    at each step of the world or at every k-th, and is never touched. Any other scenario is refused before the run,
+    unless `certified` is false. docs/decisions/0051 has the proof.
     """
 
     bodies: ClassVar = {"apart_from": "agents or entities"}
@@ -148,12 +148,12 @@ class CellSteering(Steering):
     uncaptured: ClassVar[Collection[str]] = ("_cells", "_drive", "_braking", "_turning")
 
     def check_scenario(self, view: ScenarioView) -> None:
-        """Check that agents surely keep to their cells."""
+        """Check that agents certainly stay within their cells."""
         if view.is_initialised and self.parameters.certified:
             CellCheck(view).check()
 
     def check(self, group: AgentGroup) -> None:
-        """Check that the model can go straight, and that there is a strategy."""
+        """Check that the model can follow straight lines, and that there is a strategy."""
         given = self.parameters
         model_named(given.model, group)
         if f"{given.strategy}.plan" not in group.awareness.columns:
@@ -200,7 +200,7 @@ class CellSteering(Steering):
         self._steer(*value)
 
     def _courses(self, state: Array, present: Array) -> Courses:
-        """Return where agents are to go, from their states (n, nx) and present control inputs (n, nu)."""
+        """Return the lines to follow, from the states (n, nx) and present control inputs (n, nu) of agents."""
         position = self._group.model.positions(state)
         if self._drive.lag:
             position = position + self._drive.lag * self._group.model.velocity(state, present)
@@ -232,7 +232,7 @@ class CellSteering(Steering):
         velocity: Array = courses.way * (speed / np.maximum(courses.distance, 1e-12))[:, None]
         if not self._braking.is_limited:
             return velocity
-        # What moves along another line comes to rest on that first.
+        # An agent that moves along another line first comes to rest on it.
         along = present / np.maximum(now, 1e-300)[:, None]
         ahead = (along * courses.way).sum(axis=1)
         aside = lengths(courses.way - ahead[:, None] * along)

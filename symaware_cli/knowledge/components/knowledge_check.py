@@ -1,7 +1,7 @@
 """Checks of strategies in a whole scenario: agents that labels are about, values, and assumptions.
 
-From safety that agents assume of each other the safety of all follows, step by step (Abadi and Lamport, Conjoining
-specifications, ACM TOPLAS 17(3), 1995). For liveness that is not so: each may wait for ever for the other.
+If agents assume only safety of each other, all of them are safe, by induction over the steps (Abadi and Lamport,
+Conjoining specifications, ACM TOPLAS 17(3), 1995). For liveness this fails: each may wait for ever for the other.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ def check_labels(game: KnowledgeGame, view: ScenarioView) -> None:
 def check_circular_assumptions(
     view: ScenarioView, own: Mapping[int, set[str]], every: Iterable[tuple[str, Mapping[int, set[str]]]]
 ) -> None:
-    """Report each assumption that something happens again and again which closes a circle of such assumptions.
+    """Report each liveness assumption that closes a circle, in which groups may wait for each other for ever.
 
     Args:
         view: The scenario.
-        own: The agents of which something is assumed to happen again and again, by the number of the assumption.
-        every: The same of each strategy of the scenario, with the name of its group.
+        own: The agents that liveness assumptions of this strategy are about, by the number of the assumption.
+        every: The same for each strategy of the scenario, with the name of its group.
     """
     assert view.entry is not None
     name = view.entry.group.name
@@ -54,7 +54,7 @@ def check_circular_assumptions(
 
 
 def warn_of_assumptions(game: KnowledgeGame, view: ScenarioView) -> None:
-    """Warn of assumptions that no environment can keep, whatever the agent does: any guarantee follows from them."""
+    """Warn of assumptions that no environment can keep; they imply every guarantee."""
     numbers = game.contradictory_assumptions()
     if numbers is None:
         return
@@ -74,7 +74,7 @@ def _groups(agents: Iterable[str], group_of: Mapping[str, str]) -> set[str]:
 
 
 def _reachable(start: str, after: Mapping[str, set[str]]) -> set[str]:
-    """Return the groups that a group waits for, directly or not, and itself."""
+    """Return a group and the groups that it waits for, directly or indirectly."""
     found, waiting = {start}, [start]
     while waiting:
         fresh = after.get(waiting.pop(), set()) - found

@@ -1,4 +1,4 @@
-"""What the parameters of a strategy say about an agent and its environment, as a game, and what is believed of it."""
+"""The game of an agent against its environment, from the parameters of a strategy, and the beliefs about its state."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _kind(label: object) -> str:
     return "an agent in a region" if isinstance(label, Mapping | AgentInRegion) else "a condition"
 
 
-#: A label; a problem with it is one with the kind that was meant.
+#: A label; problems with it refer to the kind of label that was probably meant.
 Label = Annotated[
     Annotated[str, Tag("a condition")]
     | Annotated[AgentInRegion, Tag("an agent in a region")]
@@ -140,7 +140,7 @@ class KnowledgeGame:
         self.starts = sorted(set(cells.tolist()))
 
     def _proposition(self, name: str, text: str, group: AgentGroup) -> Formulation:
-        """Parse a condition on what an agent believes."""
+        """Parse a condition on the beliefs of an agent."""
         try:
             scope = BeliefScope(group, cast("World", None), [], {})
             tree = parse(text, {*scope.names, *self._regions}, ARGUMENTS)
@@ -151,7 +151,7 @@ class KnowledgeGame:
 
     @property
     def awaited(self) -> dict[int, set[str]]:
-        """The agents that something is assumed of to happen again and again, by the number of the assumption."""
+        """The agents that liveness assumptions are about, by the number of the assumption."""
         found: dict[int, set[str]] = {}
         for number, statement in enumerate(self.game.assumptions):
             for clause in statement.clauses:
@@ -171,7 +171,7 @@ class KnowledgeGame:
         }
 
     def contradictory_assumptions(self) -> Sequence[int] | None:
-        """Return the numbers of assumptions that no environment can keep, one if it suffices; None without any."""
+        """Return the numbers of assumptions that no environment can keep, a single one if possible; None for none."""
         numbers = range(len(self.game.assumptions))
         # Each by itself first, so that the culprit is named.
         for chosen in [*((number,) for number in numbers), tuple(numbers)]:
@@ -200,10 +200,10 @@ class KnowledgeGame:
                 raise ValueError(f"the label `{name}` is about `{label.other}`, which is no agent")
 
     def observed(self, group: AgentGroup, scope: BeliefScope, roster: Roster) -> list[Indices]:
-        """Return what the agents believe about each variable of the environment.
+        """Return the value of each environment variable as the agents believe it.
 
         Returns:
-            For each variable the values; shape (n,); -1 where an agent believes nothing.
+            For each variable its value by agent, shape (n,); -1 for an agent without a belief.
         """
         found = []
         for name, label in self._labels.items():
@@ -242,7 +242,7 @@ def _statements(section: str, texts: Sequence[str], vocabulary: Vocabulary) -> l
 
 
 def _believed(group: AgentGroup, other: int) -> Array:
-    """Return where each agent believes another one to be [m], NaN where it believes nothing; shape (n, 2)."""
+    """Return the position of another agent as each agent believes it [m], NaN without a belief; shape (n, 2)."""
     tracks, world = group.awareness.tracks, group.awareness.world
     positions = np.full((len(group), 2), np.nan)
     if tracks is not None:
@@ -270,10 +270,10 @@ def _holds(formula: stl.Formula, values: Sequence[Array]) -> Any:
 
 
 def _check_label(name: str, label: str | AgentInRegion | AgentCell, group: AgentGroup) -> None:
-    """Check that a label has a name that formulas can use, and is about a region that an agent knows the place of.
+    """Check that formulas can use the name of a label, and that its region exists and does not move with an agent.
 
     Raises:
-        ParameterError: It is not so.
+        ParameterError: The name or the region is invalid.
     """
     if not name.isidentifier() or name in TAKEN:
         raise ParameterError(f"`{name}` cannot be a name in a formula", ("labels", name))

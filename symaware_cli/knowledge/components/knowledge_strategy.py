@@ -57,10 +57,10 @@ class KnowledgeStrategy(GroupComponent):
     """Chooses the next cell by a strategy that meets all guarantees while the environment keeps the assumptions.
 
     The strategy is synthesised before the run, from formulas in the fragment GR(1) about the cells of a knowledge
-    model, and checked by a model checker. It advances at the turns at which the agent believes to be in the cell that
-    it was going to; the environment is what the agent then believes about it. If the environment breaks an assumption,
-    the agent stops in its cell. Whoever steers the agent: if it leaves the cell that it came from and the one that it
-    goes to, or skips that, this is an event.
+    model, and checked by a model checker. It takes a step at the turns at which the agent believes to have reached the
+    chosen cell; the state of the environment is then as the agent believes it. If the environment breaks an assumption,
+    the agent stops in its cell by default. An event reports an agent that leaves its present and next cell, or skips
+    the next one; another component steers it.
 
     When the agent learns of cells that cannot be entered, the strategy is made again without them.
     """
@@ -165,7 +165,7 @@ class KnowledgeStrategy(GroupComponent):
         return {"strategy": encoded(self._strategy)}
 
     def check_scenario(self, view: ScenarioView) -> None:
-        """Check what labels are about, and that no agents wait for each other for ever."""
+        """Check the agents and conditions of labels, and that no groups wait for each other for ever."""
         if hasattr(self, "_knowledge"):
             check_labels(self._knowledge, view)
             strategies = [
@@ -211,10 +211,10 @@ class KnowledgeStrategy(GroupComponent):
         )
 
     def _check_knowledge(self, group: AgentGroup) -> None:
-        """Check what the agents are to know of their states.
+        """Check the knowledge of agents that follows the labels of their cells.
 
         Raises:
-            ParameterError: There is no such label, or an agent does not know it at first.
+            ParameterError: There is no such label, or an agent has no initial value for it.
         """
         labels = self._knowledge.model.system.labels
         for name, label in self.parameters.knowledge.items():
@@ -259,7 +259,7 @@ class KnowledgeStrategy(GroupComponent):
                 raise ParameterError(str(error), ("blocked",)) from None
 
     def _unrealisable(self, error: UnrealisableError) -> ParameterError:
-        """Explain that there is no strategy, at each of the formulas that contradict each other."""
+        """Explain why there is no strategy, at each of the formulas in conflict."""
         guilty = conflict(self._game, self._knowledge.starts)
         if not self._game.starts(self._knowledge.starts)[1].any():
             return ParameterError(f"there is no strategy: {error}", ("assumptions",))
@@ -298,7 +298,7 @@ class KnowledgeStrategy(GroupComponent):
         return memories, reports
 
     def _report_missing(self, values: Sequence[int], turn: StrategyTurn) -> None:
-        """Report what an agent would have to believe before it can begin."""
+        """Report the labels that an agent must have beliefs about before it can begin."""
         variables = self._game.vocabulary.environment
         labels = [each.name for each, value in zip(variables, values, strict=True) if value < 0]
         said = ", ".join(f"`{each}`" for each in labels)
@@ -332,7 +332,7 @@ class KnowledgeStrategy(GroupComponent):
         self._show_environment()
 
     def _tell_state(self, cells: Indices) -> None:
-        """Write to the knowledge of each agent which labels its cell has, where that changed."""
+        """Update the knowledge of each agent about the labels of its present cell."""
         labels = self._knowledge.model.system.labels
         for name, label in self.parameters.knowledge.items():
             for known, memory in zip(self._group.knowledge, self._memory, strict=True):
@@ -341,7 +341,7 @@ class KnowledgeStrategy(GroupComponent):
                     known[name] = has
 
     def _on_stepped(self, event: Event) -> None:
-        """Watch after each step of the world, and not only at turns, where agents believe to be."""
+        """Watch the believed positions of agents after each step of the world, not only at turns."""
         group, cells = self._group, self._game.values[CELL]
         positions = group.model.positions(group.awareness.state)
         for row in group.rows.tolist():
@@ -353,7 +353,7 @@ class KnowledgeStrategy(GroupComponent):
                 self.emit_for(row, found.name, found.text, level=found.level, **found.data)
 
     def _show_environment(self) -> None:
-        """Record what each agent knows of the cells of others and of closed ones, where that changed."""
+        """Record the cells of others and the closed cells, as each agent knows them, if they changed."""
         shown = self._group.awareness[ENVIRONMENT.field(self.name)]
         tables = [
             self._cells.table(each.state) if each.state >= 0 else before
@@ -366,7 +366,7 @@ class KnowledgeStrategy(GroupComponent):
         """Return the cells that an agent knows to be blocked, ascending.
 
         Raises:
-            ValueError: What it knows are no cells.
+            ValueError: The knowledge is not a list of cells of the model.
         """
         name = self.parameters.blocked
         if name is None:

@@ -1,7 +1,6 @@
-"""Follows strategies: decides at each turn of an agent which cell it goes to, and what is reported.
+"""Follows strategies: decides at each turn of an agent on its next cell and on the events to report.
 
-An agent that follows one remembers something from turn to turn, and watches whether its environment keeps the
-assumptions that are made about it.
+An agent that follows a strategy has a memory, and monitors whether its environment keeps the assumptions.
 """
 
 from __future__ import annotations
@@ -27,29 +26,29 @@ from symaware_cli.knowledge.synthesis.game import Game
 from symaware_cli.knowledge.synthesis.vocabulary import CELL
 from symaware_cli.world import SECOND, nanoseconds
 
-#: Why an agent stays where it is: an assumption was broken; what is assumed is overdue; a strategy is being made; or
-#: there is none from there.
+#: The reason why an agent stays in its cell: an assumption was broken or is overdue, a strategy is being made, or there
+#: is no strategy from its state.
 Halt = Literal["", "violation", "overdue", "revision", "unrealisable"]
 
 
 class StrategyMemory(NamedTuple):
-    """What an agent remembers from turn to turn. States are those of the game with all assumptions and all cells.
+    """The memory of an agent from turn to turn. States are those of the game with all assumptions and all cells.
 
     Attributes:
         values: The last known values of the environment's variables, in their order; -1 for none.
-        met: When each goal of the environment was last met [ns].
-        overdue: Whether each of these was reported to be overdue.
+        met: The instant at which each goal of the environment was last met [ns].
+        overdue: Whether each of these goals was reported to be overdue.
         state: The state at the last decision; -1 before the first one.
         goal: The goal that it pursues.
         following: The cell that it decided to go to.
-        halt: Why it follows no strategy; empty if it does.
+        halt: The reason why it follows no strategy; empty if it does.
         opposing: The goal that the environment pursues, if it plays a counterstrategy.
         path: The cells through which it came, without loops; the present one is the last.
         dropped: The numbers of the assumptions that it has given up, ascending.
-        distrusted: The numbers of the assumptions of which something is overdue, so that it stays, ascending.
+        distrusted: The numbers of the overdue assumptions because of which it stays, ascending.
         revision: The revision whose strategy it follows.
         pending: The revision for which a strategy is being made; None for none.
-        due: When that strategy takes effect [ns].
+        due: The instant at which that strategy takes effect [ns].
     """
 
     values: tuple[int, ...]
@@ -68,14 +67,14 @@ class StrategyMemory(NamedTuple):
     due: int = 0
 
     def walked(self, cell: int) -> tuple[int, ...]:
-        """Return the path with a further cell; of a loop only its beginning is kept."""
+        """Return the path with a further cell; a cell that is in the path already cuts it there."""
         if cell in self.path:
             return self.path[: self.path.index(cell) + 1]
         return (*self.path, cell)
 
 
 class TurnReport(NamedTuple):
-    """An event that a turn leads to.
+    """An event of a turn.
 
     Attributes:
         row: The row of the agent.
@@ -100,8 +99,8 @@ class StrategyTurn:
         row: The row of the agent.
         now: The instant [ns].
         blocked: The cells that it knows to be blocked, ascending.
-        position: Where it believes to be [m]; shape (2,).
-        reports: What the turns of the group have led to so far.
+        position: Its believed position [m]; shape (d,).
+        reports: The events so far of the turns of its group at this instant.
     """
 
     row: int
@@ -116,11 +115,11 @@ class StrategyTurn:
 
 
 class BrokenAssumption(NamedTuple):
-    """An assumption that a step of the environment broke, or of which something is overdue.
+    """An assumption that a step of the environment broke, or that is overdue.
 
     Attributes:
         text: The assumption.
-        number: Its number; None if it is not written but implied: that an agent moves from cell to cell.
+        number: Its number; None for the implicit assumption that another agent moves from cell to cell.
     """
 
     text: str
@@ -135,7 +134,7 @@ class AssumptionMonitor:
 
         Args:
             game: The game.
-            patience: Time after which something that is to happen again and again is overdue [s]; None for never.
+            patience: Time after which a goal of the environment that was not met again is overdue [s]; None for never.
         """
         self._game = game
         self._patience = patience
@@ -145,7 +144,7 @@ class AssumptionMonitor:
 
     @property
     def goals(self) -> int:
-        """The number of things that are assumed to happen again and again."""
+        """The number of goals of the environment: the conditions that are assumed to hold again and again."""
         return len(self._goals)
 
     def broken(self, state: int, after: Mapping[str, Indices], dropped: Collection[int]) -> list[BrokenAssumption]:
@@ -154,7 +153,7 @@ class AssumptionMonitor:
         Args:
             state: The state before the step; -1 at the beginning.
             after: The value of each variable after it; shape (1,) each.
-            dropped: The numbers of assumptions that do not count.
+            dropped: The numbers of assumptions to ignore.
         """
         game = self._game
         numbered = [(number, each) for number, each in enumerate(game.assumptions) if number not in dropped]
@@ -174,14 +173,14 @@ class AssumptionMonitor:
         return broken
 
     def overdue(self, memory: StrategyMemory) -> list[BrokenAssumption]:
-        """Return the assumptions of which something is overdue, in their order, without those that were given up."""
+        """Return the overdue assumptions in their order, without those that were given up."""
         late = {number for number, is_late in zip(self._numbers, memory.overdue, strict=True) if is_late}
         return [
             BrokenAssumption(self._game.assumptions[number].text, number) for number in sorted(late - {*memory.dropped})
         ]
 
     def reminded(self, memory: StrategyMemory, state: int, turn: StrategyTurn) -> StrategyMemory:
-        """Note which goals the environment meets in a state, and report those that are overdue."""
+        """Note which goals the environment meets in a state; report those newly overdue, and overdue ones now met."""
         met = tuple(turn.now if goal[state] else last for goal, last in zip(self._goals, memory.met, strict=True))
         if self._patience is None:
             return memory._replace(met=met)
@@ -198,14 +197,14 @@ class AssumptionMonitor:
         return memory._replace(met=met, overdue=late)
 
 
-#: What an agent does after the environment broke an assumption.
+#: The reaction of an agent to a broken assumption.
 Fallback = Literal["stop", "resume", "last-safe-cell", "weaken"]
-#: What an agent does when something that is assumed to happen again and again is overdue.
+#: The reaction of an agent to an overdue assumption.
 OverdueFallback = Literal["report", "stop", "resume", "last-safe-cell", "weaken"]
 
 
 class StrategyFollower:
-    """Advances what an agent remembers by a turn. It keeps nothing itself that a turn changes."""
+    """Advances the memory of an agent by a turn. A turn does not change the follower itself."""
 
     def __init__(
         self,
@@ -222,11 +221,11 @@ class StrategyFollower:
         Args:
             model: The cells.
             revisions: The strategies.
-            counterstrategy: What the environment plays; None for what is believed about it.
-            monitor: Says which assumptions were broken.
-            fallback: What is done then.
-            overdue_fallback: What is done when something is overdue.
-            revision: What it takes to make a strategy again.
+            counterstrategy: The counterstrategy that the environment plays; None to use the agents' beliefs about it.
+            monitor: Finds broken and overdue assumptions.
+            fallback: The reaction to a broken assumption.
+            overdue_fallback: The reaction to an overdue assumption.
+            revision: The latency and the budget of making a strategy again.
         """
         self._game = revisions.game
         self._model = model
@@ -239,11 +238,11 @@ class StrategyFollower:
 
     @property
     def awaited(self) -> int:
-        """The number of things that are assumed to happen again and again."""
+        """The number of goals of the environment."""
         return self._monitor.goals
 
     def decided(self, memory: StrategyMemory, turn: StrategyTurn) -> StrategyMemory:
-        """Return what an agent remembers after a turn; its memory already has the new values."""
+        """Return the memory of an agent after a turn; the given memory already has the new values."""
         game = self._game
         memory = self._revised(memory, turn)
         cell, memory = self._arrived(memory, turn)
@@ -264,7 +263,7 @@ class StrategyFollower:
         return self._stepped(memory, after, turn)
 
     def _arrived(self, memory: StrategyMemory, turn: StrategyTurn) -> tuple[int | None, StrategyMemory]:
-        """Return the cell in which a step of the strategy is over, None if it is not, and the memory."""
+        """Return the cell in which a step of the strategy ended, None while it goes on, and the memory."""
         model = self._model
         if memory.state < 0:
             return int(model.cells(turn.position[None])[0]), memory
@@ -333,7 +332,7 @@ class StrategyFollower:
         return memory._replace(revision=memory.pending, pending=None)
 
     def _warned(self, memory: StrategyMemory, turn: StrategyTurn) -> StrategyMemory:
-        """Return the memory after what is declared to be done about everything that is overdue."""
+        """Return the memory after the declared reaction to overdue assumptions."""
         if self._overdue_fallback == "report":
             return memory
         overdue = self._monitor.overdue(memory)
@@ -346,7 +345,7 @@ class StrategyFollower:
     def _weakened(
         self, memory: StrategyMemory, broken: Sequence[BrokenAssumption], turn: StrategyTurn
     ) -> StrategyMemory:
-        """Return the memory without assumptions that were broken or are overdue, if all of them are written."""
+        """Return the memory without assumptions that were broken or are overdue, unless one of them is implicit."""
         numbers = [each.number for each in broken if each.number is not None]
         if len(numbers) < len(broken):
             return memory
@@ -360,12 +359,12 @@ class StrategyFollower:
         broken: Sequence[BrokenAssumption],
         covered: bool,
     ) -> Halt:
-        """Return why an agent stays where it is; empty if it goes on.
+        """Return the reason why an agent stays in its cell; empty if it goes on.
 
         Args:
-            memory: What it remembers.
-            broken: What the last step broke.
-            covered: Whether there is a way to meet the guarantees by the strategy that it follows.
+            memory: Its memory.
+            broken: The assumptions that the last step broke.
+            covered: Whether the strategy that it follows can meet the guarantees from its state.
         """
         is_weakened = all(each.number in memory.dropped for each in broken)
         if not is_weakened or memory.halt == "violation":
@@ -386,8 +385,8 @@ class StrategyFollower:
     ) -> StrategyMemory:
         """Return the memory of an agent that goes back to the last cell from which the guarantees can be met.
 
-        It stays where it is if there is such a way from there, if there is none from any cell of its path, or if it
-        cannot go back without a risk to break a guarantee.
+        It stays if they can be met from its present cell, if they cannot be met from any cell of its path, or if going
+        back might break a guarantee.
         """
         states = [self._state(memory, {**after, CELL: np.array([each])}) for each in reached.path]
         if strategy.covers(reached.state) or not any(strategy.covers(each) for each in states):

@@ -1,4 +1,4 @@
-"""Strategies that are made again during a run, from what an agent has learnt.
+"""Strategies that are made again during a run, when an agent learns of blocked cells or drops assumptions.
 
 Reasons: docs/decisions/0050-revised-strategies.md
 """
@@ -19,16 +19,16 @@ from symaware_cli.knowledge.synthesis.strategy import Strategy, synthesise_anywh
 from symaware_cli.knowledge.synthesis.strategy_process import StrategyProcess
 from symaware_cli.knowledge.synthesis.vocabulary import Vocabulary
 
-#: How many strategies are kept in memory; others are made, or read from the cache, again.
+#: The number of strategies kept in memory; older ones are made again when they are needed.
 _MOST_KEPT = 16
 
 
 class Revision(NamedTuple):
-    """What an agent knows beyond the formulas and the model: a strategy is made again for each revision.
+    """The knowledge of an agent beyond the formulas and the model; each revision has a strategy of its own.
 
     Attributes:
         blocked: The cells that cannot be entered, ascending.
-        dropped: The numbers of the assumptions that are made no longer, ascending.
+        dropped: The numbers of the assumptions that were given up, ascending.
     """
 
     blocked: tuple[int, ...] = ()
@@ -87,7 +87,7 @@ class RevisedStrategy:
 
 
 class StrategyRevisions:
-    """Makes the strategies of revisions, each once. They depend on nothing but the game and the revision.
+    """Makes and keeps the strategies of revisions. They depend only on the game, the revision and the budget.
 
     Attributes:
         game: The game with all assumptions and all cells.

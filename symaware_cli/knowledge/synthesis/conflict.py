@@ -1,4 +1,4 @@
-"""Explains why a game cannot be won: guarantees that contradict each other or what the environment may do."""
+"""Explains why a game cannot be won: finds guarantees that contradict each other or moves of the environment."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from symaware_cli.knowledge.synthesis.strategy import is_realisable
 
 @dataclass(frozen=True)
 class Conflict:
-    """Statements that leave no strategy, none of which can be left out.
+    """A minimal set of statements for which there is no strategy.
 
-    The guarantees cannot be met together under the assumptions, but each smaller set of them can. Under all but any one
-    of these assumptions that would not be so: they are `helpful` or `opposing`.
+    The guarantees cannot be met together under the assumptions, but each smaller set of them can. Each assumption is
+    needed for this: it is `helpful` or `opposing`.
 
     Attributes:
         guarantees: The guarantees. Empty if no beginning meets the assumptions, or if the game is lost without any
             guarantee.
-        helpful: Assumptions without any one of which a smaller set of the guarantees could not be met either.
-        opposing: Assumptions without any one of which the guarantees could be met. Seldom any: what is assumed makes a
-            game easier, unless it is about the agent, which must not make it impossible to keep.
+        helpful: Assumptions each of which is needed to meet some smaller set of the guarantees.
+        opposing: Assumptions each of which prevents the guarantees: without it they could be met. This is rare, because
+            assumptions make a game easier, except one that the agent must not make impossible to keep.
     """
 
     guarantees: tuple[Statement, ...]
@@ -46,8 +46,8 @@ def conflict(game: Game, cells: Sequence[int]) -> Conflict:
 
     Each guarantee is left out in turn, under all assumptions, and stays out if the others still cannot be met. One pass
     suffices, since fewer guarantees are never harder to meet. Then each assumption is left out in turn, and stays out
-    if without it the guarantees still cannot be met, and all but any one of them still can; again and again until all
-    that are left are needed, since without one assumption another may be needed no longer.
+    if without it the guarantees still cannot be met, and all but any one of them still can. This is repeated until all
+    remaining assumptions are needed, since without one assumption another may no longer be needed.
 
     Args:
         game: A game that is not realisable.

@@ -1,9 +1,9 @@
 """Counterstrategies: how the environment keeps all assumptions and prevents the agent from meeting its guarantees.
 
 The states that the agent does not win from are those that the environment wins from (Piterman, Pnueli and Sa'ar, VMCAI
-2006, by complement): the least Z that grows, for one goal j of the agent after the other, by the greatest Y from each
-state of which the environment, for each goal i of its own, forces play into Z, or comes to meet i within Y and out of
-the states where j holds. States enter Z in stages. In the states of a stage the environment meets its own goals in turn
+2006, by complement): the least set Z that grows, for one goal j of the agent after the other, by the greatest set Y
+such that from each of its states the environment can, for each of its own goals i, force play into Z, or reach i within
+Y while avoiding j. States enter Z in stages. In the states of a stage the environment meets its own goals in turn
 and prevents the goal of that stage, until it can force play into an earlier stage; so at last it stays in one stage.
 
 Reasons: docs/decisions/0045-counterstrategies.md
@@ -32,8 +32,8 @@ class Counterstrategy:
         game: The game.
         stages: The stage of each state that the environment wins from, and -1 of the others; shape (size,).
         prevented: The goal of the agent that each stage prevents.
-        ranks: For each goal of the environment and each state, after at most how many steps within its stage that goal
-            is met; shape (goals, size).
+        ranks: For each goal of the environment and each state, the maximum number of steps within its stage until that
+            goal is met; shape (goals, size).
     """
 
     game: Game
@@ -46,7 +46,7 @@ class Counterstrategy:
         return bool(self.stages[state] >= 0)
 
     def answer(self, state: int, goal: int, following: int) -> tuple[int | None, int]:
-        """Return what the environment does after the agent chose a cell in a state that is covered.
+        """Return the move of the environment after the agent chose a cell in a state that is covered.
 
         Args:
             state: The state.
@@ -120,7 +120,7 @@ class _Opposition:
         return Counterstrategy(game, stages, tuple(prevented), ranks)
 
     def _stage(self, lost: Truth, earlier: Truth, preventing: Truth) -> tuple[Truth, Indices]:
-        """Return where the environment meets its goals for ever while preventing one, or gets to an earlier stage."""
+        """Return the states, with ranks, from which the environment prevents a goal or reaches an earlier stage."""
         within = lost
         while True:
             before, ranks = within, []
@@ -131,7 +131,7 @@ class _Opposition:
                 return within, np.stack(ranks)
 
     def _meeting(self, own: Truth, within: Truth, earlier: Truth, preventing: Truth) -> tuple[Truth, Indices]:
-        """Return from where the environment forces a goal of its own within a set, and after how many steps."""
+        """Return the states from which the environment forces a goal of its own within a set, with their ranks."""
         graph, size = self._graph, self._game.size
         rank = np.full(size, -1, np.int32)
         reached = earlier.copy()

@@ -1,7 +1,7 @@
-"""The fragment GR(1) of the language of specifications: initial conditions, safety, and what holds again and again.
+"""The fragment GR(1) of the language of specifications: initial conditions, safety, and recurring conditions.
 
-A formula is split into clauses. Two patterns beyond the fragment are rewritten with a bit of memory, which changes
-nothing about what they mean: ``always (p implies eventually q)`` and ``eventually p``.
+A formula is split into clauses. Two patterns beyond the fragment are rewritten with a bit of memory, without a change
+of meaning: ``always (p implies eventually q)`` and ``eventually p``.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ def clauses(text: str, vocabulary: Vocabulary) -> tuple[Clause, ...]:
 
     Args:
         text: The formula.
-        vocabulary: What it may refer to.
+        vocabulary: The names that it may use.
 
     Raises:
-        ExpressionError: It is no formula, or outside the fragment; the message says how to put it.
+        ExpressionError: It is not a valid formula, or outside the fragment; the message suggests an alternative.
     """
     found = tuple(_clauses(parse(text, vocabulary.names, {})))
     for clause in found:

@@ -1,8 +1,8 @@
 """A game of an agent against its environment, in arrays: all states, and the moves of both.
 
 At each step the agent chooses the cell to be in at the next step, and commits itself to it; then the environment
-chooses the next values of its variables. So the agent never has to know what the environment is about to do. In the
-terms of reactive synthesis, its strategies are Moore machines.
+chooses the next values of its variables. So the agent never has to know the next move of the environment. In the terms
+of reactive synthesis, its strategies are Moore machines.
 
 Reasons: docs/decisions/0041-synthesis-on-arrays.md
 """
@@ -71,8 +71,8 @@ class Game:
 
     Attributes:
         vocabulary: The variables.
-        assumptions: What the environment promises.
-        guarantees: What the agent is to achieve.
+        assumptions: The assumptions about the environment.
+        guarantees: The guarantees of the agent.
         bits: The bits of memory, of assumptions and then of guarantees.
         shape: The numbers of values: of each environment variable, of the cell, and of each bit.
     """

@@ -10,12 +10,12 @@ from symaware_cli.knowledge.synthesis.game import Game
 Truth = NDArray[np.bool_]
 Indices = NDArray[np.int32]
 
-#: About how many moves are looked at together, to limit the memory.
+#: The approximate number of moves processed together, to limit memory use.
 _BLOCK = 2**21
 
 
 class BudgetError(Exception):
-    """To solve a game takes more than was allowed for it."""
+    """Solving a game takes more than the allowed effort."""
 
 
 class MoveGraph:
@@ -23,15 +23,15 @@ class MoveGraph:
 
     Attributes:
         size: The number of states.
-        effort: How many states were looked at so far, each as often as it was. It depends on nothing but the game.
+        effort: The number of states processed so far, with repetitions. It depends only on the game.
     """
 
     def __init__(self, game: Game, budget: int | None = None) -> None:
-        """Look at each state once, to find its moves.
+        """Find the moves of each state; this counts as the effort of one pass over all states.
 
         Args:
             game: The game.
-            budget: The greatest effort; None for any.
+            budget: The maximum effort; None for no limit.
 
         Raises:
             BudgetError: There are more states than that.
@@ -88,5 +88,5 @@ class MoveGraph:
         return np.concatenate(found) if found else states
 
     def prevented(self, states: NDArray[np.intp], target: Truth) -> NDArray[np.intp]:
-        """Return those states from which the environment has, whatever is chosen, an answer that leads to a target."""
+        """Return those states from which the environment can answer every choice with a move into a target."""
         return np.setdiff1d(states, self.forced(states, ~target), assume_unique=True)

@@ -1,4 +1,4 @@
-"""Strategies: what an agent chooses in each state of a game, for each of its goals in turn.
+"""Strategies: the cell that an agent chooses in each state of a game, for each of its goals in turn.
 
 Reasons: docs/decisions/0066-no-cache-of-strategies.md
 """
@@ -19,7 +19,7 @@ from symaware_cli.knowledge.synthesis.strategy_check import Check
 
 
 class UnrealisableError(ValueError):
-    """No strategy meets the guarantees whatever the environment does within the assumptions."""
+    """No strategy meets the guarantees against all behaviour of the environment that the assumptions allow."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Strategy:
         game: The game.
         choices: The cell to choose, for each goal and state; -1 where there is none; shape (goals, size).
         reached: Whether the goal is reached, so that the next one is pursued; shape (goals, size).
-        effort: How many states were looked at to make it, each as often as it was; 0 if that is not known.
+        effort: The number of states processed to make it, with repetitions; 0 if that is not known.
     """
 
     game: Game

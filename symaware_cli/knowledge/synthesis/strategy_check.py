@@ -128,7 +128,7 @@ class Check:
             yield rows, after, exists & self._keeps("assumed", before, after)
 
     def _check_answered(self, now: dict[str, Array]) -> None:
-        """Check that whatever was chosen where the environment has no answer, it has none to any other choice."""
+        """Check that if the environment has no answer to the choice in a state, it has none to any other choice."""
         lists = padded(self._game.vocabulary.cell.following)
         for option in range(lists.shape[1]):
             chosen = lists[now[CELL], option]

@@ -1,4 +1,4 @@
-"""Strategies as bytes: the attachment of a log, and what a process that makes one returns."""
+"""Strategies as bytes, for the attachment of a log and for the result of a process that makes a strategy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from symaware_cli.knowledge.synthesis.strategy import Strategy
 
 
 def encoded(strategy: Strategy) -> bytes:
-    """Return a strategy as bytes: the choices as little-endian 32-bit integers, then the bits of what is reached."""
+    """Return a strategy as bytes: `choices` as little-endian 32-bit integers, then `reached` as bits."""
     choices = np.ascontiguousarray(strategy.choices, "<i4").tobytes()
     return choices + np.packbits(strategy.reached).tobytes()
 

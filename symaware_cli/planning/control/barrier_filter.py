@@ -29,12 +29,12 @@ _PARTS = (1.0, 0.5, 0.25, 0.125, 0.0)
 
 
 class Filtering(NamedTuple):
-    """What a turn found for an agent whose request violates a constraint.
+    """The result of a turn for an agent whose request violates a constraint.
 
     Attributes:
         body: The body whose constraint it violates most.
         relaxed: The body whose constraint was relaxed most; None if all are satisfied.
-        slack: By how much it was relaxed [m/s or m/s^2].
+        slack: The amount by which it was relaxed [m/s or m/s^2].
     """
 
     body: str
@@ -249,10 +249,10 @@ def nearest_input(motion: PointMotion, wanted: Array, rows: Array, least: Array,
         wanted: The wanted one; shape (nu,).
         rows: Rows a of the constraints a . u >= b; shape (m, nu).
         least: Their b; shape (m,).
-        prices: What it costs to relax each, if they contradict each other; shape (m,).
+        prices: The price of relaxing each constraint, if they contradict each other; shape (m,).
 
     Returns:
-        The control input, shape (nu,), and by how much each constraint was relaxed; shape (m,).
+        The control input, shape (nu,), and the amount by which each constraint was relaxed; shape (m,).
     """
     sides, most = motion.limits
     linear, matrix = -(motion.metric @ wanted), np.concatenate([rows, sides])

@@ -57,14 +57,14 @@ class Encounters:
 
 
 class PointMotion(ABC):
-    """How control inputs move the point of an agent whose distances are kept.
+    """The motion of the point of an agent from which distances are kept, as a function of the control input.
 
     Attributes:
-        ahead: How far the point is ahead of the agent's position, along its heading [m]. A disc around it contains the
-            disc around the position if it is larger by this.
-        metric: What a control input costs, as a distance from the requested one in the plane; shape (nu, nu).
+        ahead: The distance of the point ahead of the agent's position, along its heading [m]. A disc around the point
+            contains the disc around the position if its radius is larger by this.
+        metric: The cost of a control input: a quadratic form of its difference from the requested one; shape (nu, nu).
         limits: Allowed control inputs u: rows a of a . u <= b, and b >= 0; shapes (k, nu) and (k,).
-        margin: What is to be added to each `limit`, as the input is held [m/s]; times s^2 for inputs within s times the
+        margin: The increase of each `limit` because the input is held [m/s]; times s^2 for inputs within s times the
             limits.
     """
 
@@ -77,7 +77,7 @@ class PointMotion(ABC):
         Args:
             model: The model.
             gain: The part of the barrier that may be used up in a second [1/s].
-            hold: For how long a control input is held [s].
+            hold: The time for which a control input is held [s].
         """
         self.gain = min(gain, 1.0 / hold)
         self.hold = hold
@@ -123,7 +123,7 @@ class VelocityInput(PointMotion):
     """
 
     def limit(self, encounters: Encounters, state: Array) -> Array:
-        """Return the least velocity along n: half of what is allowed, or all of it and the other's own velocity."""
+        """Return the least velocity along n: -gain h plus the other's velocity; half of -gain h if both avoid."""
         allowed = -self.gain * encounters.barrier
         return np.where(encounters.shared, 0.5 * allowed, allowed + dot(encounters.normal, encounters.velocity))
 
@@ -168,7 +168,7 @@ class HeadingInput(VelocityInput):
         return np.stack([x * cosine + y * sine, self.ahead * (y * cosine - x * sine)], axis=1)
 
     def fastest(self, rows: Array) -> Array:
-        """Return the sum of what both inputs can do."""
+        """Return the sum of the greatest contributions of both inputs; see `PointMotion.fastest`."""
         speed, turn = self._extremes
         sums: Array = speed * np.abs(rows[:, 0]) + turn * np.abs(rows[:, 1])
         return sums

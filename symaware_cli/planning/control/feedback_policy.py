@@ -80,8 +80,8 @@ class FeedbackPolicy:
     def covariances(self, believed: Array, noise: Array, steps: int) -> Array:
         """Return the covariance of the state at the stages of a plan that is followed; shape (steps + 1, nx, nx).
 
-        What is corrected is the estimate of the state. Its own error is not known, and stays as it is: measurements are
-        expected to reduce it by as much as it grows. What they tell moves the estimate, whose deviation is corrected.
+        The feedback corrects the deviation of the estimate from the plan. The covariance of the estimation error is
+        assumed to be constant: each measurement reduces it by as much as it grew, and moves the estimate accordingly.
 
         Args:
             believed: The covariance of the estimate; shape (nx, nx). 0 for exact knowledge.

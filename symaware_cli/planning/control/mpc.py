@@ -110,10 +110,10 @@ class ModelPredictiveControl(Component):
 
     With a ``maximal_risk`` the ``specifications`` are chance constraints: the probability that one of them is violated
     in the run is at most that. The model must be linear, and a step of the plan one of the world. The risk of a plan is
-    that of the whole rest of the run: after its horizon the agent stops, and stays there. Each plan may take its share
-    of what is left, in proportion to its part of the remaining run; if no new plan has so little risk, the rest of the
-    last one is followed, which has. If there is none, as the first plan is too risky, the event ``infeasible`` names
-    the specification and what is spent, and the ``fallback`` acts; risk beyond `maximal_risk` is taken only then.
+    that of the whole rest of the run: after its horizon the agent stops, and stays there. Each plan may take a share of
+    the unspent risk, in proportion to its part of the remaining run; if every new plan is too risky, the rest of the
+    last one is followed, whose risk is small enough. If the first plan is too risky, the event ``infeasible`` names the
+    specification and the spent risk, and the ``fallback`` acts; only then is more risk than `maximal_risk` taken.
 
     Specifications may be about pairs, such as ``always distance > 1``. Others are expected to keep their velocities
     over the horizon and to stop then; each of the two may take half of the risk.

@@ -126,11 +126,11 @@ class ChancePlan(NamedTuple):
     Attributes:
         decision: The result of planning; its plan begins at the present state.
         plan: The plan that is kept: that one, or the one from which deviations are corrected on the way.
-        risk: A bound of its risk: over the horizon, and of stopping and staying until the end then.
-        allowed: What it may be.
+        risk: A bound of its risk: over the horizon, and of then stopping and staying until the end.
+        allowed: The maximum of this risk.
         rest: The risk of the rest of the plan that was kept before; `allowed` if there was none.
         unkept: The specification that is not kept with the plan; None if all are.
-        time: The instant from which on it is not [ns].
+        time: The instant from which on that specification is not kept [ns].
         spent: The risk that was taken before.
     """
 
@@ -144,7 +144,7 @@ class ChancePlan(NamedTuple):
     spent: float
 
     def problem(self, fallback: str) -> tuple[str, dict[str, Any]]:
-        """Return what there is to say about a specification that is not kept: in words, and as data of an event."""
+        """Return the text and the data of an event about the specification that is not kept."""
         left = f"of which {self.allowed:.2g} is left and {self.spent:.2g} spent"
         time = self.time / SECOND
         data = {"specification": self.unkept, "time": time, "risk": self.risk, "allowed": self.allowed}
@@ -301,7 +301,7 @@ class ChanceConstraints:
         return self._violation(path.states[1:], times, covariances, now)
 
     def _violation(self, states: Array, times: Times, covariances: Array, now: int) -> float:
-        """Return a bound of the risk at some instants, of which expected states and their covariances are given."""
+        """Return a bound of the risk at some instants, given the expected states and their covariances."""
         sides, places, weights, deviations = self._sides(states, times, covariances)
         counts = np.isfinite(sides.offsets) & self._counting(times, now)[places]
         margins = np.where(counts, sides.margins(states), 1.0)

@@ -54,8 +54,8 @@ _MOVING: WeakKeyDictionary[Scenery, dict[bytes, Pieces]] = WeakKeyDictionary()
 class AgentPrediction:
     """Predicts the positions of other agents.
 
-    Others are expected to keep their believed velocity, except for those with a known intent: what an agent's own
-    components wrote into its awareness of another counts until it ends.
+    Others are expected to keep their believed velocity, except for those with a known intent: one that the agent's own
+    components wrote into its awareness is followed until it ends.
     """
 
     def __init__(self, agent: Agent, radii: Array, margin: float, reach: float, room: int) -> None:

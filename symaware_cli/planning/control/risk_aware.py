@@ -23,9 +23,9 @@ class KeptRisk(NamedTuple):
 
     Attributes:
         of: The risk of all speeds.
-        choice: Which of `FACTORS` is chosen; shape (n,).
-        allowed: What the risk of the rest of the run may be; shape (n,).
-        planned: What it is; shape (n,).
+        choice: The index in `FACTORS` of the chosen speed; shape (n,).
+        allowed: The maximum risk of the rest of the run; shape (n,).
+        planned: The risk of the rest of the run at the chosen speed; shape (n,).
         budget: The account after the turn.
     """
 
@@ -45,11 +45,11 @@ class RiskAware(RequestFilter):
     The intent stays that of the controller: where the agent wants to go, not at which speed.
 
     With a ``maximal_risk`` it keeps the ``specifications`` of each agent instead, with a probability of a violation in
-    the run of at most that, by the greatest of 21 parts of the requested speed that it can afford. It can afford a
-    speed if the risk of going on like this and stopping then, and of standing until the end of the run, is small
-    enough: so it can always afford to stop. It predicts the risk of each speed itself: the one that a risk estimator
-    wrote is about a single speed. If even stopping is too risky at the beginning, the speed with the least risk is
-    chosen, and the event ``infeasible`` names the specification and what is spent.
+    the run of at most that, by the greatest of 21 fractions of the requested speed that it can afford. It can afford a
+    speed if the risk of driving on at it, of then stopping, and of standing until the end of the run is small enough:
+    so it can always afford to stop. It predicts the risk of each speed itself: the risk from a risk estimator is about
+    a single speed. If even stopping is too risky at the beginning, the speed with the least risk is chosen, and the
+    event ``infeasible`` names the specification and the spent risk.
 
     Specifications may be about pairs, such as ``always distance > 1``. Others are expected to keep their velocities as
     long as the agent, and to stop then; each of the two may take half of the risk.

@@ -61,8 +61,8 @@ class SpeedRisk:
         Args:
             group: The group; its model is linear.
             specifications: The names of the specifications to keep.
-            horizon: How long speeds are expected to be held [s].
-            tail: What is assumed about deviations.
+            horizon: The time for which speeds are expected to be held [s].
+            tail: The assumption about the distribution of deviations.
 
         Raises:
             ValueError: The rest of the run cannot be predicted: its end is unknown, or it is too long.

@@ -46,22 +46,22 @@ class SpecificationControl(Component):
 
     The plan is the solution of a mixed-integer linear program over the steps of the world, up to the last instant that
     the specifications are about, or up to a horizon: see
-    `symaware_cli.planning.optimal_control.SpecificationProgram`. Of a specification without an end, that instant is the
-    end of the run. What happened so far is fixed. Predicates hold at the steps; a minimal robustness covers the motion
-    in between.
+    `symaware_cli.planning.optimal_control.SpecificationProgram`. For a specification without an end, that instant is
+    the end of the run. Past states are fixed. Predicates hold at the steps; a minimal robustness covers the motion in
+    between.
 
-    A plan is followed as it is while the agent is where it is expected to be. If it is not, the trajectory is planned
-    anew with the same alternatives (which regions in which order, on which side of obstacles), and these are chosen
-    anew after an interval, when specifications begin, or when they cannot be kept.
+    A plan is followed unchanged while the agent is in the planned state. If it deviates, the trajectory is planned anew
+    with the same alternatives (which regions in which order, on which side of obstacles); these are chosen anew after
+    an interval, when specifications begin, or when they cannot be kept.
 
     If there is no plan, an event names specifications that are in conflict: without any one of them, there would be a
     plan for the others. The agent follows the rest of the last plan, then slows down as far as its model can.
 
     With a ``maximal_risk`` the specifications are kept in the whole run with a probability of a violation of at most
     that: for linear models with normal noise each constraint is exact, and their sum is an upper bound (Boole's
-    inequality). With ``risk_bound: chebyshev`` nothing but the covariance of the noise is assumed. In worlds of forces
-    the motion is taken for that of the linear model, and for pairs others are expected to follow their intents, or to
-    keep their velocities: these are approximations, of which nothing is guaranteed, and ``validate`` says so.
+    inequality). With ``risk_bound: chebyshev`` only the covariance of the noise is assumed. In worlds with forces the
+    motion is approximated by that of the linear model, and for pairs others are expected to follow their intents or to
+    keep their velocities: with these approximations the bound is not guaranteed, and ``validate`` warns of it.
     """
 
     specifications = "specifications"
@@ -123,7 +123,7 @@ class SpecificationControl(Component):
             own_sets(specification, group, row)
 
     def find_warnings(self, view: ScenarioView) -> None:
-        """Say what is not guaranteed with `maximal_risk`, what is beyond the horizon, and how long searches take."""
+        """Warn of missing guarantees with `maximal_risk`, of requirements beyond the horizon, and of long searches."""
         assert view.entry is not None
         own, environment = view.named_specifications, view.environment
         for said in reservations(self.parameters, view.entry.group, own, environment, view.steps):
@@ -372,10 +372,10 @@ class SpecificationControl(Component):
         return StlDecision(control_input, plan, status, risk=risk)
 
     def _allowed(self, followed: StlDecision) -> float:
-        """Return the greatest risk of a new plan: what is left, and the risk of the rest of the last plan.
+        """Return the greatest risk of a new plan: the unassigned risk plus that of the rest of the last plan.
 
-        What others do is not known. If they do not move as expected, the risk of the last plan may be any, and no plan
-        may have more risk than was not spent yet.
+        If other agents do not move as expected, the risk of the last plan has no known bound; so with other agents, a
+        new plan may at most have the risk that is not spent yet.
         """
         rest = 0.0 if followed.risk is None else followed.risk.total
         allowed = self._unassigned + rest

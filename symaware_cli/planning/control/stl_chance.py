@@ -12,9 +12,9 @@ on Decision and Control, 2008).
 Specifications about pairs are kept by half spaces that move with the other agent. Their probabilities are those of the
 difference of both positions, and each of the two agents may take half of the risk of a pair.
 
-While a plan is followed, its risk given the present state is a martingale, less what was spent. So a new plan may have
-the risk of the rest of the last one, and what that left of the greatest risk: the run then fails with at most that
-probability, however often plans are made.
+While a plan is followed, the sum of the spent risk and of its remaining risk, given the present state, is a martingale.
+So a new plan may have the remaining risk of the last one plus the part of the greatest risk that this left unassigned:
+the run then fails with at most the greatest risk, for any number of plans.
 
 Reasons: docs/decisions/0054-risk-of-plans-for-specifications.md
 """
@@ -94,16 +94,16 @@ class ChosenSides(NamedTuple):
 
     @property
     def weights(self) -> Array:
-        """By what the probability of leaving each is multiplied; each agent of a pair takes a part of the risk."""
+        """The factor of the probability of leaving each: above 1 for pairs, as each agent takes a part of the risk."""
         return np.array([1.0 / _SHARE_OF_PAIR if each else 1.0 for each in self.around])
 
 
 class Margins(NamedTuple):
-    """What noise takes from a plan.
+    """The reserves of a plan for noise.
 
     Attributes:
-        dynamics: The dynamics, with the control inputs that are left to the plan.
-        reduction: By how much the margin of a half space is reduced at an instant; None for not at all.
+        dynamics: The dynamics, with limits of control inputs that leave a reserve for feedback.
+        reduction: Returns the reduction of the margin of a half space at an instant; None for no reduction.
     """
 
     dynamics: LinearDynamics
@@ -123,7 +123,7 @@ class RemainingRisk(NamedTuple):
 
 
 class Deviations(NamedTuple):
-    """How far the state is from a plan that is followed, from the present on.
+    """The deviations of the state from a plan that is followed, from the present on.
 
     Attributes:
         gain: The feedback K; shape (nu, nx).
@@ -157,7 +157,7 @@ class StlChance:
             dynamics: The dynamics over a step of the world.
             noise: The covariance of the noise of a step, shape (nx, nx); None without noise.
             greatest: The greatest risk.
-            tail: What is assumed about the noise.
+            tail: The assumption about the distribution of the noise.
         """
         self._dynamics = dynamics
         self._noise = np.zeros(dynamics.A.shape) if noise is None else noise
@@ -177,10 +177,10 @@ class StlChance:
         allowed: float,
         believed: Array,
     ) -> tuple[SpecificationPlan, ChosenSides | None, float]:
-        """Return a plan with little enough risk, its half spaces and its risk; or why there is none.
+        """Return a plan with little enough risk, its half spaces and its risk; or the failed search.
 
-        All half spaces have the same share of the risk: as much as is possible if all are needed or, if there is no
-        such plan, more. What the risk of a plan is follows from the plan, whatever the shares were.
+        All half spaces get the same share of the risk: the largest one if all are needed or, if there is no such plan,
+        more. The risk of a plan is then computed from the plan itself, not from the shares.
 
         Args:
             program: Makes a program.
@@ -324,7 +324,7 @@ class StlChance:
         return self._propagated(np.zeros(self._dynamics.B.T.shape), believed, steps)
 
     def _propagated(self, gain: Array, believed: Array, steps: int) -> Deviations:
-        """Return covariances with a feedback, if the covariance of the belief stays what it is now."""
+        """Return covariances with a feedback, if the covariance of the belief stays constant."""
         A, transition = self._dynamics.A, self._dynamics.A + self._dynamics.B @ gain
         predicted = A @ believed @ A.T + self._noise
         states, inputs = [believed], [np.zeros((len(gain), len(gain)))]

@@ -9,20 +9,20 @@ from symaware_cli.specification.formula import Always, And, Eventually, Formula,
 
 
 def planned_steps(specifications: Sequence[Specification]) -> int | None:
-    """Return how many steps ahead to plan for specifications; None for all that are left of the run.
+    """Return the number of steps to plan ahead for specifications; None for all remaining steps of the run.
 
-    A plan is as long as the longest part of a specification that has an end. What has to hold always is planned for
-    over that time, and later by later plans. Any other part without an end may become due at the end of the run, to
-    which plans lead then; likewise if no part has an end.
+    A plan is as long as the longest part of a specification that has an end. Conditions that have to hold always are
+    planned for over that time, and later by later plans. Any other part without an end may become due at the end of the
+    run; then plans lead up to it, and likewise if no part has an end.
     """
     longest, due_at_end = ends(specifications)
     return None if due_at_end else longest or None
 
 
 def ends(specifications: Sequence[Specification]) -> tuple[int, bool]:
-    """Return when the longest part of specifications with an end is over, in steps; 0 if none has an end.
+    """Return the duration of the longest part of specifications with an end, in steps; 0 if none has an end.
 
-    Also whether there is a part without an end that may become due at the end of the run.
+    Also return whether a part without an end may become due at the end of the run.
     """
     longest, due_at_end = 0, False
     for each in specifications:

@@ -1,4 +1,4 @@
-"""What the specifications of an agent still require of it: the instances that are not decided yet."""
+"""The specifications that an agent still has to satisfy: their instances that are not decided yet."""
 
 from __future__ import annotations
 

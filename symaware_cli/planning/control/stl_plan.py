@@ -87,12 +87,12 @@ class FollowedPlan(NamedTuple):
     Attributes:
         states: The states from `made` on, one at each step; shape (N + 1, nx).
         inputs: The control inputs; shape (N, nu).
-        made: When it was made, in nanoseconds.
-        searched: When its alternatives were chosen, in nanoseconds.
+        made: The instant at which it was made [ns].
+        searched: The instant at which its alternatives were chosen [ns].
         aims: The specifications that it is to satisfy, with the instants that they are about.
         is_whole: Whether it leads to the last instant that the specifications are about.
-        robustness: The least robustness of the specifications over what was planned, as if the run ended there.
-        gap: How much better the best plan may be, in units of the cost.
+        robustness: The least robustness of the specifications if the run ended with the plan.
+        gap: A bound on the improvement of the best plan over it, in units of the cost.
         sides: The half spaces in which it is to keep the state, with `maximal_risk`.
         unassigned: The part of the greatest risk that was left when it was made.
         expected: The positions at which it expects other agents, by id; each of shape (N + 1, d).
@@ -117,7 +117,7 @@ class StlDecision(NamedTuple):
     Attributes:
         control_input: The control input to request; shape (nu,).
         plan: The plan to follow; None if there is none.
-        status: What became of the search for a new plan: a status of a program, ``followed`` without a search, or
+        status: The result of the search for a new plan: a status of a program, ``followed`` without a search, or
             ``done`` if nothing is left to be satisfied.
         gap: The gap of the search.
         conflict: The specifications that cannot be satisfied together, if a search ended just now for that reason.

@@ -1,4 +1,4 @@
-"""The programs of `control.stl`: mixed-integer programs of what specifications still require of an agent."""
+"""The programs of `control.stl`: mixed-integer programs of the specifications that an agent still has to satisfy."""
 
 from __future__ import annotations
 
@@ -71,14 +71,14 @@ class StlPrograms:
         """Return the program of a plan.
 
         Args:
-            instances: What is required.
+            instances: The instances of specifications to satisfy.
             row: The row of the agent.
             state: Its state; shape (nx,).
             steps: The number of steps.
             is_whole: Whether these lead to the last instant that counts.
-            others: Where other agents are expected, by id.
+            others: The expected positions of other agents, by id.
             plain: Whether to ask only whether there is a plan.
-            margins: What noise takes from the plan; as the parameter `deviations` says by default.
+            margins: The reserves for noise; by default those of the parameter `deviations`.
         """
         parameters = self._parameters
         if margins is None:

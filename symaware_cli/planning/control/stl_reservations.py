@@ -1,4 +1,4 @@
-"""What the author of a scenario should know about `control.stl` in it, although it can work."""
+"""Warnings about `control.stl` in a valid scenario: missing guarantees, a short horizon, long searches."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from symaware_cli.specification import Specification
 from symaware_cli.specification.formula import horizon
 from symaware_cli.world import SECOND
 
-#: [s] CPU time of a search that is worth a word beforehand.
+#: [s] CPU time of a search above which there is a warning.
 _LONG = 20.0
 
 #: A bound of the number of coefficients in the rows of a predicate at an instant, for each element of the state.
@@ -32,7 +32,15 @@ def reservations(
     environment: Environment,
     steps: int,
 ) -> list[str]:
-    """Return sentences about guarantees, the horizon and the computation time; the arguments as of `warnings`."""
+    """Return sentences about guarantees, the horizon and the computation time.
+
+    Args:
+        parameters: The parameters of the component.
+        group: The group of the agents that plan.
+        specifications: The specifications that they are to satisfy, by name.
+        environment: The world.
+        steps: The number of steps of the run.
+    """
     found = [] if parameters.maximal_risk is None else _not_guaranteed(specifications, environment)
     step, every = environment.time_step, list(specifications.values())
     longest, due_at_end = ends(every)

@@ -181,7 +181,7 @@ def state_names(model: Model, knowledge: Mapping[str, Any] | None = None) -> dic
 
     Args:
         model: The model.
-        knowledge: What the agent knows.
+        knowledge: The knowledge of the agent, by name.
     """
     size = len(model.state)
     units = np.eye(size)
@@ -253,7 +253,7 @@ class _Compiler:
         return self._half_space(difference, positive=positive)
 
     def _difference(self, node: Node, sign: str, left: Node, right: Node) -> Affine:
-        """Return what is positive where a comparison holds."""
+        """Return an affine expression that is positive where a comparison holds."""
         if sign in ("==", "!="):
             raise ExpressionError(f"a plan cannot be made for `{sign}`: compare with <, <=, > or >=", node.span)
         greater, less = (left, right) if sign in (">", ">=") else (right, left)

@@ -74,9 +74,9 @@ class FormulaTree:
             first: The instant that the formula is about.
             last: The last instant that counts.
             leaf: Returns a half space at an instant, or its margin if that is known.
-            known: Returns what a known margin amounts to.
+            known: Returns the node for a known margin: the margin itself, or whether it is sufficient.
             past: Returns the robustness of a predicate at an instant, if that is in the past.
-            open_future: Whether what lies beyond the last instant counts as satisfied.
+            open_future: Whether requirements beyond the last instant count as satisfied.
         """
         self._sets = sets
         self._first, self._last = first, last
@@ -142,7 +142,7 @@ class FormulaTree:
         return [node for node in self._nodes if isinstance(node, Leaf)]
 
     def most_required(self, number: int, memory: dict[int, int] | None = None) -> int:
-        """Return how many half spaces have to hold together for a node, at most, whatever is chosen of alternatives."""
+        """Return the greatest number of half spaces that have to hold together for a node, over all alternatives."""
         memory = {} if memory is None else memory
         if number not in memory:
             match self._nodes[number]:

@@ -99,7 +99,7 @@ class LinearDynamics:
             normal: Shape (nx,).
             state: Shape (nx,).
             steps: N.
-            disturbance: What is added to the state in each step, shape (N, nx); None for nothing.
+            disturbance: The disturbance added to the state in each step, shape (N, nx); None for none.
         """
         low, high = np.empty(steps + 1), np.empty(steps + 1)
         rows = [np.asarray(normal, float)]

@@ -50,10 +50,10 @@ class MixedIntegerSolution:
 
 
 class MixedIntegerProgram:
-    """Minimises a linear cost, subject to linear rows, over variables some of which are whole numbers.
+    """Minimises a linear cost, subject to linear constraints, over real and integer variables.
 
-    Squares of variables may be added to the cost. They are approximated from below by tangents, and exact where the
-    whole numbers are fixed: see `refined`.
+    Squares of variables may be added to the cost. They are approximated from below by tangents, and exact once the
+    integers are fixed: see `refined`.
     """
 
     def __init__(self) -> None:

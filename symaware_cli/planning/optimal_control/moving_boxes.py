@@ -25,13 +25,13 @@ def avoid_moving_box(
 
     Args:
         program: The program, of a model whose state is a position in the plane; a radius counts (`add_radius`).
-        name: A name for what is avoided.
+        name: A name for the square.
         state: The present position; shape (2,) [m].
         centres: The centres of the square from the present on; shape (m, 2) [m].
         half_sizes: Half the lengths of its sides; shape (m,) [m].
 
     Returns:
-        Whether this may be possible, as of `SpecificationProgram.require`.
+        Whether this may be possible, as for `SpecificationProgram.require`.
     """
     middles, sizes = np.asarray(centres, float), np.asarray(half_sizes, float)
     normals = np.array(_SIDES)

@@ -1,4 +1,4 @@
-"""Formulas for plans with longer steps than those of the world: what holds at the steps holds on the way, too."""
+"""Formulas for plans with longer steps than those of the world: if they hold at the steps, they hold in between."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ class SampledFormula:
 
 
 def sampled(formula: stl.Formula, sets: Sequence[PredicateSets], every: int) -> SampledFormula:
-    """Return a formula about every k-th instant that implies a formula about all of them, on straight ways.
+    """Return a formula about every k-th instant that implies a formula about all instants, on straight lines.
 
-    Between two steps of the plan the state moves along a line. What has to hold all the time holds on a whole line if
-    both of its ends are in the same half spaces: a region that is convex contains the line then, and the line passes an
-    obstacle on one side. What has to hold at some time is to hold at a step.
+    Between two steps of the plan the state moves along a line. A condition on all instants holds on a whole line if
+    both of its ends are in the same half spaces: a convex region then contains the line, and the line passes an
+    obstacle on one side. A condition on some instant is required at a step.
 
     Args:
         formula: The formula, in steps of the world.
         sets: Of each predicate the states in which it holds, and those in which its negation does.
-        every: How many steps of the world a step of the plan takes.
+        every: The number of steps of the world in a step of the plan, k.
 
     Raises:
         ValueError: An operator has no such formula: ``until``, and those of the past.
@@ -60,7 +60,7 @@ class _Sampler:
         self._faces: dict[Face, stl.Predicate] = {}
 
     def implying(self, formula: stl.Formula, positive: bool, on_way: bool) -> stl.Formula:
-        """Return what implies a formula at a step, or on the whole way from there to the next one."""
+        """Return a formula that implies another one at a step, or on the whole line from there to the next step."""
         match formula:
             case stl.Constant(value=value):
                 return stl.Constant(value == positive)

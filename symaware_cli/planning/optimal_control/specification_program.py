@@ -1,12 +1,12 @@
 """Plans of a linear model that satisfy specifications: signal temporal logic as a mixed-integer linear program.
 
-The robustness of each specification is at least what is required of it, and may be maximised: V. Raman et al.,
-"Model predictive control with signal temporal logic specifications", CDC 2014. Only what is chosen among alternatives
-has binary variables (C. Belta and S. Sadraddini, "Formal methods for control synthesis: an optimization perspective",
-Annual Review of Control, Robotics, and Autonomous Systems 2, 2019): one each, or a number that is logarithmic in theirs
-(V. Kurtz and H. Lin, "Mixed-integer programming for signal temporal logic with fewer binary variables", IEEE Control
-Systems Letters 6, 2022). What cannot be reached in time, or cannot fail, is left out; the other constants of the
-program are as tight as reachability makes them.
+The robustness of each specification has a lower bound, and may be maximised: V. Raman et al., "Model predictive control
+with signal temporal logic specifications", CDC 2014. Only alternatives have binary variables (C. Belta and
+S. Sadraddini, "Formal methods for control synthesis: an optimization perspective", Annual Review of Control, Robotics,
+and Autonomous Systems 2, 2019): one each, or a number that is logarithmic in theirs (V. Kurtz and H. Lin,
+"Mixed-integer programming for signal temporal logic with fewer binary variables", IEEE Control Systems Letters 6,
+2022). Half spaces that cannot be reached in time, or cannot be left, are omitted; the other constants of the program
+are as tight as reachability makes them.
 
 Reasons: docs/decisions/0036-plans-for-specifications.md
 """
@@ -42,7 +42,7 @@ from symaware_cli.specification import formula as stl
 #: How alternatives are told apart: by a binary variable each, or by a logarithmic number.
 Alternatives = Literal["binary", "logarithmic"]
 
-#: Returns by how much the margin of a half space is reduced at an instant; for noise.
+#: Returns the reduction of the margin of a half space at an instant, for noise.
 Reduction = Callable[[Face, int], float]
 
 #: How much bounds of reachable states are widened, against rounding.
@@ -140,7 +140,7 @@ def margins(sets: Sequence[tuple[StateSet, StateSet]], states: Array) -> list[Ar
 class SpecificationProgram:
     """Plans control inputs from the present on, such that specifications hold.
 
-    Instants are counted from the present, which is instant 0. Whatever else a plan has to do is added to `program`,
+    Instants are counted from the present, which is instant 0. Further constraints of a plan may be added to `program`,
     over the variables `states` and `inputs`.
 
     Attributes:
@@ -168,14 +168,13 @@ class SpecificationProgram:
         Args:
             dynamics: The dynamics, with limited control inputs.
             state: The present state; shape (nx,).
-            steps: How many steps to plan, N.
-            hold: For how many steps each control input is held.
-            disturbance: What is known to be added to the state in each step, shape (N, nx).
+            steps: The number of steps to plan, N.
+            hold: The number of steps for which each control input is held.
+            disturbance: The known disturbance added to the state in each step, shape (N, nx).
             lower: Lower bounds of the states after the present; shape (nx,).
             upper: Upper bounds of them.
-            robustness_weight: The reward for robustness beyond what is required, of the specification that has least
-                of it.
-            alternatives: How alternatives are told apart.
+            robustness_weight: The reward for robustness beyond the bounds, for the specification with the least excess.
+            alternatives: The encoding of alternatives: by a binary variable each, or by logarithmically many.
 
         Raises:
             ValueError: Neither control inputs nor states are limited.
@@ -245,12 +244,12 @@ class SpecificationProgram:
             last: The last instant that counts; None for the end of the plan.
             past: The robustness of each predicate from the instant `first` to the last one before the present; each of
                 shape (-first,). Needed if that lies in the past: see `margins`.
-            reduction: By how much margins are reduced at instants to come.
-            open_future: Whether what lies beyond the plan counts as satisfied, instead of being left out.
+            reduction: Returns the reduction of margins at future instants.
+            open_future: Whether requirements beyond the plan count as satisfied, instead of being left out.
 
         Returns:
-            Whether it may hold; False if the bounds of reachable states, or what is known, rule it out. The program is
-            infeasible then.
+            Whether it may hold; False if past values or the bounds of reachable states rule it out, so that the program
+            is infeasible.
         """
 
         def leaf(half_space: Face, instant: int) -> Leaf | KnownMargin:
@@ -379,7 +378,7 @@ class SpecificationProgram:
 
     @property
     def most_required(self) -> int:
-        """How many half spaces have to hold together at most, whatever is chosen of alternatives."""
+        """The greatest number of half spaces that have to hold together, over all alternatives."""
         return sum(made.tree.most_required(made.tree.root) for made in self._requirements)
 
     def cheapest(self, costs: Mapping[Leaf, float]) -> list[Leaf]:

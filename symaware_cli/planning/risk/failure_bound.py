@@ -95,7 +95,7 @@ def failure_bounds(
         covariance: The present covariance of the states, shape (n, nx, nx); None if they are known.
         instants: The instants of the prediction [ns].
         scope: The values of names.
-        tail: What is assumed about the distribution.
+        tail: The assumption about the distribution.
     """
     count, size = motion.states.shape
     spread = np.zeros((count, size, size)) if covariance is None else covariance

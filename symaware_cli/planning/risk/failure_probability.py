@@ -45,7 +45,7 @@ class RiskEstimate(NamedTuple):
 
 
 class _Prediction(NamedTuple):
-    """What is predicted about a specification.
+    """The prediction of a specification for the rows of its scope.
 
     Attributes:
         forecast: The forecast.
@@ -272,7 +272,7 @@ class FailureProbability(GroupComponent):
         return [of_duration[duration] for duration in durations.tolist()]
 
     def _others(self, instants: Sequence[int], numbers: NDArray[np.uint64]) -> OtherMotion:
-        """Return what the agents expect of others."""
+        """Return the motion of other agents as predicted by each agent."""
         group, parameters, roster = self._group, self.parameters, self.environment.roster
         tracks = group.others(parameters.reach)
         if parameters.others == "regions":

@@ -40,14 +40,14 @@ class FirstPassage:
         self._slopes: Array
 
     def add(self, sides: HalfSpaces, mean: Array, covariance: Array, carried: Array, instants: Array) -> Array:
-        """Add an instant, or several instants with the same mean, of which the last has the greatest deviation.
+        """Add an instant, or several instants with the same mean and deviations no greater than the last one.
 
         Args:
             sides: The half spaces; as many for each call.
             mean: Shape (R, nx).
             covariance: At the last of the instants; shape (R, nx, nx).
             carried: The slopes s A since the instant before; shape (k, R, nx).
-            instants: How many instants these are; 0 where none counts. Shape (R,).
+            instants: The number of these instants that count; shape (R,).
 
         Returns:
             The sum of the probabilities at these instants; shape (R,).
@@ -79,7 +79,7 @@ class FirstPassage:
 
     @property
     def risk(self) -> Array:
-        """The bound for all instants so far, of which there is one at least; shape (R,)."""
+        """The bound for all instants so far, at least one; shape (R,)."""
         assert self._before is not None
         total: Array = self._before + np.where(self._open, self._of_span(), 0.0).sum(axis=0)
         return np.minimum(total, 1.0)

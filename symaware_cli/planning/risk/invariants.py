@@ -58,17 +58,17 @@ class Invariant(NamedTuple):
 
     @property
     def weight(self) -> float:
-        """By what its probability of a violation is multiplied where it is compared with a maximal risk."""
+        """The factor of its probability of a violation in a comparison with a maximal risk: above 1 for pairs."""
         return 1.0 if self.partners is None else 1.0 / SHARE_OF_PAIR
 
 
 def invariants(specification: Specification, group: AgentGroup) -> list[Invariant]:
-    """Return the invariants of a specification of the agents of a group; together they are all that it demands.
+    """Return the invariants of a specification of the agents of a group; together they are equivalent to it.
 
-    Of one about pairs, there are as many for each condition as an agent has partners at most.
+    If it is about pairs, the number of invariants for each condition is the greatest number of partners of an agent.
 
     Raises:
-        NotLinearError: It demands anything else, or a predicate has no bound.
+        NotLinearError: It is not a conjunction of invariants, or a predicate has no bound.
     """
     if isinstance(specification.scope, PairScope):
         found = _demanded(specification, _pair_predicates(specification, group))

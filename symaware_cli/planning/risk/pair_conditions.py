@@ -56,15 +56,15 @@ def _is_distance(node: Node) -> bool:
 
 
 def check_apart(condition: StateCondition, holds: bool = True) -> None:
-    """Check that a condition demands no more of pairs than that they keep apart.
+    """Check that a condition demands of pairs only that they keep apart.
 
     Args:
         condition: The condition.
-        holds: Whether it shall hold, or not.
+        holds: Whether it shall hold, or its negation.
 
     Raises:
-        NotLinearError: It demands that they come or stay near each other. That depends on what the other does, even if
-            the agent stands still.
+        NotLinearError: It demands that they come or stay near each other. That depends on the other agent, even if this
+            one stands still.
     """
     match condition:
         case Negation(part=part):
@@ -77,7 +77,7 @@ def check_apart(condition: StateCondition, holds: bool = True) -> None:
 
 
 class OtherPositions(NamedTuple):
-    """Where others are expected to be.
+    """The expected positions of other agents.
 
     Attributes:
         mean: Their positions [m]; shape (R, d).
@@ -190,10 +190,10 @@ class OthersAhead:
 
 
 def _noise(group: EntityGroup, dimensions: int, step: int) -> Array:
-    """Return how fast the covariance of position and velocity of agents grows by noise; shape (n, 2d, 2d), per second.
+    """Return the growth rate of the covariance of agents' positions and velocities by noise; shape (n, 2d, 2d) [1/s].
 
-    In the plane, only what a model has along the axes there; a model in which velocities are no elements of the state
-    has none of these.
+    Of the model's noise, only that along the first d axes counts. The part of velocities is 0 if the state of the model
+    has no velocities.
     """
     model, found = group.model, np.zeros((2 * dimensions, 2 * dimensions))
     covariance = model.noise_covariance(step / SECOND)

@@ -12,22 +12,22 @@ from symaware_cli.geometry import Array, Indices, Mask
 class RiskBudget(NamedTuple):
     """An account of the risk of violating specifications in the run, for each of n agents.
 
-    An agent always has a plan for the whole rest of the run (or of the windows of its specifications), whose risk it
-    can afford: at the latest, to stop and stay. Let a be what it may take, r(p) the risk of a plan, given what it knows
-    now, and p the plan that it keeps. Of the difference a - r(p), the *unused* risk, it can buy riskier plans. When it
-    knows more, the rest of the plan has another risk r'(p), whose expectation is at most r(p) less what was taken in
-    between; what it may take is then
+    An agent always has a plan for the whole rest of the run (or of the windows of its specifications) whose risk it can
+    afford, if only to stop and stay. Let a be its allowance, the risk that it may still take; r(p) the risk of a plan,
+    given its present knowledge; and p the plan that it keeps. It can use the difference a - r(p), the *unused* risk,
+    for riskier plans. With later knowledge, the rest of the plan has another risk r'(p), whose expectation is at most
+    r(p) less the risk taken in between; the allowance is then
 
         a' = (a - r(p)) + r'(p)
 
-    So the risk taken, plus what may be taken, is the maximal risk in expectation, whatever plans are chosen and
-    whatever the noise was; and the rest of the plan is always affordable. docs/decisions/0053 has the proof.
+    So the sum of the risk taken and of the allowance is at most the maximal risk in expectation, for any choice of
+    plans; and the rest of the plan is always affordable. docs/decisions/0053 has the proof.
 
     Attributes:
-        unused: The part of the risk that no plan has; shape (n,).
+        unused: The part of the allowance that no plan has; shape (n,).
         kept: Whether an agent keeps a plan that it can afford; shape (n,).
-        spent: The risk taken so far: of each step, the probability of a violation in it, given what was known before;
-            shape (n,).
+        spent: The risk taken so far: the sum over steps of the probability of a violation, given the knowledge before
+            each; shape (n,).
     """
 
     unused: Array
@@ -75,7 +75,8 @@ class RiskBudget(NamedTuple):
             rest: As for `allowed`.
             planned: The risk of the plan; shape (n,).
             taken: The risk of its first step; shape (n,).
-            kept: Whether the plan is followed; shape (n,). If not, or if it was not affordable, what was taken is lost.
+            kept: Whether the plan is followed; shape (n,). If not, or if it was not affordable, its first step reduces
+                the unused risk.
         """
         allowed = self.allowed(rest)
         affordable = kept & (planned <= allowed)

@@ -36,7 +36,7 @@ class SampledNoise:
 
         Args:
             seed: The seed of the run.
-            purpose: What the samples are for.
+            purpose: The purpose of the samples, part of the key of the random numbers.
             turn: The turn in which they are drawn.
             numbers: A number for each agent that depends on its id alone; shape (n,).
             draws: The number of draws.
@@ -132,15 +132,15 @@ class OtherMotion(NamedTuple):
 
 
 class MotionPlan(NamedTuple):
-    """What is expected of agents, at instants from now on.
+    """The expected motion of agents, at instants from now on.
 
     Attributes:
         durations: The time from the previous instant to each instant [s]; shape (K,). The first counts from now.
         spreads: The root of the covariance of the process noise until each instant, shape (1, nx, nx); None without
             noise.
         intended: The intended positions [m], shape (n, K + 1, d), now and at each instant; None without intents.
-        has_intent: Which agents have one; shape (n,).
-        correction: How strongly deviations from the intent are corrected [1/s].
+        has_intent: Whether each agent has an intent; shape (n,).
+        correction: The gain by which deviations from the intent are corrected [1/s].
     """
 
     durations: Array
@@ -174,12 +174,12 @@ class SampledMotion:
 
         Args:
             group: The group.
-            agents: Which of its agents.
+            agents: The rows of the agents.
             samples: The number of samples of each.
-            plan: What is expected of them.
+            plan: Their expected motion.
             spread: The root of the covariance of the states, shape (n, nx, nx); None if they are known.
             noise: Samples for the states, then for each instant; None for the expected motion.
-            others: What is expected of others; None if nothing asks for them.
+            others: The expected motion of other agents; None if nothing asks for it.
         """
         self.time = 0.0
         self._group = group

@@ -207,7 +207,7 @@ def exceeding(margin: Array, deviation: Array, tail: Tail) -> tuple[Array, Array
     Args:
         margin: Its mean.
         deviation: Its standard deviation.
-        tail: What is assumed about its distribution.
+        tail: The assumption about its distribution.
     """
     known = deviation <= 1e-12 * (1.0 + np.abs(margin))
     scaled = margin / np.where(known, 1.0, deviation)
