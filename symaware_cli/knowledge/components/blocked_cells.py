@@ -136,7 +136,7 @@ class BlockedCells(Component):
         scan = self._scan()
         if scan is not None:
             self._read = scan.time
-        for instant in [each for each in self._poses if each <= self._read or len(self._poses) > _MOST_POSES]:
+        for instant in [each for each in self._poses if each <= self._read] or list(self._poses)[:-_MOST_POSES]:
             del self._poses[instant]
 
     def _seen(self, pose: tuple[float, float, float]) -> Indices:

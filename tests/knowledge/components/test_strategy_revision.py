@@ -11,7 +11,7 @@ from checkout import CHECKOUT
 
 from symaware_cli import RunFailedError, ScenarioError, SimulationState, load, open_log
 from symaware_cli.engine.environments.kinematic import KinematicEnvironment
-from symaware_cli.knowledge.components import strategy_revision
+from symaware_cli.knowledge.components import blocked_cells, strategy_revision
 from symaware_cli.knowledge.synthesis.game import Game
 from symaware_cli.knowledge.synthesis.strategy import Strategy
 from symaware_cli.knowledge.synthesis.strategy_process import StrategyProcess
@@ -96,6 +96,16 @@ def test_a_blocked_passage_that_one_robot_sees_is_avoided_by_both(tmp_path: Path
         assert len(events(log, f"{robot}.decide", "goal-met")) >= 2
         (learnt, _), (revised, _) = events(log, f"{robot}.decide", "cells-learnt", "strategy-revised")
         assert revised == pytest.approx(learnt + 0.5)
+
+
+def test_poses_that_a_late_scan_needs_are_kept_when_older_ones_are_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changes = {"agents.scout.components.lidar.latency": 0.5, "run.duration": 20.0}
+    whole = events(run(tmp_path / "a.mcap", changes), "scout.learn", "cell-seen")
+    assert whole
+    monkeypatch.setattr(blocked_cells, "_MOST_POSES", 6)  # a scan is read 0.5 to 0.7 s after it was taken
+    assert events(run(tmp_path / "b.mcap", changes), "scout.learn", "cell-seen") == whole
 
 
 def test_without_a_crate_nothing_is_learnt_and_the_gap_is_the_way(tmp_path: Path) -> None:
