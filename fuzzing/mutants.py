@@ -208,7 +208,20 @@ def verdict(mutant: Mutant, tests: list[str], tree: Path) -> dict[str, object]:
 
 
 def _tested(tests: list[str], tree: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-x",
+        "-n",
+        "0",
+        "-m",
+        "not slow",
+        "-p",
+        "no:cacheprovider",
+        *tests,
+    ]
     environment = dict(os.environ, PYTHONPATH=str(tree))
     environment.pop("PYTEST_ADDOPTS", None)  # what it says of its outcome is read
     return subprocess.run(

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import durations
 import pytest
 from features import item_uses_missing, missing, module_uses_missing
 from hypothesis import HealthCheck, settings
@@ -15,9 +16,14 @@ from simulating import COMMAND, Command
 from symaware_doubles import COMPONENTS, ENVIRONMENTS, SUBSCRIBERS
 
 
-def pytest_configure() -> None:
-    """Make Ctrl-C count: what runs in the background of a shell may ignore it."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    durations.add_options(parser)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make Ctrl-C count, which what runs in the background of a shell may ignore; tell short tests from long ones."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    durations.register(config)
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:

@@ -1,0 +1,111 @@
+"""How long tests take, and which of them are `long`: those that `durations.tsv` lists.
+
+    pytest -n auto -m 'not slow' --record-durations    write the list anew, after a run of all tests
+    pytest --limit SECONDS                             fail if a test that is not listed takes longer
+
+A duration is the processor time that a test and the processes that it waited for used, so that a busy machine does not
+change it much. What prepares it is not counted: a fixture that several tests share is prepared for whichever is first.
+For the same reason packages that are slow to import are imported before the first test.
+"""
+
+import importlib
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+LIST = Path(__file__).with_name("durations.tsv")
+
+PACKAGES = ("casadi", "matplotlib.figure", "osqp", "pyarrow.parquet", "pybullet", "pymunk", "rerun", "scipy.stats")
+
+LONG = 0.3
+"""A test that takes longer is listed [s]."""
+
+
+def processor_time() -> float:
+    """Processor time of this process and of those that it has waited for [s]."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def listed() -> dict[str, float]:
+    """The duration [s] of each long test."""
+    lines = LIST.read_text(encoding="utf-8").splitlines()
+    return {name: float(seconds) for seconds, _, name in (line.partition("\t") for line in lines)}
+
+
+class Durations:
+    """Pytest's hooks; one object for the processes that run tests, and for the one that hears of them.
+
+    Attributes:
+        seconds: The duration of each test that has run.
+    """
+
+    def __init__(self, record: bool, limit: float | None) -> None:
+        self.seconds: dict[str, float] = {}
+        self._record, self._limit = record, limit
+        self._long = listed()
+
+    @property
+    def exceeding(self) -> dict[str, float]:
+        """Tests that are not listed and take longer than the limit."""
+        limit = self._limit if self._limit is not None else float("inf")
+        return {name: value for name, value in self.seconds.items() if name not in self._long and value > limit}
+
+    def pytest_collection_finish(self) -> None:
+        if self._record or self._limit is not None:
+            for package in PACKAGES:
+                with suppress(ImportError):
+                    importlib.import_module(package)
+
+    # `-m` selects, so the markers must be there first.
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        for item in items:
+            if item.nodeid in self._long:
+                item.add_marker("long")
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
+        began = processor_time()
+        try:
+            return (yield)
+        finally:
+            item.user_properties.append(("processor_time", processor_time() - began))
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call":
+            # With --dist loadgroup, names have their group behind them.
+            self.seconds[report.nodeid.partition("@")[0]] = dict(report.user_properties)["processor_time"]
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        if hasattr(session.config, "workerinput"):
+            return
+        if self._record:
+            lines = [f"{value:.1f}\t{name}" for name, value in sorted(self.seconds.items()) if value > LONG]
+            LIST.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        if self.exceeding and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        if self._limit is None and not self._record:
+            return
+        terminalreporter.section("processor time")
+        long = sum(value for name, value in self.seconds.items() if name in self._long)
+        terminalreporter.line(f"{sum(self.seconds.values()):.0f} s, of which {long:.0f} s in tests that are listed")
+        for name, value in sorted(self.exceeding.items()):
+            terminalreporter.line(f"{value:.1f} s: {name} is neither short nor in {LIST.name}", red=True)
+
+
+def add_options(parser: pytest.Parser) -> None:
+    """The options of `Durations`."""
+    group = parser.getgroup("durations")
+    group.addoption("--record-durations", action="store_true", help=f"write {LIST.name} anew")
+    group.addoption("--limit", type=float, metavar="SECONDS", help="the longest that a test may take that is not long")
+
+
+def register(config: pytest.Config) -> None:
+    """Let `Durations` watch the tests, as the options ask."""
+    config.pluginmanager.register(Durations(config.option.record_durations, config.option.limit), "durations")
