@@ -78,7 +78,7 @@ class Durations:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call":
             # With --dist loadgroup, names have their group behind them.
-            self.seconds[report.nodeid.partition("@")[0]] = dict(report.user_properties)["processor_time"]
+            self.seconds[report.nodeid.partition("@")[0]] = float(str(dict(report.user_properties)["processor_time"]))
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if hasattr(session.config, "workerinput"):
