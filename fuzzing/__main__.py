@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -17,8 +18,10 @@ CORPUS = Path("tests/corpus")
 
 
 def main() -> int:
-    """Fuzz, or run given cases again; return 1 if anything was found, 130 after Ctrl-C."""
+    """Fuzz, or run given cases again; return 1 if anything was found, 130 after Ctrl-C or SIGTERM."""
     asked = _arguments()
+    # Without this, its workers would outlive a command that is ended.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     targets = asked.target or target_names()
     if asked.shrink:
         return _shrink(asked.shrink, targets[0])
