@@ -45,6 +45,7 @@ class SpecificationRecorder:
         self._writer = writer
         self._channels: dict[str, int] = {}
         self._last: dict[str, tuple[NDArray[Any], ...]] = {}
+        self._changes: dict[str, int] = {}
         for number, monitor in enumerate(monitors):
             specification = monitor.specification
             rows = [specification.scope.agents(row) for row in range(specification.scope.rows)]
@@ -71,6 +72,9 @@ class SpecificationRecorder:
         """Record the changes of a specification at an instant, in nanoseconds."""
         name = monitor.specification.name
         channel, last = self._channels[name], self._last.get(name)
+        if monitor.specification.offer is None and self._changes.get(name) == monitor.changes:
+            return
+        self._changes[name] = monitor.changes
         # What begins by itself has one instance, whose robustness is the first that is known of its row.
         is_repeated = not monitor.begins and monitor.specification.offer is None
         state: tuple[NDArray[Any], ...] = _codes(monitor), monitor.lower, monitor.upper

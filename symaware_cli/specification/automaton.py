@@ -198,24 +198,28 @@ class AutomatonMonitor:
 
     Attributes:
         verdict: 1 satisfied, -1 violated, 0 undecided; shape (rows,).
+        is_changed: Whether the last instant changed the state of a row.
     """
 
     def __init__(self, automaton: Automaton, rows: int) -> None:
         self._automaton = automaton
         self._states = np.full(rows, Automaton.start, np.int32)
         self.verdict = np.zeros(rows, np.int8)
+        self.is_changed = True
 
     def update(self, values: Sequence[Array]) -> None:
         """Process the robustness of each predicate at the next instant, each of shape (rows,)."""
         letters = np.zeros(len(self._states), np.int32)
         for index, value in enumerate(values):
             letters |= (value > 0.0).astype(np.int32) << index
-        self._states = self._automaton.transitions[self._states, letters]
+        before, self._states = self._states, self._automaton.transitions[self._states, letters]
+        self.is_changed = bool((self._states != before).any())
         self.verdict = self._automaton.verdicts[self._states]
 
     def finish(self) -> None:
         """End the run."""
         self.verdict = self.presumption
+        self.is_changed = True
 
     @property
     def presumption(self) -> NDArray[np.int8]:

@@ -118,10 +118,19 @@ def values(node: Node, functions: Functions | None = None) -> Evaluate:
             return lambda lookup: _element(inner(lookup), key)
         case Vector():
             parts = [of(each) for each in node.items]
+            if all(map(_is_fixed, node.items)):
+                fixed = _vector([_number(part(dict[str, Any]().__getitem__)) for part in parts])
+                return lambda lookup: fixed
             return lambda lookup: _vector([_number(part(lookup)) for part in parts])
         case Not() | Junction():
             return truth(node, functions)
     raise KindError("a formula with temporal operators has no value at one instant")
+
+
+def _is_fixed(node: Node) -> bool:
+    """Whether a tree is a number, with or without a sign."""
+    number = node.operand if isinstance(node, Sign) else node
+    return isinstance(number, Constant) and isinstance(number.value, int | float)
 
 
 def truth(node: Node, functions: Functions | None = None) -> Evaluate:

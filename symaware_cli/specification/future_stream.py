@@ -130,6 +130,14 @@ class ToTheEndStream(Stream):
         self._starts = History(clock.rows, dtype=clock.dtype)
         self._values = Recent()
         self._last_start = starts
+        #: Whether bounds depend on the extrema alone.
+        self._is_momentary = operand.is_momentary
+        self._is_changed = True
+
+    @property
+    def is_changed(self) -> bool:
+        """See the base class."""
+        return self._is_changed
 
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
@@ -142,10 +150,19 @@ class ToTheEndStream(Stream):
         starts = self._starts
         if starts.end:
             known = starts.between(0, starts.end)
-            (np.maximum if self._greatest else np.minimum)(known, value, out=known)
+            if self._is_momentary and not self._exceeds(value, known):
+                self._is_changed = False
+            else:
+                (np.maximum if self._greatest else np.minimum)(known, value, out=known)
+                self._is_changed = True
         if starts.end <= self._last_start:
             starts.append(value)
+            self._is_changed = True
         return None
+
+    def _exceeds(self, value: Values, known: Values) -> bool:
+        """Whether a value changes one of the extrema so far."""
+        return bool((value > known if self._greatest else value < known).any())
 
     def _begun(self, begin: int, end: int) -> Values:
         """Return the extrema so far for the starts in a range that have been pushed [instants, rows]."""

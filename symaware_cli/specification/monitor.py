@@ -38,6 +38,7 @@ class Monitor:
         upper: Greatest possible robustness at the first instant.
         complete: Whether all samples were kept that the exact robustness at the end of the run requires, if it is not
             known before. At most `KEPT` are.
+        is_changed: Whether the last instant may have changed verdict or bounds, or made exact robustness known.
     """
 
     def __init__(self, formula: Formula, rows: int, *, interval: bool = True, arrays: bool = False) -> None:
@@ -60,6 +61,7 @@ class Monitor:
         self.lower: Array = np.full(rows, -np.inf)
         self.upper: Array = np.full(rows, np.inf)
         self.complete = True
+        self.is_changed = True
         #: Without the interval, bounds are those of the truth value, and robustness has separate streams; for a single
         #: row, separate streams would cost more than they save.
         self._truth = not interval and not single
@@ -83,6 +85,7 @@ class Monitor:
         """
         now = self.instants
         self.instants = now + 1
+        self.is_changed = False
         samples: list[Any] = (
             [each.item() for each in values] if self._clock.single else [np.array(each) for each in values]
         )
@@ -94,8 +97,9 @@ class Monitor:
         if not (self._truth and self._settled):
             self._clock.now = now
             exact = self._stream.push([each > 0.0 for each in samples] if self._truth else samples)
-            if not self._settled:
+            if not self._settled and (exact is not None or self._stream.is_changed):
                 self._judge(exact)
+                self.is_changed = True
             if self._truth:
                 exact = None
         if self._truth and self.horizon is not None:
@@ -103,10 +107,11 @@ class Monitor:
             exact = self._robustness.push(samples)
         if exact is not None:
             self._known.append(exact)
+            self.is_changed = True
 
     def finish(self) -> None:
         """End the declared run with the last instant processed."""
-        self.ended = self._clock.ended = True
+        self.ended = self._clock.ended = self.is_changed = True
         if not self._settled:
             self._judge()
         if self.horizon is None and self.complete and self.instants:

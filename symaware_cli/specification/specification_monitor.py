@@ -102,6 +102,7 @@ class SpecificationMonitor:
         begins: Whether evaluation begins by itself, once for each row.
         cohorts: The rows that are evaluated, by the instant at which their evaluation began.
         is_over: Whether further values are ignored.
+        changes: How often results were combined.
         is_continued: Whether forecasts are made; to be set before the first value.
     """
 
@@ -132,6 +133,9 @@ class SpecificationMonitor:
         self.begins = begins and not self._is_offered
         self.rejection = ""
         self._now = 0
+        #: Whether rows came or went since results were combined.
+        self._is_regrouped = False
+        self.changes = 0
         self._due: list[NDArray[np.intp]] = []
         self.cohorts: list[Cohort] = []
         self._ended = Worst(count)
@@ -167,9 +171,11 @@ class SpecificationMonitor:
             for cohort in open_cohorts:
                 whole = len(cohort.rows) == specification.scope.rows
                 cohort.monitor.update(values if whole else [each[cohort.rows] for each in values])
-            for cohort in self.cohorts:
-                self._take(cohort, decisions)
-            self._combine()
+            if self._is_regrouped or self._is_offered or any(each.monitor.is_changed for each in self.cohorts):
+                for cohort in self.cohorts:
+                    self._take(cohort, decisions)
+                self._combine()
+                self._is_regrouped = False
         return decisions
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -316,6 +322,7 @@ class SpecificationMonitor:
             self._unsettled[rows] += 1
             self.settled[rows] = np.nan
             monitor = specification.monitor(len(rows), self.is_continued)
+            self._is_regrouped = True
             self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
 
     def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
@@ -326,6 +333,7 @@ class SpecificationMonitor:
             if here.any():
                 remaining.append(cohort if here.all() else cohort.select(here))
             if not here.all():
+                self._is_regrouped = True
                 gone = cohort.select(~here) if here.any() else cohort
                 gone.monitor.finish()
                 self._take(gone, decisions)
@@ -365,6 +373,7 @@ class SpecificationMonitor:
 
     def _combine(self) -> None:
         """Combine the results of all instances; decided instances are dropped."""
+        self.changes += 1
         interval = self.specification.interval
         if not self.begins and not self._is_offered:
             for cohort in self.cohorts:

@@ -75,6 +75,16 @@ class Stream:
         self.horizon = horizon
         self.reach = reach
 
+    @property
+    def is_momentary(self) -> bool:
+        """Whether each value is known at once, and nothing is known of later ones."""
+        return False
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether the last push may have changed the bounds at the first instant."""
+        return True
+
     def push(self, samples: Sequence[Any]) -> Any:
         """Process the samples of an instant; the clock has been advanced before.
 
@@ -130,6 +140,11 @@ class PredicateStream(Stream):
         super().__init__(clock, 0, 0, (0, 0))
         self._index = index
 
+    @property
+    def is_momentary(self) -> bool:
+        """See the base class."""
+        return True
+
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         self.exact += 1
@@ -156,6 +171,16 @@ class NotStream(Stream):
         if self.clock.boolean:
             return not value if self.clock.single else np.logical_not(value)
         return -value
+
+    @property
+    def is_momentary(self) -> bool:
+        """See the base class."""
+        return self._operand.is_momentary
+
+    @property
+    def is_changed(self) -> bool:
+        """See the base class."""
+        return self._operand.is_changed
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
@@ -242,6 +267,16 @@ class JunctionStream(Stream):
             one, other = found
             return other if (other > one if greatest else other < one) else one
         return reduce(EXTREMA[single][greatest], found)
+
+    @property
+    def is_momentary(self) -> bool:
+        """See the base class."""
+        return all(each.is_momentary for each in self._together.operands)
+
+    @property
+    def is_changed(self) -> bool:
+        """See the base class."""
+        return any(each.is_changed for each in self._together.operands)
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
