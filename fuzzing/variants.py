@@ -51,6 +51,8 @@ def with_an_absent_agent(subject: Subject) -> None:
 
     subject.require_finished()
     subject.without('"ring"', '"grid", ', '"tree"', '"random"', '"graph"', '"star"', '"line"')
+    if subject.tree["environment"]["use"] == "pybullet" and subject.result.summary.contacts:
+        raise Skipped("PyBullet's order of contacts depends on all bodies")
     tree = copy.deepcopy(subject.tree)
     tree["agents"]["zz"] = {"model": {"use": "single-integrator"}, "present": {"from": 1e6}}
     _same_for_others(subject, tree, "absent", ("world", "state", "risk", "requested_control"), sa)
