@@ -28,7 +28,7 @@ from symaware_cli.log import MEMBERSHIP, SHARED, Log, LogError, LogMessage, open
 from symaware_cli.log.logged_events import LoggedEvent, recurring_entries
 from symaware_cli.log.logged_events import contact as contact_entry
 from symaware_cli.log.logged_events import event as event_entry
-from symaware_cli.specification import Specification, formulate
+from symaware_cli.specification import ExpressionError, Specification, formulate
 from symaware_cli.specification.node import Name, walk
 
 Array = NDArray[np.float64]
@@ -279,11 +279,11 @@ class RecordedSpecifications:
         stated: Sequence[Specification] = self.options.specifications
         self.step = self.simulation.environment.time_step
         self.period = max(1, -(-nanoseconds(recording.interval) // self.step)) * self.step
+        #: Why specifications cannot be evaluated at the recorded instants, by name.
+        self._too_coarse: dict[str, str] = {}
         if self.period != self.step:
             steps = nanoseconds(built.document.run.duration) // self.period + 1
-            stated = [
-                replace(each, formulation=formulate(each.formulation.tree, self.period, steps)) for each in stated
-            ]
+            stated = [self._at_recorded_instants(each, steps) for each in stated]
         self.specifications = stated
         self.router = EventRouter(self.simulation.events)
         self.observer = Observer(self.simulation)
@@ -299,8 +299,19 @@ class RecordedSpecifications:
         """
         yield from RecordedRun(self.log, self.simulation).instants(self.period)
 
+    def _at_recorded_instants(self, specification: Specification, steps: int) -> Specification:
+        """Return a specification with windows in steps of `period`; as it was if one contains no recorded instant."""
+        try:
+            formulation = formulate(specification.formulation.tree, self.period, steps)
+        except ExpressionError as error:
+            self._too_coarse[specification.name] = f"every step ({error})"
+            return specification
+        return replace(specification, formulation=formulation)
+
     def missing(self, specification: Specification) -> Sequence[str]:
         """Return the data and events that a specification needs but the scenario leaves out of the log."""
+        if specification.name in self._too_coarse:
+            return [self._too_coarse[specification.name]]
         names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
         moving = {"closing_speed", "control_input", "speed", "velocity"}
         if specification.of == "belief":

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from checkout import CHECKOUT
 
-from symaware_cli import open_log
+from symaware_cli import load, open_log, sweep, verify_sweep
 from symaware_cli.evidence.checking import check_log
 from symaware_cli.evidence.log_evaluation import evaluate_log
 from symaware_cli.language.build import build
@@ -126,6 +126,22 @@ def test_a_file_of_specifications_may_define_regions(log: Path, tmp_path: Path) 
 
 def test_repeating_the_run_gives_the_same_outcomes(log: Path) -> None:
     assert check_log(log, again=True).specifications == check_log(log).specifications
+
+
+def test_a_window_between_recorded_instants_is_refused_with_the_way_out_and_not_held_against_a_sweep(
+    tmp_path: Path,
+) -> None:
+    scenario = yaml.safe_load((CHECKOUT / "scenarios" / "hello.yaml").read_text())
+    scenario["recording"] = {"interval": 0.3}
+    scenario["run"]["duration"] = 1.5
+    scenario["specifications"] = {"soon": {"each": "robot", "formula": "eventually[0.05, 0.1] speed > 0"}}
+    (tmp_path / "coarse.yaml").write_text(yaml.safe_dump(scenario))
+    log = load(tmp_path / "coarse.yaml").run(output=tmp_path / "coarse.mcap").log
+    with pytest.raises(LogError, match=r"`soon` is about: .* every step \(no instant lies in the window .*--again"):
+        check_log(log.path)
+    assert check_log(log.path, again=True).specifications[0].verdict == "satisfied"
+    sweep(tmp_path / "coarse.yaml", tmp_path / "swept", runs=2, keep="all")
+    assert not verify_sweep(tmp_path / "swept", "all").findings
 
 
 def test_a_log_without_every_step_is_reported_as_sampled(tmp_path: Path) -> None:
