@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import changed
 import durations
 import pytest
 from features import item_uses_missing, missing, module_uses_missing
@@ -18,6 +19,7 @@ from symaware_doubles import COMPONENTS, ENVIRONMENTS, SUBSCRIBERS
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     durations.add_options(parser)
+    changed.add_option(parser)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -26,8 +28,10 @@ def pytest_configure(config: pytest.Config) -> None:
     durations.register(config)
 
 
-def pytest_ignore_collect(collection_path: Path) -> bool | None:
-    """Leave out, in a copy of the package without a feature, the modules that use it."""
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out what does not concern a change and, in a copy of the package without a feature, what uses it."""
+    if changed.leaves_out(config, collection_path):
+        return True
     if missing() and collection_path.match("test_*.py"):
         return module_uses_missing(collection_path) or None
     return None
