@@ -119,7 +119,11 @@ class Composer:
         """Give a group a state or knowledge in another form."""
         chance, group = self._draft.chance, self._draft.group()
         values = [[round(chance.uniform(-3, 3), 1) for _ in range(2)] for _ in range(group.get("count", 1))]
+        drawn = self._values.distribution()
+        if "choice" in drawn:
+            drawn["choice"] = [[1, 2], [2, 1]]
         forms: list[Any] = [
+            drawn,
             {"normal": [0.0, 1.0]},
             {"uniform": [[-1, -2], [1, 2]]},
             {"own": {0: [1, 2]}, "rest": [2, 1]},

@@ -40,7 +40,7 @@ class Values:
         self._draft = draft
         self._grammar = grammar
         self._makers: Mapping[str, Callable[[], Any]] = {
-            "ProbabilityDistribution": self._distribution,
+            "ProbabilityDistribution": self.distribution,
             "Polygon": lambda: {"vertices": self._corners()},
             "ScriptedPath": self._path,
             "Obstacle": self._obstacle,
@@ -169,8 +169,8 @@ class Values:
 
     # Values that hardly any draw would be
 
-    def _distribution(self) -> Tree:
-        """A distribution of durations."""
+    def distribution(self) -> Tree:
+        """A distribution of positive numbers, such as durations."""
         chance = self._draft.chance
         first, second = sorted(round(chance.uniform(0.001, 0.5), 3) for _ in range(2))
         form = chance.choice(["uniform", "normal", "lognormal", "loguniform", "exponential", "choice"])
