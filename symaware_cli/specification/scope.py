@@ -374,7 +374,10 @@ class KnownValues(Mapping[str, Any]):
 def nearest_believed(group: AgentGroup, row: int) -> float:
     """Return the distance from an agent's believed position to the nearest other it is aware of [m], or infinity."""
     tracks, world = group.awareness.tracks, group.awareness.world
-    if tracks is not None:
+    if row in group.awareness.holders:
+        # Beliefs that the agent holds itself, beside those of the group's components.
+        others = group.agents[row].awareness_database.tracks(0).positions
+    elif tracks is not None:
         others = tracks.positions[tracks.pointers[row] : tracks.pointers[row + 1]]
     elif world is not None:
         own_index, runs = world.roster.start(group.name) + row, world.roster.runs

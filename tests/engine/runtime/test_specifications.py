@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import yaml
 
-from symaware_cli import open_log
+from symaware_cli import AwarenessVector, open_log
 from symaware_cli.engine.runtime.run_summary import RunSummary
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute, prepared
 from symaware_cli.language.problem import ScenarioError
 from symaware_cli.log.digest import digest
 from symaware_cli.log.reader import Log
+from symaware_cli.specification.scope import nearest_believed
 
 Ran = Callable[..., tuple[RunSummary, Log]]
 
@@ -295,3 +296,17 @@ def test_a_run_ends_when_a_specification_says_so(ran: Ran) -> None:
     assert summary.simulated_time == 2.0
     summary, _ = ran(stated, run={"duration": 5.0, "until": 'inside(position["robot.0"], end)'})
     assert summary.simulated_time == 3.0
+
+
+def test_the_nearest_whom_an_agent_knows_of_itself_counts_as_one_that_its_group_perceives(tmp_path: Path) -> None:
+    (tmp_path / "line.yaml").write_text(yaml.safe_dump(SCENARIO))
+    built = build(tmp_path / "line.yaml")
+    (group,) = built.simulation.groups
+    with prepared(built, None) as run:
+        run.advance(1)
+        world = group.awareness.world
+        assert world is not None
+        assert [nearest_believed(group, row) for row in range(2)] == [6.0, 6.0]
+        group.agents[0].awareness_database["robot.1"] = AwarenessVector("robot.1", np.array([2.0, 0.0]))
+        group.agents[1].awareness_database.world = world
+        assert [nearest_believed(group, row) for row in range(2)] == [2.0, 6.0]
