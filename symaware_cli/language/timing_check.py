@@ -8,7 +8,14 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Environment, nanoseconds
+from symaware_cli.core import (
+    AgentGroup,
+    CommunicationReceiver,
+    Component,
+    Environment,
+    GroupCommunicationReceiver,
+    nanoseconds,
+)
 from symaware_cli.core.component import BaseComponent, may_wait
 from symaware_cli.core.event import RECURRING, TURNS
 from symaware_cli.engine import ComponentEntry, ConditionScope, Timing, Trigger, world_names
@@ -141,7 +148,7 @@ class TimingCheck:
             problem = f"reads the world, and {world} cannot be copied to worker processes"
         elif component.specifications is not None and use.with_.get(component.specifications):
             problem = "continues the monitors of specifications, which worker processes do not have"
-        elif issubclass(component, CommunicationReceiver):
+        elif issubclass(component, CommunicationReceiver | GroupCommunicationReceiver):
             problem = "reads messages, which worker processes do not receive"
         elif component._async_compute is not Component._async_compute:
             problem = "may wait within its turns, which worker processes do not support"

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 import yaml
 from simulating import COMMAND, present
 
-from symaware_cli import Log, open_log
+from symaware_cli import CommunicationReceiver, GroupCommunicationReceiver, Log, load, open_log
 from symaware_cli.engine.runtime.run_summary import RunSummary
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute
@@ -402,3 +403,26 @@ def test_who_looks_at_a_world_that_cannot_be_followed_stays_at_home(doubles: Pat
         build(tmp_path / "lonely.yaml")
     (problem,) = raised.value.problems
     assert "`doubles.lonely-world` cannot be copied to worker processes" in problem.message
+
+
+RECEIVERS = sorted(
+    point.name
+    for point in entry_points(group="symaware.components")
+    if point.value.startswith("symaware_cli.")
+    and issubclass(point.load(), CommunicationReceiver | GroupCommunicationReceiver)
+)
+
+#: Their parameters that have no defaults.
+REQUIRED = {"communication.consensus": {"weights": "metropolis"}}
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_whoever_reads_messages_is_refused_in_a_worker_process(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "receiver.yaml"
+    path.write_text(
+        "symaware: 1\nname: receiver\nrun: {duration: 1.0}\nenvironment: {use: kinematic}\n"
+        "agents: {robot: {model: {use: single-integrator}, state: [0, 0], components: "
+        f"{{receive: {{use: {name}, run_in: process, with: {REQUIRED.get(name, {})}}}}}}}}}\n"
+    )
+    with pytest.raises(ScenarioError, match=f"`{name}` reads messages, which worker processes do not receive"):
+        load(path)
