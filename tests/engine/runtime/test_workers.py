@@ -421,7 +421,7 @@ def test_whoever_reads_messages_is_refused_in_a_worker_process(name: str, tmp_pa
     path = tmp_path / "receiver.yaml"
     path.write_text(
         "symaware: 1\nname: receiver\nrun: {duration: 1.0}\nenvironment: {use: kinematic}\n"
-        "agents: {robot: {model: {use: single-integrator}, state: [0, 0], components: "
+        "agents: {robot: {model: {use: single-integrator}, state: [0, 0], knowledge: {value: 1.0}, components: "
         f"{{receive: {{use: {name}, run_in: process, with: {REQUIRED.get(name, {})}}}}}}}}}\n"
     )
     with pytest.raises(ScenarioError, match=f"`{name}` reads messages, which worker processes do not receive"):
