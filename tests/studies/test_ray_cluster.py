@@ -60,7 +60,7 @@ def workers() -> dict[int, int]:
     """Return the processes that execute runs, each with the Ray worker that started it."""
     lines = subprocess.run(["ps", "-wweo", "pid=,ppid=,args="], capture_output=True, text=True).stdout.splitlines()
     parents = {int(pid): int(parent) for pid, parent, *_ in map(str.split, lines)}
-    mine = {int(line.split()[0]) for line in lines if "study.pool_worker" in line}
+    mine = {int(line.split()[0]) for line in lines if "studies.pool_worker" in line}
     return {pid: parents[pid] for pid in mine if _descends(pid, parents)}
 
 
