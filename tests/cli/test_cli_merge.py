@@ -65,9 +65,9 @@ def test_it_says_what_was_joined(parts: tuple[str, str], merge: Callable[..., Re
     assert head.endswith("kB; 56 that stand in several parts are written once")
     assert table == [
         "",
-        "  part  agents   from [s]  until [s]  log",
-        "  host       2          0       1.95  host.mcap",
-        "  left       2          0       1.95  left.mcap",
+        "  part  agents  from [s]  until [s]  log",
+        "  host       2         0       1.95  host.mcap",
+        "  left       2         0       1.95  left.mcap",
     ]
 
 
