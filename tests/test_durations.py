@@ -1,0 +1,57 @@
+"""Tests that are listed as long exist, and a test that takes too long and is not listed is found."""
+
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import durations
+import pytest
+from checkout import CHECKOUT
+
+pytest_plugins = ["pytester"]
+
+
+def test_the_list_names_tests_that_there_are() -> None:
+    listed: dict[str, set[str]] = defaultdict(set)
+    for name in durations.listed():
+        file, _, function = name.partition("::")
+        listed[file].add(function.partition("[")[0].rpartition("::")[2])
+    for file, functions in listed.items():
+        text = (CHECKOUT / file).read_text(encoding="utf-8")
+        gone = [each for each in functions if not re.search(rf"^ *def {each}\(", text, re.MULTILINE)]
+        assert not gone, f"{file}: write the list anew (CONTRIBUTING.md)"
+
+
+BUSY = """\
+import time
+
+import pytest
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.4])
+def test_busy(seconds):
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+"""
+
+
+def test_long_tests_are_listed_left_out_and_missed(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(durations, "LIST", tmp_path / "durations.tsv")
+    monkeypatch.setattr(durations, "PACKAGES", ())
+    durations.LIST.touch()
+    pytester.makeini("[pytest]\nmarkers = long: long\n")
+    pytester.makeconftest(
+        "import durations\n"
+        "def pytest_addoption(parser): durations.add_options(parser)\n"
+        "def pytest_configure(config): durations.register(config)\n"
+    )
+    pytester.makepyfile(test_it=BUSY)
+    assert pytester.inline_run("--limit", "0.2", "-p", "no:cacheprovider").ret == pytest.ExitCode.TESTS_FAILED
+    assert pytester.inline_run("--limit", "5", "-p", "no:cacheprovider").ret == pytest.ExitCode.OK
+    assert pytester.inline_run("--record-durations", "-p", "no:cacheprovider").ret == pytest.ExitCode.OK
+    assert list(durations.listed()) == ["test_it.py::test_busy[0.4]"]
+    pytester.inline_run("-m", "not long", "--limit", "0.2", "-p", "no:cacheprovider").assertoutcome(passed=1)
+    pytester.inline_run("-m", "long", "-p", "no:cacheprovider").assertoutcome(passed=1)
