@@ -6,6 +6,8 @@
 A duration is the processor time that a test and the processes that it waited for used, so that a busy machine does not
 change it much. What prepares it is not counted: a fixture that several tests share is prepared for whichever is first.
 For the same reason packages that are slow to import are imported before the first test.
+
+Reasons: docs/decisions/0074-short-and-long-tests.md
 """
 
 import importlib
