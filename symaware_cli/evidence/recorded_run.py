@@ -304,7 +304,7 @@ class RecordedSpecifications:
         try:
             formulation = formulate(specification.formulation.tree, self.period, steps)
         except ExpressionError as error:
-            self._too_coarse[specification.name] = f"every step ({error})"
+            self._too_coarse[specification.name] = f"steps that its windows need ({error})"
             return specification
         return replace(specification, formulation=formulation)
 

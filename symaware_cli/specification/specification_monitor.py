@@ -102,7 +102,7 @@ class SpecificationMonitor:
         begins: Whether evaluation begins by itself, once for each row.
         cohorts: The rows that are evaluated, by the instant at which their evaluation began.
         is_over: Whether further values are ignored.
-        changes: How often results were combined.
+        changes: How often results were read or combined.
         is_continued: Whether forecasts are made; to be set before the first value.
     """
 
@@ -342,6 +342,7 @@ class SpecificationMonitor:
 
     def _take(self, cohort: Cohort, decisions: list[Decision]) -> None:
         """Read the new results of a monitor."""
+        self.changes += 1
         rows, monitor = cohort.rows, cohort.monitor
         first, exact = monitor.exact()
         if len(exact):

@@ -15,6 +15,7 @@ from symaware_cli.language.execution import execute, prepared
 from symaware_cli.language.problem import ScenarioError
 from symaware_cli.log.digest import digest
 from symaware_cli.log.reader import Log
+from symaware_cli.log.symaware_v1_pb2 import Specification
 from symaware_cli.specification.scope import nearest_believed
 
 Ran = Callable[..., tuple[RunSummary, Log]]
@@ -310,3 +311,13 @@ def test_the_nearest_whom_an_agent_knows_of_itself_counts_as_one_that_its_group_
         group.agents[0].awareness_database["robot.1"] = AwarenessVector("robot.1", np.array([2.0, 0.0]))
         group.agents[1].awareness_database.world = world
         assert [nearest_believed(group, row) for row in range(2)] == [2.0, 6.0]
+
+
+def test_robustness_that_leaving_makes_known_is_recorded_at_once_though_nobody_is_left(ran: Ran) -> None:
+    agents = {"robot": {**SCENARIO["agents"]["robot"], "present": {"until": 1.0}}}
+    agents["other"] = {"model": {"use": "single-integrator"}, "state": [0.0, 5.0]}
+    _, log = ran({"right": {"each": "robot", "formula": "always x >= 0"}}, agents=agents)
+    found = [(each.time / 1e9, Specification.FromString(each.data)) for each in log.messages("/specifications/right")]
+    exact = {time: list(message.robustness) for time, message in found if message.robustness}
+    assert list(exact) == [1.0]
+    assert exact[1.0][:2] == [0.0, 6.0]
