@@ -5,13 +5,16 @@
 
 A duration is the processor time that a test and the processes that it waited for used, so that a busy machine does not
 change it much. What prepares it is not counted: a fixture that several tests share is prepared for whichever is first.
-For the same reason packages that are slow to import are imported before the first test.
+For the same reason packages that are slow to import are imported before the first test, and a test that exceeds the
+limit is measured again: Hypothesis reads all modules at its first example in a fresh clone.
 
 Reasons: docs/decisions/0074-short-and-long-tests.md
 """
 
 import importlib
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -45,9 +48,9 @@ class Durations:
         seconds: The duration of each test that has run.
     """
 
-    def __init__(self, record: bool, limit: float | None) -> None:
+    def __init__(self, record: bool, limit: float | None, once: bool = False) -> None:
         self.seconds: dict[str, float] = {}
-        self._record, self._limit = record, limit
+        self._record, self._limit, self._once = record, limit, once
         self._long = listed()
 
     @property
@@ -88,8 +91,13 @@ class Durations:
         if self._record:
             lines = [f"{value:.1f}\t{name}" for name, value in sorted(self.seconds.items()) if value > LONG]
             LIST.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        if self.exceeding and session.exitstatus == pytest.ExitCode.OK:
+        if self.exceeding and session.exitstatus == pytest.ExitCode.OK and (self._once or self._exceed_again(session)):
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def _exceed_again(self, session: pytest.Session) -> bool:
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", ""]
+        again = [*command, "--limit", str(self._limit), "--once", *self.exceeding]
+        return subprocess.run(again, cwd=session.config.rootpath).returncode != pytest.ExitCode.OK
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         if self._limit is None and not self._record:
@@ -98,7 +106,8 @@ class Durations:
         long = sum(value for name, value in self.seconds.items() if name in self._long)
         terminalreporter.line(f"{sum(self.seconds.values()):.0f} s, of which {long:.0f} s in tests that are listed")
         for name, value in sorted(self.exceeding.items()):
-            terminalreporter.line(f"{value:.1f} s: {name} is neither short nor in {LIST.name}", red=True)
+            first = "" if self._once else ", measured once"
+            terminalreporter.line(f"{value:.1f} s: {name} is neither short nor in {LIST.name}{first}", red=self._once)
 
 
 def add_options(parser: pytest.Parser) -> None:
@@ -106,8 +115,11 @@ def add_options(parser: pytest.Parser) -> None:
     group = parser.getgroup("durations")
     group.addoption("--record-durations", action="store_true", help=f"write {LIST.name} anew")
     group.addoption("--limit", type=float, metavar="SECONDS", help="the longest that a test may take that is not long")
+    group.addoption("--once", action="store_true", help="believe the first measurement")
 
 
 def register(config: pytest.Config) -> None:
     """Let `Durations` watch the tests, as the options ask."""
-    config.pluginmanager.register(Durations(config.option.record_durations, config.option.limit), "durations")
+    config.pluginmanager.register(
+        Durations(config.option.record_durations, config.option.limit, config.option.once), "durations"
+    )

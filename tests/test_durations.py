@@ -36,6 +36,21 @@ def test_busy(seconds):
 """
 
 
+FIRST_IS_SLOW = """\
+import time
+from pathlib import Path
+
+HERE = Path(__file__).with_name("been_here")
+
+
+def test_first():
+    end = time.process_time() + (0.0 if HERE.exists() else 0.4)
+    while time.process_time() < end:
+        pass
+    HERE.touch()
+"""
+
+
 def test_long_tests_are_listed_left_out_and_missed(
     pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -48,6 +63,10 @@ def test_long_tests_are_listed_left_out_and_missed(
         "def pytest_addoption(parser): durations.add_options(parser)\n"
         "def pytest_configure(config): durations.register(config)\n"
     )
+    monkeypatch.setenv("PYTHONPATH", str(CHECKOUT / "tests"))
+    pytester.makepyfile(test_first=FIRST_IS_SLOW)
+    assert pytester.inline_run("--limit", "0.2", "-p", "no:cacheprovider").ret == pytest.ExitCode.OK
+    pytester.path.joinpath("test_first.py").unlink()
     pytester.makepyfile(test_it=BUSY)
     assert pytester.inline_run("--limit", "0.2", "-p", "no:cacheprovider").ret == pytest.ExitCode.TESTS_FAILED
     assert pytester.inline_run("--limit", "5", "-p", "no:cacheprovider").ret == pytest.ExitCode.OK
