@@ -129,19 +129,29 @@ Subscribers: TypeAlias = "Callable[[Event], object] | Mapping[str, Callable[[Eve
 """A function that is called for all events, or functions by the names of events, in which ``*`` matches anything."""
 
 
-def load(path: FilePath, changes: Changes | None = None, *, seed: int | None = None) -> Scenario:
+def load(
+    path: FilePath,
+    changes: Changes | None = None,
+    *,
+    seed: int | None = None,
+    trust: bool = False,
+    plugins: Sequence[FilePath] = (),
+) -> Scenario:
     """Read a scenario and check all of it.
 
     Args:
         path: A scenario in YAML or TOML, or a log that contains one.
         changes: Values that replace those of the file, by their paths, such as ``{"agents.robot.count": 8}``.
         seed: A seed that replaces the one of the scenario.
+        trust: Whether to execute the Python files that the scenario names as `plugins`; otherwise they must be trusted
+            already (`symaware trust`).
+        plugins: Further such files, which are trusted; they are in the scenario's folder or below.
 
     Raises:
         ScenarioError: The scenario has problems; the text lists each with its place, like `symaware validate`.
         LogError: The log cannot be read, or contains no scenario.
     """
-    scenario = Scenario(path, changes, seed=seed)
+    scenario = Scenario(path, changes, seed=seed, trust=trust, plugins=plugins)
     scenario.outline = scenario.validate()
     return scenario
 
@@ -157,8 +167,18 @@ class Scenario:
         outline: The outline when it was loaded; None if it was not checked.
     """
 
-    def __init__(self, path: FilePath, changes: Changes | None = None, *, seed: int | None = None) -> None:
+    def __init__(
+        self,
+        path: FilePath,
+        changes: Changes | None = None,
+        *,
+        seed: int | None = None,
+        trust: bool = False,
+        plugins: Sequence[FilePath] = (),
+    ) -> None:
         self.path = Path(path)
+        self._trust = trust
+        self._plugins = tuple(map(Path, plugins))
         self._changes = assignments(changes)
         self.seed = seed
         self.outline: Outline | None = None
@@ -329,11 +349,15 @@ class Scenario:
         options = {path: value for path, value in asked.items() if value is not None}
         if pace == math.inf:
             options["run.pace"] = None
-        built = open_scenario(
-            self.path,
-            (*self._changes, *assignments(changes), *assignments(options)),
-            self.seed if seed is None else seed,
-        )
+        with ExitStack() as stack:
+            changed = [*self._changes, *assignments(changes), *assignments(options)]
+            if self._trust or self._plugins:
+                from symaware_cli.language import add_plugins
+                from symaware_cli.plugin_files import trusting
+
+                own = add_plugins(self.path, self._plugins, changed)
+                stack.enter_context(trusting(lambda files: self._trust or own.issuperset(files.named)))
+            built = open_scenario(self.path, changed, self.seed if seed is None else seed)
         if built.options.turn_limit is not None and threading.current_thread() is not threading.main_thread():
             warnings.warn("`run.turn_limit` holds in the main thread only", RuntimeWarning, stacklevel=3)
         return built

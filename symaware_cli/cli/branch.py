@@ -35,6 +35,7 @@ def branch(
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+    trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
     """Repeat a run up to an instant, and continue with something changed; with --over, with each of several values."""

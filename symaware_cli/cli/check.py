@@ -17,6 +17,7 @@ from symaware_cli.cli.terminal import (
     VIOLATED,
     WRONG_INPUT,
     Json,
+    Trust,
     fail,
     print_json,
     printable,
@@ -51,6 +52,7 @@ def check(
     again: Annotated[
         bool, typer.Option("--again", help="Repeat the run instead of reading what was recorded of it.")
     ] = False,
+    trust: Trust = False,
     as_json: Json = False,
 ) -> None:
     """Check specifications on logs: those of the run, or new ones."""

@@ -37,6 +37,7 @@ def estimate(
     overrides: terminal.Overrides = None,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of all random draws.")] = 0,
     jobs: terminal.Jobs = None,
+    trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
     """Estimate how probable a rare event is, by splitting runs where they come closer to it."""

@@ -40,6 +40,7 @@ def falsify(
         Path | None,
         typer.Option("--output", "-o", help="A new folder for the counterexample and its log.", metavar="DIR"),
     ] = None,
+    trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
     """Search for a violation of a specification, and simplify it. Exit status 3 if one is found."""

@@ -6,19 +6,20 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, bold, fail, print_json
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, OwnPlugins, bold, fail, print_json
 from symaware_cli.help_place import in_help
 
 
 @in_help("author", 20)
 def list_plugins(
     kind: Annotated[str | None, typer.Argument(help="The kind, such as `components`; by default all.")] = None,
+    plugins: OwnPlugins = None,
     as_json: Json = False,
 ) -> None:
     """List the installed plugins, with their packages."""
     from symaware_cli.cli.plugin_catalogue import every_plugin
 
-    catalogue = every_plugin()
+    catalogue = every_plugin(plugins or ())
     kinds = {each.plural: each for each in catalogue.kinds.values()}
     if kind is not None and kind not in kinds:
         fail(f"there are no plugins of the kind `{kind}`; there are {', '.join(kinds)}", WRONG_INPUT, as_json)

@@ -65,6 +65,8 @@ def run(
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.", rich_help_panel=_RESULT)
     ] = False,
+    trust: terminal.Trust = False,
+    plugins: terminal.OwnPlugins = None,
     as_json: terminal.Json = False,
     only: Annotated[
         list[str] | None,
@@ -132,9 +134,9 @@ def run(
         from symaware_cli.api import Scenario
 
         if index is not None or os.path.isdir(scenario):
-            source = _of_sweep(scenario, index, [seed is not None, overrides], as_json=as_json)
+            source = _of_sweep(scenario, index, [seed is not None, overrides, plugins], as_json=as_json)
         else:
-            source = Scenario(scenario, overrides, seed=seed)
+            source = Scenario(scenario, overrides, seed=seed, plugins=plugins or ())
         try:
             result = source.run(
                 output=output,
@@ -191,7 +193,7 @@ def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_j
     if not folder.is_dir():
         terminal.fail("--index goes with the folder of a sweep", terminal.WRONG_INPUT, as_json)
     if any(others):
-        terminal.fail("--seed and --set would make another run of it", terminal.WRONG_INPUT, as_json)
+        terminal.fail("--seed, --set and --plugin would make another run of it", terminal.WRONG_INPUT, as_json)
     return scenario_of(folder, index)
 
 

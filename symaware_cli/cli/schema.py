@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, fail
+from symaware_cli.cli.terminal import WRONG_INPUT, OwnPlugins, fail
 from symaware_cli.help_place import in_help
 
 
@@ -16,16 +16,20 @@ def schema(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
     sweep: Annotated[bool, typer.Option("--sweep", help="The schema of files of sweeps instead.")] = False,
     built_in: Annotated[bool, typer.Option("--built-in", help="Without the plugins of other packages.")] = False,
+    plugins: OwnPlugins = None,
 ) -> None:
     """Write the JSON schema of scenarios (or sweeps) for editors, with the parameters of every installed plugin."""
     import json
+
+    from symaware_cli.cli.plugin_catalogue import with_files
+    from symaware_cli.language import Catalogue
 
     if sweep:
         from symaware_cli.studies.sweep_schema import sweep_schema as described
     else:
         from symaware_cli.language import scenario_schema as described
 
-    content, broken = described(built_in_only=built_in)
+    content, broken = described(built_in_only=built_in, catalogue=with_files(Catalogue(), plugins or ()))
     text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"
     for problem in broken:
         typer.echo(f"symaware: left out: {problem}", err=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, bold, fail, print_json, trouble_shown
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, OwnPlugins, Trust, bold, fail, print_json, trouble_shown
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -37,11 +38,13 @@ def show(
         Path | None,
         typer.Option("--output", "-o", help="Of a scenario: the figure, .png, .svg or .pdf; by default NAME.svg."),
     ] = None,
+    trust: Trust = False,
+    plugins: OwnPlugins = None,
     as_json: Json = False,
 ) -> None:
     """Show the purpose and parameters (units, defaults) of a plugin, or draw the knowledge models of a scenario."""
     if Path(name).suffix in (".yaml", ".yml", ".toml"):
-        _draw(Path(name), output, as_json=as_json)
+        _draw(Path(name), output, plugins or (), as_json=as_json)
         return
     if output is not None:
         fail("--output goes with a scenario", WRONG_INPUT, as_json)
@@ -50,7 +53,7 @@ def show(
     from symaware_cli.language import describe
 
     try:
-        descriptions = describe(name, every_plugin())
+        descriptions = describe(name, every_plugin(plugins or ()))
     except PluginError as error:
         hint = f"; did you mean `{error.suggestion}`?" if error.suggestion else ""
         fail(f"{error}{hint}", WRONG_INPUT, as_json)
@@ -60,7 +63,7 @@ def show(
     typer.echo("\n\n".join(_text(description) for description in descriptions))
 
 
-def _draw(scenario: Path, output: Path | None, *, as_json: bool) -> None:
+def _draw(scenario: Path, output: Path | None, plugins: Sequence[Path], *, as_json: bool) -> None:
     """Draw the knowledge models of a scenario."""
     with trouble_shown(as_json):
         from symaware_cli.api import load
@@ -70,7 +73,7 @@ def _draw(scenario: Path, output: Path | None, *, as_json: bool) -> None:
 
         if output is not None:
             check_format(output)
-        models = load(scenario).knowledge_models()
+        models = load(scenario, plugins=plugins).knowledge_models()
         if not models:
             fail(f"{scenario} has no knowledge models", WRONG_INPUT, as_json)
         from symaware_cli.views import matplotlib_required

@@ -10,9 +10,12 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
 
 import typer
+
+if TYPE_CHECKING:
+    from symaware_cli.plugin_files import FileSet
 
 FAILED, WRONG_INPUT, DATA_LOST, VIOLATED, INTERRUPTED = 1, 2, 3, 3, 130
 
@@ -46,6 +49,30 @@ Jobs = Annotated[
         help="Number of worker processes, by default one per core; 0 to run in this process.",
         metavar="N",
     ),
+]
+
+
+def _trust(ctx: typer.Context, given: bool) -> bool:
+    """Trust the files of plugins of all scenarios until the command ends."""
+    if given and not ctx.resilient_parsing:
+        from symaware_cli.plugin_files import trusting
+
+        ctx.with_resource(trusting(_trust_aloud))
+    return given
+
+
+def _trust_aloud(files: FileSet) -> bool:
+    for name, digest in files.digests.items():
+        typer.echo(f"symaware: trusted {name}, SHA-256 {digest}", err=True)
+    return True
+
+
+Trust = Annotated[
+    bool, typer.Option("--trust", callback=_trust, help="Execute the scenario's own Python files (`plugins`).")
+]
+OwnPlugins = Annotated[
+    list[Path] | None,
+    typer.Option("--plugin", help="A trusted Python file with plugins; may be repeated.", metavar="FILE"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 

@@ -9,8 +9,10 @@ import typer
 from symaware_cli.cli.terminal import (
     Json,
     Overrides,
+    OwnPlugins,
     ScenarioPath,
     Seed,
+    Trust,
     is_lively,
     output_kept,
     print_json,
@@ -20,13 +22,20 @@ from symaware_cli.help_place import in_help
 
 
 @in_help("check", 10)
-def validate(scenario: ScenarioPath, seed: Seed = None, overrides: Overrides = None, as_json: Json = False) -> None:
+def validate(
+    scenario: ScenarioPath,
+    seed: Seed = None,
+    overrides: Overrides = None,
+    trust: Trust = False,
+    plugins: OwnPlugins = None,
+    as_json: Json = False,
+) -> None:
     """Check a scenario without running it, and report every problem and warning with its place."""
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api import Scenario
         from symaware_cli.language import render, to_json
 
-        outline = Scenario(scenario, overrides, seed=seed).validate()
+        outline = Scenario(scenario, overrides, seed=seed, plugins=plugins or ()).validate()
     if as_json:
         print_json(
             {

@@ -42,6 +42,7 @@ def verify(
         typer.Option(help="The key that a certificate has to be signed with, public or private.", metavar="FILE"),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+    trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
     """Repeat runs, and report whether they are equal or where they differ. Exit status 1 if they differ."""

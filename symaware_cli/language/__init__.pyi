@@ -19,6 +19,7 @@ from .files import open_scenario as open_scenario
 from .files import unused_path as unused_path
 from .json_schema import describe_plugins as describe_plugins
 from .json_schema import scenario_schema as scenario_schema
+from .own_plugins import add_plugins as add_plugins
 from .package_origin import ORIGIN as ORIGIN
 from .plugin_factory import mapping as mapping
 from .plugin_factory import words as words

@@ -24,6 +24,7 @@ from symaware_cli.language.document import ScenarioDocument, TopologyUse, docume
 from symaware_cli.language.fault_builder import FaultBuilder
 from symaware_cli.language.group_builder import GroupBuilder
 from symaware_cli.language.network_builder import NetworkBuilder
+from symaware_cli.language.own_plugins import with_own_plugins
 from symaware_cli.language.parts import check_omitted
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, topologies, words
 from symaware_cli.language.presence_builder import PresenceBuilder
@@ -155,7 +156,9 @@ class _SimulationBuilder:
         self._world = world
         self._diagnosis = Diagnosis(composition, found)
         self._problems, self._report = self._diagnosis.problems, self._diagnosis.report
-        self._factory = PluginFactory(self._diagnosis, catalogue)
+        catalogue, own_files = with_own_plugins(catalogue, self._diagnosis, folder)
+        self._own_files = own_files or {}
+        self._factory = PluginFactory(self._diagnosis, catalogue, is_complete=own_files is not None)
         #: Whether a fault limits the bandwidth of links.
         self._narrowed = False
 
@@ -231,7 +234,7 @@ class _SimulationBuilder:
         for name, use in document.subscribers.items() if self._world is None else ():
             simulation.events.subscribe_matching(use.event, self._factory.plugins["subscribers", name], use.of)
         sections.connect(simulation)
-        files = {**self._composition.files, **assets(document, sections.parameters(), folders)}
+        files = {**self._composition.files, **self._own_files, **assets(document, sections.parameters(), folders)}
 
         def find_warnings() -> Sequence[Problem]:
             check.find_warnings()

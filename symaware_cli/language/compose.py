@@ -162,9 +162,10 @@ def _with_relative_files(
             for key, entry in root.value.items()
         }
         changed = any(entry.node is not root.value[key].node for key, entry in entries.items())
-        if not inside and "assets" in entries:
-            entries["assets"] = MappingEntry(entries["assets"].key, _relative_folders(entries["assets"].node, folders))
-            changed = True
+        for listed in ("assets", "plugins") if not inside else ():
+            if listed in entries:
+                entries[listed] = MappingEntry(entries[listed].key, _relative_to_top(entries[listed].node, folders))
+                changed = True
         named = entries.get("file")
         folder = folders.get(named.node.span.file) if named and around in ("shape", "with") else None
         if named and folder and isinstance(named.node.value, str) and not is_packaged(named.node.value):
@@ -174,8 +175,8 @@ def _with_relative_files(
     return root
 
 
-def _relative_folders(listed: SourceNode, folders: Mapping[str, str]) -> SourceNode:
-    """Returns a list of folders, relative to the top file's folder."""
+def _relative_to_top(listed: SourceNode, folders: Mapping[str, str]) -> SourceNode:
+    """Returns a list of paths, relative to the top file's folder."""
     if not isinstance(listed.value, list):
         return listed
     found = [

@@ -280,6 +280,13 @@ class ScenarioDocument(Section):
         description="Further folders, relative to the scenario file, in which mesh and URDF files and the packages "
         "that these name are looked for after the scenario's own.",
     )
+    plugins: tuple[str, ...] = Field(
+        (),
+        max_length=64,
+        description="Files of Python below the scenario's folder, with components and other plugins of its own: "
+        "`controllers.py` has those that `use: controllers.NAME` names. They are executed only if the person who runs "
+        "the scenario trusts them.",
+    )
     run: RunSection = Field(description="The duration, mode and limits of the run.")
     environment: EnvironmentUse = Field(description="The world.")
     agents: dict[Name, GroupSection] = Field(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -48,9 +50,16 @@ def open_scenario(
     """
     if path.suffix != ".mcap":
         return build(path, changes, seed, catalogue, world=world, statements=statements)
-    with tempfile.TemporaryDirectory() as folder:
+    folder, built = tempfile.mkdtemp(prefix="symaware-"), None
+    try:
         file, written = extracted(path, Path(folder))
         built = build(file, changes, seed, catalogue, f"{path}:{RESOLVED}", world, statements)
+    finally:
+        if built is not None and built.document.plugins:
+            # Processes that a run starts import the scenario's own plugins from there.
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        else:
+            shutil.rmtree(folder, ignore_errors=True)
     return replace(built, files=written)
 
 

@@ -30,12 +30,20 @@ class PluginFactory:
         sections: The class of each section that a plugin adds, by key; None for one that cannot be imported.
     """
 
-    def __init__(self, diagnosis: Diagnosis, catalogue: Catalogue) -> None:
+    def __init__(self, diagnosis: Diagnosis, catalogue: Catalogue, is_complete: bool = True) -> None:
+        """Prepare.
+
+        Args:
+            diagnosis: Has the composed document, and takes problems.
+            catalogue: The plugins.
+            is_complete: Whether it has all of them, so that a name that it does not have is wrong.
+        """
         self.plugins: dict[Path, Any] = {}
         self.parameters: list[Path] = []
         self.kinds: dict[str, type[Fault] | None] = {}
         self.sections: dict[str, Any] = {}
         self._catalogue = catalogue
+        self._is_complete = is_complete
         self._composition = diagnosis.composition
         self._problems = diagnosis.problems
         self._report = diagnosis.report
@@ -85,6 +93,8 @@ class PluginFactory:
         try:
             plugin = self._catalogue.load(kind, use)
         except PluginError as error:
+            if error.code == "unknown-plugin" and not self._is_complete:
+                return
             self._report(error.code, str(error), (*path, "use"), expected=error.expected, suggestion=error.suggestion)
             return
         self.plugins[path] = plugin

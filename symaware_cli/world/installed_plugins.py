@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from importlib import metadata
-from typing import Any
+from typing import Any, Self
 
 from symaware_cli import entry_points
 from symaware_cli.entry_points import Listing, Listings, PluginError, PluginWarning, chosen, listings_of
@@ -30,6 +30,14 @@ class InstalledPlugins:
     def add(self, kinds: Iterable[PluginKind]) -> None:
         """Find plugins of further kinds as well."""
         self.kinds.update((kind.name, kind) for kind in kinds)
+
+    def with_plugins(self, listings: Iterable[Listing]) -> Self:
+        """Return these plugins and further ones, whose names are not among these."""
+        both = type(self)(tuple(self.kinds.values()))
+        both._points, both._found = self._points, {kind: dict(self._entries(kind)) for kind in self.kinds}
+        for listing in listings:
+            both._found[listing.kind] = {**both._found[listing.kind], listing.name: [listing]}
+        return both
 
     @cached_property
     def _points(self) -> metadata.EntryPoints:

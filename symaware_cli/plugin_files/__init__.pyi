@@ -1,0 +1,11 @@
+from .file_set import FileSet as FileSet
+from .file_set import PluginFileError as PluginFileError
+from .file_set import read_files as read_files
+from .loading import load_files as load_files
+from .names import named as named
+from .names import plugins_of as plugins_of
+from .trust import forget as forget
+from .trust import kept_folder as kept_folder
+from .trust import remember as remember
+from .trust import trusted_folders as trusted_folders
+from .trust import trusting as trusting
