@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         sweep,
         verify_sweep,
     )
+    from symaware_cli.api.scenario import scenario as scenario
     from symaware_cli.assets import Vehicle
     from symaware_cli.core import (
         Agent,
@@ -83,6 +84,7 @@ if TYPE_CHECKING:
         nanoseconds,
         seconds,
     )
+    from symaware_cli.core.function_controller import controller
     from symaware_cli.core.identifiers import AgentParameters, AgentPattern, ComponentParameters, ComponentPattern
     from symaware_cli.core.stateful import StateError
     from symaware_cli.core.verdict import SpecificationStatus
@@ -127,6 +129,7 @@ if TYPE_CHECKING:
     from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
     from symaware_cli.language import ScenarioError, ScenarioSection, SectionContext
     from symaware_cli.log import Log, LogError, Series, open_log
+    from symaware_cli.plugin_files import component
     from symaware_cli.processes import (
         DistributionError,
         Place,
@@ -254,6 +257,8 @@ __all__ = [
     "check_log",
     "compare",
     "compare_sweeps",
+    "component",
+    "controller",
     "estimate",
     "falsify",
     "generator",
@@ -261,6 +266,7 @@ __all__ = [
     "load",
     "nanoseconds",
     "open_log",
+    "scenario",
     "seconds",
     "sweep",
     "verify_certificate",
@@ -282,13 +288,14 @@ _HOMES = {
     "symaware_cli.evidence.branch_changes": ("BranchError",),
     "symaware_cli.evidence.branching": ("BranchResult", "branch", "branches"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
-    "symaware_cli.api.scenario": ("GroupOutline", "Outline", "Scenario", "load"),
+    "symaware_cli.api.scenario": ("GroupOutline", "Outline", "Scenario", "load", "scenario"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
     "symaware_cli.evidence.sweep_comparison": ("SweepComparison", "compare_sweeps"),
     "symaware_cli.evidence.sweep_verification": ("SweepVerification",),
     "symaware_cli.api.sweeps": ("sweep", "verify_sweep"),
     "symaware_cli.evidence.verification": ("VerificationResult", "verify_log"),
     "symaware_cli.engine.components.sensor": ("Sensor", "SensorParameters"),
+    "symaware_cli.core.function_controller": ("controller",),
     "symaware_cli.core.identifiers": ("AgentParameters", "AgentPattern", "ComponentParameters", "ComponentPattern"),
     "symaware_cli.core.stateful": ("StateError",),
     "symaware_cli.core.verdict": ("SpecificationStatus",),
@@ -302,6 +309,7 @@ _HOMES = {
         "TransportError",
         "TransportParameters",
     ),
+    "symaware_cli.plugin_files.plugin_names": ("component",),
     "symaware_cli.processor": ("ProcessorWarning",),
     "symaware_cli.log.error": ("LogError",),
     "symaware_cli.evidence.checking": ("CheckResult", "check_log"),

@@ -28,6 +28,7 @@ VOLATILE = (
     r"\b\d+\.\d+\.\d+\b",  # a version
     r"and \d+ more \(--json\)",
     r"/timing .*",
+    r"SHA-256 \S+",
     r"the centres of .* at",  # several pairs are equally near in hello.yaml; rounding chooses
 )
 
@@ -156,13 +157,20 @@ def written(block: Block, folder: Path, number: int) -> Path:
 @pytest.mark.parametrize("document", having("console"), ids=ids)
 def test_a_command_prints_what_the_document_shows(document: Path, folder: Path) -> None:
     scripts = str(Path(sys.executable).parent)
-    environment = {**os.environ, "PATH": os.pathsep.join([scripts, os.environ["PATH"]]), "COLUMNS": "100"}
+    environment = {
+        **os.environ,
+        "PATH": os.pathsep.join([scripts, os.environ["PATH"]]),
+        "COLUMNS": "100",
+        "XDG_CONFIG_HOME": str(folder / "configuration"),
+    }
     if registers(document):
         installed(document, folder)
         environment["PYTHONPATH"] = os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")])
     for number, block in enumerate(blocks(document)):
         if block.language in ("yaml", "toml") and re.match(r"# (?!pyproject)", block.text):
             written(block, folder, number)
+        if block.language == "python" and (named := re.match(r"# (\w+\.py)\n", block.text)):
+            (folder / named[1]).write_text(block.text)
         if block.language != "console":
             continue
         started: list[tuple[Command, subprocess.Popen[str]]] = []

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from symaware_cli.api.stepping import SteppedSimulation
     from symaware_cli.core import Event
     from symaware_cli.knowledge import KnowledgeModel
-    from symaware_cli.language import Problem
+    from symaware_cli.language import Assignment, Problem
     from symaware_cli.language.build import Built
+    from symaware_cli.language.inline_scenario import InlineScenario
     from symaware_cli.processes import Place
 
 
@@ -154,6 +155,30 @@ def load(
     scenario = Scenario(path, changes, seed=seed, trust=trust, plugins=plugins)
     scenario.outline = scenario.validate()
     return scenario
+
+
+def scenario(content: Mapping[str, Any], changes: Changes | None = None, *, seed: int | None = None) -> Scenario:
+    """Check a scenario that is written in Python.
+
+    Args:
+        content: The document, as in a file. `use` may also be a class, or a function of the state, the knowledge and
+            the time (see `controller`). Files are relative to the current folder.
+        changes: Values that replace those of the document.
+        seed: A seed that replaces the one of the scenario.
+
+    A class in a file of the current folder is loaded from that file and kept in the log, which can then be repeated
+    alone. Others, such as those of a notebook, run as they are; `verify_log` says so if it needs them and they are not
+    there.
+
+    Raises:
+        ScenarioError: The scenario has problems; each is located at the call.
+        TypeError: A value has a type that scenarios do not support.
+    """
+    from symaware_cli.language.inline_scenario import InlineScenario, caller
+
+    made = _ProgramScenario(InlineScenario(content, caller(1)), changes, seed)
+    made.outline = made.validate()
+    return made
 
 
 class Scenario:
@@ -343,8 +368,6 @@ class Scenario:
     def _build(
         self, changes: Changes | None, seed: int | None, mode: Mode | None, duration: float | None, pace: float | None
     ) -> Built:
-        from symaware_cli.language import open_scenario
-
         asked: dict[str, Any] = {"run.mode": mode, "run.duration": duration, "run.pace": pace}
         options = {path: value for path, value in asked.items() if value is not None}
         if pace == math.inf:
@@ -357,10 +380,15 @@ class Scenario:
 
                 own = add_plugins(self.path, self._plugins, changed)
                 stack.enter_context(trusting(lambda files: self._trust or own.issuperset(files.named)))
-            built = open_scenario(self.path, changed, self.seed if seed is None else seed)
+            built = self._open(changed, self.seed if seed is None else seed)
         if built.options.turn_limit is not None and threading.current_thread() is not threading.main_thread():
             warnings.warn("`run.turn_limit` holds in the main thread only", RuntimeWarning, stacklevel=3)
         return built
+
+    def _open(self, changes: Sequence[Assignment], seed: int | None) -> Built:
+        from symaware_cli.language import open_scenario
+
+        return open_scenario(self.path, changes, seed)
 
     def _log(self, built: Built, output: FilePath | None) -> Path:
         """Return the path of the log of a run."""
@@ -382,6 +410,17 @@ class Scenario:
 
     def _repr_html_(self) -> str | None:
         return self.outline.report.html if self.outline else None
+
+
+class _ProgramScenario(Scenario):
+    """A scenario that a program wrote as a mapping."""
+
+    def __init__(self, content: InlineScenario, changes: Changes | None, seed: int | None) -> None:
+        super().__init__(content.place, changes, seed=seed)
+        self._content = content
+
+    def _open(self, changes: Sequence[Assignment], seed: int | None) -> Built:
+        return self._content.build(changes, seed)
 
 
 def _warn_of_processor() -> None:

@@ -38,7 +38,6 @@ def certify(
         Path | None,
         typer.Option("--output", "-o", help="The certificate, by default certificate.json in DIR.", metavar="FILE"),
     ] = None,
-    trust: Trust = False,
     as_json: Json = False,
 ) -> None:
     """Decide the claim in the plan of a sweep. Exit status 3 if it is not established."""

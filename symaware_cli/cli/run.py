@@ -65,8 +65,8 @@ def run(
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.", rich_help_panel=_RESULT)
     ] = False,
-    trust: terminal.Trust = False,
-    plugins: terminal.OwnPlugins = None,
+    trust: Annotated[bool, terminal.trust_option(_WHAT)] = False,
+    plugins: Annotated[list[Path] | None, terminal.own_plugins_option(_WHAT)] = None,
     as_json: terminal.Json = False,
     only: Annotated[
         list[str] | None,

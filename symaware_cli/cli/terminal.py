@@ -67,13 +67,20 @@ def _trust_aloud(files: FileSet) -> bool:
     return True
 
 
-Trust = Annotated[
-    bool, typer.Option("--trust", callback=_trust, help="Execute the scenario's own Python files (`plugins`).")
-]
-OwnPlugins = Annotated[
-    list[Path] | None,
-    typer.Option("--plugin", help="A trusted Python file with plugins; may be repeated.", metavar="FILE"),
-]
+def trust_option(panel: str | None = None) -> Any:
+    """The option that trusts the files of plugins of a scenario, in a panel of the help."""
+    said = "Execute the scenario's own Python files (`plugins`)."
+    return typer.Option("--trust", callback=_trust, help=said, rich_help_panel=panel)
+
+
+def own_plugins_option(panel: str | None = None) -> Any:
+    """The option that adds a file of plugins, in a panel of the help."""
+    said = "A Python file with plugins, which is executed; may be repeated."
+    return typer.Option("--plugin", help=said, metavar="FILE", rich_help_panel=panel)
+
+
+Trust = Annotated[bool, trust_option()]
+OwnPlugins = Annotated[list[Path] | None, own_plugins_option()]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 

@@ -79,8 +79,11 @@ class Built:
 
     @property
     def digest(self) -> bytes:
-        """The SHA-256 of the resolved document, which identifies the scenario."""
-        return hashlib.sha256(self.resolved).digest()
+        """The SHA-256 of the resolved document, and of the scenario's own plugins; identifies the scenario."""
+        content = [self.resolved]
+        if self.document.plugins:
+            content += [self.files[name] for name in sorted(self.files) if name.endswith(".py")]
+        return hashlib.sha256(b"\0".join(content)).digest()
 
 
 def build(
@@ -158,7 +161,7 @@ class _SimulationBuilder:
         self._problems, self._report = self._diagnosis.problems, self._diagnosis.report
         catalogue, own_files = with_own_plugins(catalogue, self._diagnosis, folder)
         self._own_files = own_files or {}
-        self._factory = PluginFactory(self._diagnosis, catalogue, is_complete=own_files is not None)
+        self._factory = PluginFactory(self._diagnosis, catalogue, folder, is_complete=own_files is not None)
         #: Whether a fault limits the bandwidth of links.
         self._narrowed = False
 

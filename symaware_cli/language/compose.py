@@ -4,13 +4,13 @@ All steps work on trees of nodes with positions, so that the file (or the `--set
 """
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from pathlib import PurePath, PurePosixPath, PureWindowsPath
 from typing import Any, Self
 
 from symaware_cli.assets.asset import is_packaged
-from symaware_cli.language.assignment import assigned
+from symaware_cli.language.assignment import Assignment, assigned
 from symaware_cli.language.changes import Changes, assignments
 from symaware_cli.language.parameter_references import substitute
 from symaware_cli.language.problem import Problem, ScenarioError, TextSpan, dotted, quoted
@@ -139,14 +139,44 @@ def compose(
         if stated.root is None:
             raise ScenarioError(_problems(sources))
         root = _with_statements(root, stated.root)
+    return _resolved(files.name, root, changed, sources, files.raw, files.folders)
+
+
+def compose_content(
+    root: SourceNode, source: Source, files: dict[str, bytes], changes: Changes | None = None
+) -> Composition:
+    """Resolves a scenario that a program wrote as a mapping.
+
+    Args:
+        root: The document; all of its values are at the place in the program.
+        source: The text of the program.
+        files: The document as a file.
+        changes: Values that replace those of the document.
+
+    Raises:
+        ScenarioError: Contains every problem found; a `CompositionError` if the document can be checked further.
+    """
+    changed = assignments(changes)
+    sources = {source.name: source} | {each.source.name: each.source.copy() for each in changed}
+    return _resolved(source.name, root, changed, sources, files, {})
+
+
+def _resolved(
+    name: str,
+    root: SourceNode,
+    changed: Sequence[Assignment],
+    sources: dict[str, Source],
+    raw: dict[str, bytes],
+    folders: Mapping[str, str],
+) -> Composition:
     root = assigned(root, changed, sources)
     root = substitute(root, sources)
-    if any(files.folders.values()):
-        root = _with_relative_files(root, files.folders)
+    if any(folders.values()):
+        root = _with_relative_files(root, folders)
     problems = _problems(sources)
     if not _is_whole(sources):
         raise ScenarioError(problems)
-    composition = Composition(files.name, root, files.raw, sources)
+    composition = Composition(name, root, raw, sources)
     if problems:
         raise CompositionError(problems, composition)
     return composition

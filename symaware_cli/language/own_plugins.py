@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 
 from symaware_cli.language.assignment import Assignment
@@ -38,13 +38,17 @@ def with_own_plugins(
     names = diagnosis.composition.data.get("plugins")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         return catalogue, {}
-    from symaware_cli.plugin_files import PluginFileError, plugins_of, read_files
+    from symaware_cli.plugin_files import PluginFileError, inline_plugins, plugins_of, read_files
 
     kinds = [kind for name, kind in catalogue.kinds.items() if name != SECTION.name]
     taken = {listing.name for kind in kinds for listing in catalogue.listings(kind.name)}
+    files = [name for name in names if not name.startswith("<")]
     try:
-        files = read_files(folder, names)
-        return catalogue.with_plugins(plugins_of(files, kinds, taken)), files.contents
+        inline = inline_plugins([name[1:-1] for name in names if name.startswith("<")], kinds)
+        if not files:
+            return catalogue.with_plugins(inline), {}
+        read = read_files(folder, files)
+        return catalogue.with_plugins([*inline, *plugins_of(read, kinds, taken)]), read.contents
     except PluginFileError as error:
         path, expected = ("plugins", names.index(error.name)), error.expected
         message = str(error)
@@ -55,7 +59,7 @@ def with_own_plugins(
         return catalogue, None
 
 
-def add_plugins(scenario: FilePath, files: Sequence[FilePath], changes: list[Assignment]) -> Collection[str]:
+def add_plugins(scenario: FilePath, files: Sequence[FilePath], changes: list[Assignment]) -> frozenset[str]:
     """Add files of plugins to those that a scenario names.
 
     Args:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path as FilePath
 from typing import Any
 
 from pydantic import BaseModel
@@ -30,12 +31,13 @@ class PluginFactory:
         sections: The class of each section that a plugin adds, by key; None for one that cannot be imported.
     """
 
-    def __init__(self, diagnosis: Diagnosis, catalogue: Catalogue, is_complete: bool = True) -> None:
+    def __init__(self, diagnosis: Diagnosis, catalogue: Catalogue, folder: FilePath, is_complete: bool = True) -> None:
         """Prepare.
 
         Args:
             diagnosis: Has the composed document, and takes problems.
             catalogue: The plugins.
+            folder: The folder of the scenario.
             is_complete: Whether it has all of them, so that a name that it does not have is wrong.
         """
         self.plugins: dict[Path, Any] = {}
@@ -43,6 +45,7 @@ class PluginFactory:
         self.kinds: dict[str, type[Fault] | None] = {}
         self.sections: dict[str, Any] = {}
         self._catalogue = catalogue
+        self._folder = folder
         self._is_complete = is_complete
         self._composition = diagnosis.composition
         self._problems = diagnosis.problems
@@ -93,9 +96,14 @@ class PluginFactory:
         try:
             plugin = self._catalogue.load(kind, use)
         except PluginError as error:
-            if error.code == "unknown-plugin" and not self._is_complete:
-                return
-            self._report(error.code, str(error), (*path, "use"), expected=error.expected, suggestion=error.suggestion)
+            expected = error.expected
+            if error.code == "unknown-plugin":
+                if not self._is_complete:
+                    return
+                file = f"{use.partition('.')[0]}.py"
+                if "." in use and "/" not in file and (self._folder / file).is_file():
+                    expected = f"`plugins: [{file}]` in the scenario, for what that file defines"
+            self._report(error.code, str(error), (*path, "use"), expected=expected, suggestion=error.suggestion)
             return
         self.plugins[path] = plugin
         if kind == "subscriber":

@@ -152,6 +152,8 @@ class TimingCheck:
             problem = "reads messages, which worker processes do not receive"
         elif component._async_compute is not Component._async_compute:
             problem = "may wait within its turns, which worker processes do not support"
+        elif component.__module__ == "__main__":
+            problem = "is a class of the main program, which other processes cannot import"
         else:
             try:
                 pickle.dumps(component)

@@ -13,7 +13,7 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from symaware_cli.plugin_files.file_set import FileSet, PluginFileError, is_local, package_of, read_files
-from symaware_cli.plugin_files.trust import hand_down, handed_down, is_trusted
+from symaware_cli.plugin_files.file_trust import hand_down, handed_down, is_trusted
 
 _PREFIX = f"{__package__}.of_"
 
@@ -112,8 +112,8 @@ class _FileLoader(Loader):
     def _import(
         self,
         name: str,
-        globals: Mapping[str, Any] | None = None,
-        locals: Mapping[str, Any] | None = None,
+        globals: Mapping[str, Any] | None = None,  # noqa: A002 # the names of Python's own function
+        locals: Mapping[str, Any] | None = None,  # noqa: A002
         fromlist: Sequence[str] | None = (),
         level: int = 0,
     ) -> ModuleType:

@@ -200,6 +200,7 @@ class SweepFolder:
 
         Raises:
             SweepError: Another process is working on the folder, or runs cannot be added to the design.
+            ScenarioError: The scenario cannot be built.
         """
         if self.plan.document.design == "latin-hypercube":
             raise SweepError(
@@ -212,6 +213,9 @@ class SweepFolder:
                 f"no runs can be added to {self.path}: `{claim}` is decided by the {self.plan.document.runs:,} runs "
                 "that were planned; make another sweep, with another `seed` and more `runs` or a `sequential` claim"
             )
+        # Of a scenario that cannot be built, such as one with code that is not trusted, the table is kept.
+        with next(build_cells(self.source, Catalogue())).simulation.environment:
+            pass
         with self.locked():
             document = SweepFolder.opened(self.path).plan.document  # as the previous holder of the lock left it
             draft = self.path / f".{SWEEP}"

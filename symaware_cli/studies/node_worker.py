@@ -16,11 +16,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from symaware_cli.plugin_files import trusted_copy
 from symaware_cli.studies.executor import Blocks
 from symaware_cli.studies.folder import SweepWork
 from symaware_cli.studies.identity import CodeIdentity
 from symaware_cli.studies.row import Row
-from symaware_cli.studies.sweep_files import LOGS
+from symaware_cli.studies.sweep_files import LOGS, SCENARIO
 from symaware_cli.studies.worker_pool import CodeDifferenceError, WorkerPool, WorkerPoolError
 
 
@@ -34,6 +35,7 @@ class SweepSetup:
         timeout: Wall time after which a run is abandoned [s].
         batch: See `Runner`.
         code: The required code identity of the node.
+        own_code: The SHA-256 of each file of code of the scenario, by its path: the node has them, and trusts them.
     """
 
     key: str
@@ -41,6 +43,7 @@ class SweepSetup:
     timeout: float | None
     batch: int | None
     code: Mapping[str, Any]
+    own_code: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +86,16 @@ class _NodeWorker:
     @contextmanager
     def _copied(self) -> Iterator[Path]:
         """Provide a copy of the sweep's folder for the duration of a block; yields the folder of its logs."""
+        own = self._setup.own_code and trusted_copy(self._setup.own_code)
+        if own is None:
+            raise CodeDifferenceError(
+                f"{', '.join(self._setup.own_code)} of this sweep is not trusted on this node, or differs: "
+                f"symaware trust FOLDER on it"
+            )
+        code = {f"{SCENARIO}/{name}": content for name, content in (own or {}).items()}
         self._folder.mkdir(mode=0o700)
         try:
-            for name, content in self._setup.files.items():
+            for name, content in {**self._setup.files, **code}.items():
                 file = self._folder / name
                 file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_bytes(content)

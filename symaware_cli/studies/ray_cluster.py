@@ -5,6 +5,7 @@ Reasons: docs/decisions/0034-ray.md
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import socket
@@ -24,6 +25,9 @@ from symaware_cli.studies.row import Row
 from symaware_cli.studies.sweep_error import SweepError
 from symaware_cli.studies.sweep_execution import SweepExecution, SweepTask
 from symaware_cli.studies.sweep_files import IDENTITY, SCENARIO, SWEEP
+
+#: The suffix of files of code, which is compared with that of nodes and never sent.
+_OF_CODE = ".py"
 
 #: Timeouts for the answer of a cluster's head and for a cluster without any processor [s].
 _REACHED_WITHIN, _WITHOUT_PROCESSORS = 5.0, 60.0
@@ -62,7 +66,14 @@ class RayCluster:
         _check(address)
         # Determined before Ray is imported: only this code produces rows.
         code = CodeIdentity.of_this_process().to_json()
-        setup = SweepSetup(uuid.uuid4().hex, files_of(folder.path), folder.plan.document.timeout, batch, code)
+        setup = SweepSetup(
+            uuid.uuid4().hex,
+            files_of(folder.path),
+            folder.plan.document.timeout,
+            batch,
+            code,
+            own_code_of(folder.path),
+        )
         self._ray = _imported()
         self._is_mine = not self._ray.is_initialized()
         if self._is_mine:
@@ -139,9 +150,17 @@ class RayCluster:
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
-    """Return the files of a sweep's folder that determine its rows."""
+    """Return the files of a sweep's folder that determine its rows, without the scenario's own code."""
     found = [folder / SWEEP, folder / IDENTITY, *(each for each in (folder / SCENARIO).rglob("*") if each.is_file())]
-    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in sorted(found)}
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in sorted(found) if file.suffix != _OF_CODE}
+
+
+def own_code_of(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each file of code of a sweep's scenario, by its path relative to the scenario's folder."""
+    found = sorted((folder / SCENARIO).rglob(f"*{_OF_CODE}"))
+    return {
+        file.relative_to(folder / SCENARIO).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest() for file in found
+    }
 
 
 def _imported() -> Any:

@@ -64,8 +64,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("run hello.mcap --index 1", "--index goes with the folder of a sweep"),
         ("run swept", "say which run of its sweep to repeat, with --index"),
-        ("run swept --index 0 --seed 1", "--seed and --set would make another run of it"),
-        ("run swept --index 0 --set run.duration=1", "--seed and --set would make another run of it"),
+        ("run swept --index 0 --seed 1", "--seed, --set and --plugin would make another run of it"),
+        ("run swept --index 0 --set run.duration=1", "--seed, --set and --plugin would make another run of it"),
         ("run hello.yaml --no-record --output a.mcap", "--no-record writes no log, and --output names one"),
         ("run hello.yaml --listen 0 --join a:1", "--listen is for the host and --join for all others"),
         ("run hello.yaml --join a:1 --bind 0.0.0.0", "--bind says where a host listens"),

@@ -61,6 +61,22 @@ def is_trusted(files: FileSet) -> bool:
     return judge is not None and judge(files)
 
 
+def trusted_copy(digests: Digests) -> Mapping[str, bytes] | None:
+    """Return the contents of files that are trusted here, by their digests; None if they are not, or not there."""
+    sets = [(each["folder"], each["files"]) for each in handed_down()] + list(_kept().items())
+    for folder, trusted in sets:
+        for place in _places(digests, trusted):
+            found = {}
+            with suppress(OSError):
+                for name, digest in digests.items():
+                    content = Path(folder, place + name).read_bytes()
+                    if hashlib.sha256(content).hexdigest() == digest:
+                        found[name] = content
+            if found.keys() == digests.keys():
+                return found
+    return None
+
+
 def hand_down(files: FileSet) -> None:
     """Let processes that this one starts trust and find some files."""
     own = {"folder": str(files.folder), "named": files.named, "files": dict(files.digests)}
@@ -75,10 +91,17 @@ def handed_down() -> list[dict[str, Any]]:
 
 
 def _is_within(files: Digests, trusted: Digests) -> bool:
-    """Return whether all files are trusted, at the same paths below some folder of those that are."""
+    return next(_places(files, trusted), None) is not None
+
+
+def _places(files: Digests, trusted: Digests) -> Iterator[str]:
+    """Yield each folder below that of trusted files in which all of some files are, as the beginning of a path."""
     first = next(iter(files))
-    places = [name.removesuffix(first) for name in trusted if name == first or name.endswith(f"/{first}")]
-    return any(all(trusted.get(place + name) == digest for name, digest in files.items()) for place in places)
+    for path in trusted:
+        place = path.removesuffix(first)
+        is_one = path == place + first and place[-1:] in ("", "/")
+        if is_one and all(trusted.get(place + name) == digest for name, digest in files.items()):
+            yield place
 
 
 def remember(folder: Path) -> Digests:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from symaware_cli.entry_points import Listing
 from symaware_cli.plugin_files.file_set import FileSet, PluginFileError
+from symaware_cli.plugin_files.inline import kind_of, register
 from symaware_cli.plugin_files.loading import load_files
 from symaware_cli.world import PluginKind, describe
 
@@ -21,16 +22,34 @@ Object = TypeVar("Object", bound=Callable[..., Any])
 _NAME = "__plugin_name__"
 
 
-def named(name: str) -> Callable[[Object], Object]:
-    """Return a decorator that gives a class or function of a file a name for scenarios."""
+def component(name: str) -> Callable[[Object], Object]:
+    """Give a class, or a function of an event, a name for scenarios: a decorator.
+
+    The class is a component, or another plugin that a scenario names under ``use``. It is in a file that a scenario
+    lists as one of its `plugins`, or in the program (or notebook) that builds a scenario with `scenario`.
+
+    Args:
+        name: The name, such as ``mine.steer``.
+
+    Raises:
+        ValueError: It is not a name.
+    """
     if not isinstance(name, str) or not all(part.replace("-", "_").isidentifier() for part in name.split(".")):
         raise ValueError(f"{name!r} is not a name of a plugin, such as 'mine.steer'")
 
     def decorated(plugin: Object) -> Object:
         setattr(plugin, _NAME, name)
+        if not plugin.__module__.startswith(f"{__package__}."):
+            register(name, plugin)
         return plugin
 
     return decorated
+
+
+def name_of(plugin: Any) -> str | None:
+    """Return the name that `component` gave to a class or function itself; None if it has none."""
+    found: str | None = vars(plugin).get(_NAME)
+    return found
 
 
 def plugins_of(files: FileSet, kinds: Iterable[PluginKind], taken: Collection[str]) -> list[Listing]:
@@ -56,7 +75,7 @@ def plugins_of(files: FileSet, kinds: Iterable[PluginKind], taken: Collection[st
     for name, module_name in load_files(files).items():
         module = _imported(name, module_name, files)
         for plugin, attribute, kind in _defined(module, kept):
-            use = vars(plugin).get(_NAME) or f"{PurePosixPath(name).stem}.{attribute}"
+            use = name_of(plugin) or f"{PurePosixPath(name).stem}.{attribute}"
             if not kind.is_name(use):
                 continue
             if use in taken or any(each.name == use for each in found):
@@ -76,9 +95,13 @@ def _imported(name: str, module: str, files: FileSet) -> ModuleType:
         place = f"line {error.lineno}" if error.lineno else "it"
         raise PluginFileError(name, "broken-plugin", f"`{name}` is no valid Python: {error.msg} ({place})") from error
     except BaseException as error:
-        own = [each for each in traceback.extract_tb(error.__traceback__) if each.filename.startswith(str(files.folder))]
+        own = [
+            each for each in traceback.extract_tb(error.__traceback__) if each.filename.startswith(str(files.folder))
+        ]
         place = f" ({PurePosixPath(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
-        raise PluginFileError(name, "broken-plugin", f"`{name}` cannot be imported: {describe(error)}{place}") from error
+        raise PluginFileError(
+            name, "broken-plugin", f"`{name}` cannot be imported: {describe(error)}{place}"
+        ) from error
 
 
 def _defined(module: ModuleType, kinds: Collection[PluginKind]) -> Iterator[tuple[Any, str, PluginKind]]:
@@ -87,8 +110,6 @@ def _defined(module: ModuleType, kinds: Collection[PluginKind]) -> Iterator[tupl
     for name, each in public.items():
         if getattr(each, "__module__", None) != module.__name__ or getattr(each, "__name__", None) != name:
             continue
-        for kind in kinds:
-            is_one = issubclass(each, kind.bases) if inspect.isclass(each) else inspect.isfunction(each)
-            if is_one and bool(kind.bases) == inspect.isclass(each):
-                yield each, name, kind
-                break
+        kind = kind_of(each, kinds) if inspect.isclass(each) or inspect.isfunction(each) else None
+        if kind is not None:
+            yield each, name, kind
