@@ -12,6 +12,8 @@ from typing import Any, Self
 from symaware_cli.assets.asset import is_packaged
 from symaware_cli.language.assignment import Assignment, assigned
 from symaware_cli.language.changes import Changes, assignments
+from symaware_cli.language.group_templates import Likeness, expanded, is_about_templates
+from symaware_cli.language.merge_patch import merge
 from symaware_cli.language.parameter_references import substitute
 from symaware_cli.language.problem import Problem, ScenarioError, TextSpan, dotted, quoted
 from symaware_cli.language.source import MappingEntry, Path, Source, SourceNode
@@ -48,7 +50,15 @@ class Composition:
         files: Each file as written, keyed by its path relative to the top file's folder; the top file comes first.
     """
 
-    def __init__(self, name: str, root: SourceNode, files: dict[str, bytes], sources: dict[str, Source]) -> None:
+    def __init__(
+        self,
+        name: str,
+        root: SourceNode,
+        files: dict[str, bytes],
+        sources: dict[str, Source],
+        likenesses: Mapping[str, Likeness] | None = None,
+    ) -> None:
+        self._likenesses = likenesses or {}
         self.name = name
         self.data: dict[str, Any] = root.plain()
         self.files = files
@@ -57,7 +67,7 @@ class Composition:
 
     def copy(self) -> Self:
         """Returns the same document with a copy of its data, which may be changed."""
-        return type(self)(self.name, self._root, self.files, self._sources)
+        return type(self)(self.name, self._root, self.files, self._sources, self._likenesses)
 
     def span(self, path: Path, key: bool = False) -> TextSpan:
         """Returns the position of the value (or the key) at a path, or of its nearest existing ancestor."""
@@ -85,7 +95,16 @@ class Composition:
         """Returns a problem with the value (or the key) at a path, including its position."""
         span = self.span(path, key)
         line = self.line_text(span)
-        return Problem(code, message, span, dotted(path), expected, suggestion, line)
+        return Problem(code, message, span, dotted(path), expected, suggestion, line, self._users(path, span))
+
+    def _users(self, path: Path, span: TextSpan) -> tuple[str, ...]:
+        """Returns which group has a value from a template, and where it says so; empty for other values."""
+        likeness = self._likenesses.get(str(path[1])) if path[:1] == ("agents",) and len(path) > 2 else None
+        if likeness is None or likeness.own.descendant(path[2:]) is not None or span.file.startswith("--"):
+            return ()
+        if self._root.descendant(path) is None and likeness.own.span == span:
+            return ()
+        return (f"{path[1]} (line {likeness.line}, like {' and '.join(likeness.names)})",)
 
 
 class CompositionError(ScenarioError):
@@ -169,14 +188,16 @@ def _resolved(
     raw: dict[str, bytes],
     folders: Mapping[str, str],
 ) -> Composition:
-    root = assigned(root, changed, sources)
+    root = assigned(root, [each for each in changed if is_about_templates(each.path)], sources)
+    root, likenesses = expanded(root, sources)
+    root = assigned(root, [each for each in changed if not is_about_templates(each.path)], sources)
     root = substitute(root, sources)
     if any(folders.values()):
         root = _with_relative_files(root, folders)
     problems = _problems(sources)
     if not _is_whole(sources):
         raise ScenarioError(problems)
-    composition = Composition(name, root, raw, sources)
+    composition = Composition(name, root, raw, sources, likenesses)
     if problems:
         raise CompositionError(problems, composition)
     return composition
@@ -245,25 +266,6 @@ def _problems(sources: Mapping[str, Source]) -> list[Problem]:
 def _is_whole(sources: Mapping[str, Source]) -> bool:
     """Returns whether all problems concern single values."""
     return all(problem.code in _SINGLE_VALUE for problem in _problems(sources))
-
-
-def merge(base: SourceNode, overlay: SourceNode) -> SourceNode:
-    """Returns a base with an overlay merged into it, as `compose` describes it.
-
-    Inherited keys keep their order, new ones follow.
-    """
-    if not isinstance(base.value, dict) or not isinstance(overlay.value, dict):
-        return overlay
-    entries = dict(base.value)
-    for key, entry in overlay.value.items():
-        inherited = entries.get(key)
-        if inherited is None:
-            entries[key] = entry
-        elif entry.node.value is None:
-            del entries[key]
-        else:
-            entries[key] = MappingEntry(entry.key, merge(inherited.node, entry.node))
-    return SourceNode(entries, overlay.span)
 
 
 class _Files:

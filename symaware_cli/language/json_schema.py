@@ -12,6 +12,7 @@ from symaware_cli.entry_points import PluginError
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.document import ScenarioDocument, document_of
 from symaware_cli.language.fault_section import description_of
+from symaware_cli.language.group_templates import LIKE, TEMPLATES
 from symaware_cli.language.parts import declared_by, omittable, signals_of
 from symaware_cli.language.placement import CirclePlacement, GridPlacement
 from symaware_cli.language.scenario_section import SECTION
@@ -181,6 +182,19 @@ def _describe_values(schema: dict[str, Any]) -> None:
         ]
     }
     agents = definitions["GroupSection"]["properties"]
+    name = {"type": "string", "description": "The name of a template or of a group."}
+    agents[LIKE] = {
+        "description": "A template or another group, or several, whose keys this one has, with its own merged into "
+        "them; null removes a key.",
+        "anyOf": [name, {"type": "array", "items": name}],
+    }
+    partial = {"$ref": "#/$defs/partial:GroupSection"}
+    for key, described in (("agents", schema["properties"]["agents"]), (TEMPLATES, {"type": "object"})):
+        whole = {"if": {"required": [LIKE]}, "then": partial, "else": {"$ref": "#/$defs/GroupSection"}}
+        for pattern in schema["properties"]["agents"]["patternProperties"]:
+            described.setdefault("patternProperties", {})[pattern] = whole if key == "agents" else partial
+        schema["properties"][key] = described
+    schema["properties"][TEMPLATES]["description"] = "What groups are `like`, by name: keys of groups."
     agents["state"]["$ref"] = "#/$defs/PerAgent"
     for pattern in agents["knowledge"]["patternProperties"]:
         agents["knowledge"]["patternProperties"][pattern] = {"$ref": "#/$defs/PerAgent"}
@@ -222,12 +236,12 @@ def _partial(node: dict[str, Any]) -> dict[str, Any]:
     for key, value in node.items():
         if key == "$ref":
             name = value.rpartition("/")[2]
-            changed[key] = value if name in _WHOLE else f"#/$defs/partial:{name}"
+            changed[key] = value if name in _WHOLE or name.startswith("partial:") else f"#/$defs/partial:{name}"
         elif key in ("properties", "patternProperties"):
             changed[key] = {name: {"anyOf": [_partial(each), _NULL]} for name, each in value.items()}
         elif key in ("anyOf", "allOf", "oneOf"):
             changed[key] = [_partial(each) for each in value]
-        elif key in ("then", "items", "additionalProperties") and isinstance(value, dict):
+        elif key in ("then", "else", "items", "additionalProperties") and isinstance(value, dict):
             changed[key] = _partial(value)
         elif key != "required":
             changed[key] = value

@@ -2,7 +2,7 @@
 
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from symaware_cli.world import nearest as nearest
 from symaware_cli.world import quoted as quoted
@@ -43,6 +43,7 @@ class Problem:
         expected: A description of valid values, worded to follow "expected".
         suggestion: The nearest valid name.
         source_line: The whole line of `span`.
+        users: The groups that have the value from a template or another group, each with the line that says so.
     """
 
     code: str
@@ -52,6 +53,7 @@ class Problem:
     expected: str | None = None
     suggestion: str | None = None
     source_line: str | None = None
+    users: tuple[str, ...] = ()
 
 
 class ScenarioError(Exception):
@@ -62,11 +64,22 @@ class ScenarioError(Exception):
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(dict.fromkeys(sorted(problems, key=_position)))
+        self.problems = tuple(_joined(sorted(problems, key=_position)))
         super().__init__(self.problems)
 
     def __str__(self) -> str:
         return render(self.problems)
+
+
+def _joined(problems: Iterable[Problem]) -> Iterable[Problem]:
+    """Return problems without duplicates; one that several groups have from a template is one."""
+    found: dict[tuple[object, ...], Problem] = {}
+    for each in problems:
+        key = (each.code, each.message, each.span, each.expected, None if each.users else each.path)
+        earlier = found.get(key)
+        users = each.users if earlier is None else tuple(dict.fromkeys([*earlier.users, *each.users]))
+        found[key] = replace(earlier or each, users=users)
+    return found.values()
 
 
 def _position(problem: Problem) -> tuple[str, int, int]:
@@ -139,6 +152,8 @@ def _render_one(problem: Problem, colour: bool, width: int) -> list[str]:
         hints.append(f"did you mean `{_printable(problem.suggestion)}`?")
     if hints:
         lines.append("   " + "; ".join(hints))
+    if problem.users:
+        lines.append(f"   in {_printable(', '.join(problem.users))}")
     return lines
 
 

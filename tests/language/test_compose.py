@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.language.compose import Composition, CompositionError, compose, merge
+from symaware_cli.language.compose import Composition, CompositionError, compose
+from symaware_cli.language.merge_patch import merge
 from symaware_cli.language.problem import Problem, ScenarioError, TextSpan
 from symaware_cli.language.source import MappingEntry, SourceNode
 

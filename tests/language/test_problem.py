@@ -107,6 +107,7 @@ def test_problems_are_plain_data_for_tools() -> None:
         "expected": "c",
         "suggestion": "d",
         "source_line": "a: b",
+        "users": [],
     }
 
 
