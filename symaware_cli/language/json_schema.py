@@ -189,12 +189,14 @@ def _describe_values(schema: dict[str, Any]) -> None:
         "anyOf": [name, {"type": "array", "items": name}],
     }
     partial = {"$ref": "#/$defs/partial:GroupSection"}
-    for key, described in (("agents", schema["properties"]["agents"]), (TEMPLATES, {"type": "object"})):
-        whole = {"if": {"required": [LIKE]}, "then": partial, "else": {"$ref": "#/$defs/GroupSection"}}
-        for pattern in schema["properties"]["agents"]["patternProperties"]:
-            described.setdefault("patternProperties", {})[pattern] = whole if key == "agents" else partial
-        schema["properties"][key] = described
-    schema["properties"][TEMPLATES]["description"] = "What groups are `like`, by name: keys of groups."
+    whole = {"if": {"required": [LIKE]}, "then": partial, "else": {"$ref": "#/$defs/GroupSection"}}
+    groups = schema["properties"]["agents"]
+    schema["properties"][TEMPLATES] = {
+        "type": "object",
+        "description": "What groups are `like`, by name: keys of groups.",
+        "patternProperties": dict.fromkeys(groups["patternProperties"], partial),
+    }
+    groups["patternProperties"] = dict.fromkeys(groups["patternProperties"], whole)
     agents["state"]["$ref"] = "#/$defs/PerAgent"
     for pattern in agents["knowledge"]["patternProperties"]:
         agents["knowledge"]["patternProperties"][pattern] = {"$ref": "#/$defs/PerAgent"}

@@ -1,6 +1,7 @@
 """What a person and a tool see of a problem."""
 
 import json
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 from symaware_cli.language.problem import Problem, ScenarioError, TextSpan, nearest, render, to_json
 
 
-def problem(line: str, column: int, end: int, **fields: str) -> Problem:
+def problem(line: str, column: int, end: int, **fields: Any) -> Problem:
     return Problem("code", "the message", TextSpan("a.yaml", 12, column, end), source_line=line, **fields)
 
 
