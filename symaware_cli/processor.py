@@ -171,6 +171,20 @@ def shortfall() -> str | None:
     return f"{' and '.join(what)} ({why}): on another processor results may differ in their last bits"
 
 
+_has_warned = False
+
+
+def warn_once(stacklevel: int) -> None:
+    """Warn of a shortfall, once in a process; `stacklevel` is that of `warnings.warn`, seen from the caller."""
+    global _has_warned
+    said = None if _has_warned else shortfall()
+    if said:
+        import warnings
+
+        _has_warned = True
+        warnings.warn(said, ProcessorWarning, stacklevel=stacklevel + 1)
+
+
 def _promised() -> bool:
     return _flags() >= _needed("x86-64-v3")
 

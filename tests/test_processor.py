@@ -109,6 +109,23 @@ print([(each.category.__name__, str(each.message)) for each in caught])
 
 
 @needs_level
+def test_a_process_warns_once_however_many_runs_and_cells_there_are(scenarios: Path) -> None:
+    code = f"""{LATE}
+import warnings
+import symaware_cli as sa
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    for cell in range(3):
+        scenario = sa.load({str(scenarios / "hello.yaml")!r}, ["run.duration=0.1"])
+        exec(compile("scenario.run(record=False)", f"<cell {{cell}}>", "exec"))
+    with scenario.start():
+        pass
+print(len(caught), caught[0].filename, str(caught[0].message).count(": "))
+"""
+    assert python(code).split("\n")[0] == "1 <cell 0> 1"
+
+
+@needs_level
 def test_a_process_for_workers_computes_as_the_one_that_starts_it_even_where_numpy_came_first() -> None:
     code = f"""{LATE}
 import subprocess, sys

@@ -300,7 +300,7 @@ class Scenario:
         from symaware_cli.language import prepared
 
         built = self._build(changes, seed, mode, duration, pace)
-        _warn_of_processor()
+        processor.warn_once(stacklevel=2)
         viewer = None
         with ExitStack() as stack:
             stack.enter_context(built.simulation.environment)
@@ -356,7 +356,7 @@ class Scenario:
         from symaware_cli.api.stepping import SteppedSimulation
 
         built = self._build(changes, seed, mode, duration, pace)
-        _warn_of_processor()
+        processor.warn_once(stacklevel=2)
         with ExitStack() as stack:
             stack.enter_context(built.simulation.environment)
             log = None if output is None else self._log(built, output)
@@ -421,13 +421,6 @@ class _ProgramScenario(Scenario):
 
     def _open(self, changes: Sequence[Assignment], seed: int | None) -> Built:
         return self._content.build(changes, seed)
-
-
-def _warn_of_processor() -> None:
-    """Warn the caller of the API if the last bits of results may differ on another processor."""
-    shortfall = processor.shortfall()
-    if shortfall:
-        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=3)
 
 
 def _subscribe(built: Built, subscribers: Subscribers | None) -> None:

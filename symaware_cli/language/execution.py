@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -40,9 +39,7 @@ def execute(
     Warns:
         ProcessorWarning: The last bits of the results may differ on other processors.
     """
-    shortfall = processor.shortfall()
-    if shortfall:
-        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=2)
+    processor.warn_once(stacklevel=2)
     with prepared(built, log, on_progress, timeout, role) as run:
         return run.execute()
 
