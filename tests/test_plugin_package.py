@@ -159,3 +159,61 @@ def test_a_parameter_out_of_range_is_located_in_the_file(
     )
     assert done.returncode == 2
     assert "speed" in done.stderr
+
+
+def blocks_of(page: str, language: str) -> list[str]:
+    """The fenced blocks of a page of docs/."""
+    text = (CHECKOUT / "docs" / page).read_text(encoding="utf-8")
+    return re.findall(rf"(?ms)^```{language}\n(.*?)^```$", text)
+
+
+def test_from_an_empty_folder_to_an_own_controller_in_three_commands_and_a_file_of_eight_lines(
+    elsewhere: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
+    text = blocks_of("own-code.md", "python")[0].removeprefix("# controllers.py\n")
+    assert len([line for line in text.splitlines() if line]) <= 8
+    write = f"import pathlib; pathlib.Path('controllers.py').write_text({text!r})"
+    assert elsewhere("python", "-c", write).returncode == 0
+    changed = ["--plugin", "controllers.py", "--set", "agents.robot.components.steer={use: controllers.pursue}"]
+    for command in (["new", "mine"], ["run", "mine.yaml", *changed], ["verify", "mine.mcap", "--trust"]):
+        done = elsewhere("symaware", *command)
+        assert done.returncode == 0, done.stderr
+    assert elsewhere("symaware", "verify", "mine.mcap").returncode == 2, "nobody trusts the file of the log by itself"
+
+
+SCENARIO_CELL = """\
+scenario = sa.scenario({
+    "symaware": 1,
+    "name": "cells",
+    "run": {"duration": 5},
+    "environment": {"use": "kinematic"},
+    "agents": {
+        "robot": {
+            "model": {"use": "unicycle"},
+            "knowledge": {"goal": [5, 0]},
+            "components": {"steer": {"use": pursue}},
+        }
+    },
+})
+"""
+
+RUN_CELL = """\
+run = scenario.run(output="cells.mcap")
+print(run.status, round(float(run.series("robot", "world").values[-1][0]), 1))
+"""
+
+NOTEBOOK = """\
+space = {"__name__": "__main__"}
+for number, cell in enumerate(CELLS):
+    exec(compile(cell, f"<cell {number}>", "exec"), space)
+"""
+
+
+def test_the_same_in_three_cells_of_a_notebook(elsewhere: Callable[..., subprocess.CompletedProcess[str]]) -> None:
+    """The cells are compiled as a notebook's are, each with a name of its own."""
+    controller = blocks_of("own-code.md", "python")[0]
+    cells = [f"import symaware_cli as sa\n{controller}", SCENARIO_CELL, RUN_CELL]
+    done = elsewhere("python", "-c", f"CELLS = {cells!r}\n{NOTEBOOK}")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["finished", "4.0"]
+    assert "was defined by the program" in elsewhere("symaware", "verify", "cells.mcap").stderr
