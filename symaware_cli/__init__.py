@@ -80,11 +80,11 @@ if TYPE_CHECKING:
         Urdf,
         Wall,
         WorldError,
+        controller,
         generator,
         nanoseconds,
         seconds,
     )
-    from symaware_cli.core.function_controller import controller
     from symaware_cli.core.identifiers import AgentParameters, AgentPattern, ComponentParameters, ComponentPattern
     from symaware_cli.core.stateful import StateError
     from symaware_cli.core.verdict import SpecificationStatus
@@ -295,7 +295,6 @@ _HOMES = {
     "symaware_cli.api.sweeps": ("sweep", "verify_sweep"),
     "symaware_cli.evidence.verification": ("VerificationResult", "verify_log"),
     "symaware_cli.engine.components.sensor": ("Sensor", "SensorParameters"),
-    "symaware_cli.core.function_controller": ("controller",),
     "symaware_cli.core.identifiers": ("AgentParameters", "AgentPattern", "ComponentParameters", "ComponentPattern"),
     "symaware_cli.core.stateful": ("StateError",),
     "symaware_cli.core.verdict": ("SpecificationStatus",),

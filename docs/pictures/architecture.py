@@ -28,6 +28,7 @@ ROOMS = {
     "worlds": (1060, 365, "PyBullet, Pymunk"),
     "language": (490, 580, "scenario files"),
     "log": (490, 670, "written, read, repaired"),
+    "plugin_files": (760, 580, "code beside a scenario"),
     "engine": (620, 790, "runtime, faults, network, stock components"),
     "assets": (360, 890, "files of robots and meshes"),
     "specification": (880, 890, "formulas and monitors"),

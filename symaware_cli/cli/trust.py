@@ -21,20 +21,21 @@ def trust(
     as_json: Json = False,
 ) -> None:
     """Trust the Python files in a folder, so that scenarios there may use them as plugins, until one changes."""
-    from symaware_cli import plugin_files
+    from symaware_cli.plugin_files import forget as forget_folder
+    from symaware_cli.plugin_files import remember, trusted_folders
 
     if folder is None:
         if forget:
             fail("--forget takes the folder", WRONG_INPUT, as_json)
-        _print(plugin_files.trusted_folders(), as_json=as_json)
+        _print(trusted_folders(), as_json=as_json)
         return
     if forget:
-        if not plugin_files.forget(folder):
+        if not forget_folder(folder):
             fail(f"{folder} is not trusted", WRONG_INPUT, as_json)
         if not as_json:
             typer.echo(f"{folder} is no longer trusted")
         return
-    _print({str(folder.resolve()): plugin_files.remember(folder)}, as_json=as_json)
+    _print({str(folder.resolve()): remember(folder)}, as_json=as_json)
 
 
 def _print(folders: Mapping[str, Mapping[str, str]], *, as_json: bool) -> None:

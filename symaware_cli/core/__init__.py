@@ -25,6 +25,7 @@ from symaware_cli.core.families import (
     RiskEstimator,
     UncertaintyEstimator,
 )
+from symaware_cli.core.function_controller import controller
 from symaware_cli.core.links import Links
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.core.metric import Metric
@@ -124,6 +125,7 @@ __all__ = [
     "Urdf",
     "Wall",
     "WorldError",
+    "controller",
     "generator",
     "nanoseconds",
     "seconds",

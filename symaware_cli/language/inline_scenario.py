@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from types import FrameType
 from typing import Any
 
-from symaware_cli.core.function_controller import controller
+from symaware_cli.core import controller
 from symaware_cli.language.build import Built, build_composition
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.changes import Changes

@@ -8,7 +8,6 @@ from .file_trust import trusted_folders as trusted_folders
 from .file_trust import trusting as trusting
 from .inline import file_of as file_of
 from .inline import inline_plugins as inline_plugins
-from .inline import place_of_definition as place_of_definition
 from .inline import register as register
 from .inline import registered as registered
 from .plugin_names import component as component
