@@ -103,8 +103,8 @@ def agent_columns(fields: Mapping[str, Series], agents: Sequence[str]) -> list[F
         FrameColumn("agent", np.tile(np.array(agents, object), len(times))),
     ]
     for field, series in fields.items():
-        rows = _on(times, series, len(agents)).reshape(len(times) * len(agents), -1)
         names, units = _columns(series)
+        rows = _on(times, series, len(agents)).reshape(len(times) * len(agents), len(names))
         for place, (name, unit) in enumerate(zip(names, units, strict=True)):
             found.append(FrameColumn(f"{field}.{name}", np.ascontiguousarray(rows[:, place]), unit))
     return found

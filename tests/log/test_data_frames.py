@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
-import polars as pl
 import pytest
 
+from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log import wire
 from symaware_cli.log.error import LogError, UnknownNameError
 from symaware_cli.log.reader import Log, open_log
@@ -33,14 +32,17 @@ def absences(tmp_path: Path) -> Log:
         writer.attach("manifest.json", "application/json", json.dumps({"format": 1, "groups": groups}).encode())
         state = writer.channel("/world/robot/state", "Rows", {"columns": "x", "units": "m"})
         events = writer.channel("/events", "Event")
-        from symaware_cli.log import symaware_v1_pb2 as v1
 
-        for second in range(4):
-            rows = [[float(second)], [10.0 + second]] if second >= 2 else [[float(second)]]
-            writer.add(state, second * 10**9, wire.encode_rows(rows, list(range(len(rows)))))
-        for name, second in (("added", 2), ("removed", 4)):
+        def happens(name: str, second: int) -> None:
             event = v1.Event(name=name, source="agents.robot.1", level=v1.Event.INFO)
             writer.add(events, second * 10**9, event.SerializeToString())
+
+        for second in range(4):
+            if second == 2:
+                happens("added", second)
+            rows = [[float(second)], [10.0 + second]] if second >= 2 else [[float(second)]]
+            writer.add(state, second * 10**9, wire.encode_rows(rows, list(range(len(rows)))))
+        happens("removed", 4)
         writer.finish({})
     return open_log(writer.path)
 
@@ -65,6 +67,9 @@ def test_values_are_those_of_the_series(log: Log, name: str, to: Any) -> None:
 
 
 def test_all_libraries_agree(log: Log) -> None:
+    import pandas as pd
+    import polars as pl
+
     pandas, polars, arrow = (log.frame("robot", to=to) for to in LIBRARIES)  # type: ignore[arg-type]
     assert polars.equals(pl.from_arrow(arrow), null_equal=True)
     pd.testing.assert_frame_equal(pandas, arrow.to_pandas(), check_exact=True)
@@ -72,6 +77,8 @@ def test_all_libraries_agree(log: Log) -> None:
 
 
 def test_types_and_units(log: Log) -> None:
+    import polars as pl
+
     pandas, polars, arrow = (log.frame("robot", to=to) for to in LIBRARIES)  # type: ignore[arg-type]
     names = ["time", "agent", *STATE, *(name.replace("world", "state") for name in STATE)]
     assert list(pandas.columns) == polars.columns == arrow.column_names == names
@@ -137,7 +144,7 @@ def test_a_table_has_a_frame_of_its_own(tmp_path: Path) -> None:
         metadata = {"columns": "range", "units": "m", "signal": "table"}
         channel = writer.channel("/agents/robot/returns/radar", "TableRows", metadata)
         for time in (0, 10**9):
-            writer.add(channel, time, wire.encode_table([np.array([[1.0 + time], [2.0]])]))
+            writer.add(channel, time, wire.encode_tables([[1.0 + time], [2.0]], [2]))
         writer.finish({})
     log = open_log(writer.path)
     frame = log.frame("robot", "radar.returns")
