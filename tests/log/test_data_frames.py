@@ -154,7 +154,9 @@ def test_a_table_has_a_frame_of_its_own(tmp_path: Path) -> None:
         log.to_xarray("robot", "radar.returns")
 
 
-@pytest.mark.parametrize(("name", "field"), [("robto", "world"), ("robot", "wrold"), ("robot", "pose"), ("car", "world")])
+@pytest.mark.parametrize(
+    ("name", "field"), [("robto", "world"), ("robot", "wrold"), ("robot", "pose"), ("car", "world")]
+)
 def test_unknown_names_raise_what_series_raises(log: Log, name: str, field: str) -> None:
     with pytest.raises(LogError) as expected:
         log.series(name, field)
