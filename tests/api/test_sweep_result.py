@@ -60,7 +60,7 @@ def test_a_sweep_that_is_not_kept_has_no_folder(tmp_path: Path) -> None:
 
 def test_a_library_that_is_missing_is_named(swept: sa.SweepResult, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "polars", None)
-    with pytest.raises(sa.LogError, match="`polars`, which is not installed: pip install 'symaware-cli.frames.'"):
+    with pytest.raises(sa.LogError, match=r"`polars`, which is not installed: pip install .symaware-cli\[frames\]"):
         swept.frame("polars")
 
 
