@@ -1,6 +1,11 @@
 from .file_set import FileSet as FileSet
 from .file_set import PluginFileError as PluginFileError
 from .file_set import read_files as read_files
+from .file_trust import forget as forget
+from .file_trust import remember as remember
+from .file_trust import trusted_copy as trusted_copy
+from .file_trust import trusted_folders as trusted_folders
+from .file_trust import trusting as trusting
 from .inline import file_of as file_of
 from .inline import inline_plugins as inline_plugins
 from .inline import place_of_definition as place_of_definition
@@ -9,8 +14,3 @@ from .inline import registered as registered
 from .plugin_names import component as component
 from .plugin_names import name_of as name_of
 from .plugin_names import plugins_of as plugins_of
-from .file_trust import forget as forget
-from .file_trust import remember as remember
-from .file_trust import trusted_copy as trusted_copy
-from .file_trust import trusted_folders as trusted_folders
-from .file_trust import trusting as trusting

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from symaware_cli.plugin_files import PluginFileError, read_files, trusting
-from symaware_cli.plugin_files.loading import load_files
 from symaware_cli.plugin_files.file_trust import HANDED_DOWN
+from symaware_cli.plugin_files.loading import load_files
 from symaware_cli.world import PythonChild, read
 
 
