@@ -23,7 +23,10 @@ import pytest
 
 LIST = Path(__file__).with_name("durations.tsv")
 
-PACKAGES = ("casadi", "matplotlib.figure", "osqp", "pyarrow.parquet", "pybullet", "pymunk", "rerun", "scipy.stats")
+PACKAGES = (
+    *("casadi", "matplotlib.figure", "osqp", "pandas", "polars", "pyarrow.parquet", "pybullet", "pymunk", "rerun"),
+    *("scipy.stats", "xarray"),
+)
 
 LONG = 0.3
 """A test that takes longer is listed [s]."""

@@ -10,7 +10,9 @@ from .scenario import Outline as Outline
 from .scenario import Scenario as Scenario
 from .scenario import load as load
 from .stepping import SteppedSimulation as SteppedSimulation
+from .sweep_result import SweepResult as SweepResult
 from .sweeps import checked as checked
+from .sweeps import open_sweep as open_sweep
 from .sweeps import opened as opened
 from .sweeps import scenario_of as scenario_of
 from .sweeps import sweep as sweep

@@ -7,14 +7,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.api.report import summary_report
 
 if TYPE_CHECKING:
+    import xarray
+
     from symaware_cli.api.live import LiveView
     from symaware_cli.engine import Run, RunSummary
-    from symaware_cli.log import Log, Series
+    from symaware_cli.log import FrameLibrary, Log, Series
     from symaware_cli.log.logged_events import LoggedEvent
     from symaware_cli.views import Content, PlotRequest
 
@@ -62,6 +64,45 @@ class RunResult:
             LogError: There is no such name or field, or the run was not recorded.
         """
         return self.log.series(name, field)
+
+    def frame(
+        self,
+        name: str,
+        fields: str | Sequence[str] = (),
+        *,
+        to: FrameLibrary = "pandas",
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Any:
+        """Return recorded values over time as a data frame; see `Log.frame`.
+
+        Args:
+            name: A group, an agent, or an entity of the environment.
+            fields: One or several fields of `series`; by default the true and the believed state.
+            to: The library: ``pandas``, ``polars`` or ``arrow``.
+            start: The first simulated time, ns.
+            end: The simulated time at which to stop, exclusive, ns.
+
+        Raises:
+            LogError: There is no such name or field, the library is not installed, or the run was not recorded.
+        """
+        return self.log.frame(name, fields, to=to, start=start, end=end)
+
+    def to_xarray(
+        self, name: str, fields: str | Sequence[str] = (), *, start: int | None = None, end: int | None = None
+    ) -> xarray.Dataset:
+        """Return recorded values as a dataset over agents, time and columns; see `Log.to_xarray`.
+
+        Args:
+            name: See `frame`.
+            fields: See `frame`.
+            start: See `frame`.
+            end: See `frame`.
+
+        Raises:
+            LogError: There is no such name or field, xarray is not installed, or the run was not recorded.
+        """
+        return self.log.to_xarray(name, fields, start=start, end=end)
 
     @cached_property
     def events(self) -> Sequence[LoggedEvent]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import secrets
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.language import Changes, FilePath
 
 if TYPE_CHECKING:
-    import pyarrow
-
     from symaware_cli.api.scenario import Scenario
+    from symaware_cli.api.sweep_result import SweepResult
     from symaware_cli.evidence import Level, SweepVerification
     from symaware_cli.studies import Over, SweepFolder, SweepPlan, SweepRequest
 
@@ -37,7 +36,7 @@ def sweep(
     on: str | None = None,
     batch: int | None = None,
     fail_fast: bool = False,
-) -> pyarrow.Table:
+) -> SweepResult:
     """Make many runs of a scenario, and return their table.
 
     Args:
@@ -65,15 +64,14 @@ def sweep(
         fail_fast: Whether to stop at the first failed run.
 
     Returns:
-        One row for each run, in the order of their indices; docs/sweeps.md describes the columns.
+        One row for each run, in the order of their indices; docs/sweeps.md describes the columns. The result is used
+        like a table of Arrow, and `SweepResult.frame` converts it.
 
     Raises:
         ScenarioError: The sweep or the scenario has problems; nothing was run.
         SweepError: The folder has other contents, there is no such cluster, or its nodes have other code.
         KeyboardInterrupt: Ctrl-C ended the sweep; the rows are in the folder.
     """
-    from pyarrow import parquet
-
     from symaware_cli.studies import TABLE, SweepRequest, conduct, execution_at
 
     entries: dict[str, Any] = {
@@ -95,7 +93,40 @@ def sweep(
         outcome = conduct(folder, jobs, place=on, batch=batch, fail_fast=fail_fast)
         if outcome.is_interrupted:
             raise KeyboardInterrupt
-        return parquet.read_table(folder.path / TABLE)
+        from pyarrow import parquet
+
+        from symaware_cli.api.sweep_result import SweepResult
+
+        kept = None if folder.path.is_relative_to(temporary) else folder.path
+        return SweepResult(parquet.read_table(folder.path / TABLE), folder.plan.count, kept)
+
+
+def open_sweep(
+    folder: FilePath,
+    *,
+    where: str | None = None,
+    sort: str | None = None,
+    limit: int | None = None,
+    columns: Iterable[str] = (),
+) -> SweepResult:
+    """Read the rows of a sweep, which may be unfinished or running.
+
+    Args:
+        folder: The folder of the sweep.
+        where: A condition on the columns, such as ``closest < 0.6 and verdict.safe == "violated"``.
+        sort: The column to sort by, in descending order if prefixed with a minus.
+        limit: The maximum number of rows.
+        columns: The columns; by default all.
+
+    Raises:
+        SweepError: There is no sweep, or the condition is invalid.
+        LogError: There is no such column, or pyarrow is not installed.
+    """
+    from symaware_cli.api.sweep_result import SweepResult
+    from symaware_cli.studies import read_rows
+
+    table, planned = read_rows(folder, where, sort, limit, columns)
+    return SweepResult(table, planned, Path(folder))
 
 
 def opened(target: Path, output: Path | None, request: SweepRequest) -> SweepFolder:

@@ -1,5 +1,7 @@
 # What other rooms use of this one.
 
+from .data_frames import FrameLibrary as FrameLibrary
+from .data_frames import frame_of_table as frame_of_table
 from .entry_filter import EntryFilter as EntryFilter
 from .error import LogError as LogError
 from .error import OutputError as OutputError

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, cached_property
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,11 @@ from symaware_cli.log.series import (
 )
 from symaware_cli.log.specifications import LoggedSpecification, logged, outcome_in, specification_channels
 from symaware_cli.specification import Outcome
+
+if TYPE_CHECKING:
+    import xarray
+
+    from symaware_cli.log.data_frames import FrameLibrary
 
 __all__ = ["FIELDS", "Log", "LogMessage", "open_log"]
 
@@ -116,6 +121,95 @@ class Log(LogFile):
             spans = [self.presence[id] for id in self.agents[group]]
             times, values = gaps(times, values, spans) if row is None else cut(times, values, spans[row])
         return Series(times, values, columns, units)
+
+    def frame(
+        self,
+        name: str,
+        fields: str | Sequence[str] = (),
+        *,
+        to: FrameLibrary = "pandas",
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Any:
+        """Assemble a data frame of series, with one row per instant and agent.
+
+        Args:
+            name: A group, an agent, or an entity of the environment.
+            fields: One or several fields of `series`; by default those of `world` and `state` that were recorded. A
+                field that is a table stands alone, for one agent: one row per entry.
+            to: The library: ``pandas``, ``polars`` or ``arrow``.
+            start: The first simulated time, ns.
+            end: The simulated time at which to stop, exclusive, ns.
+
+        Returns:
+            The columns `time` [s], `agent`, and ``FIELD.COLUMN`` for each column of each field, such as ``world.x``,
+            with the values of `series`. The rows are in the order of time, then of the agents in their group. A field
+            is NaN at instants that only other fields have, and while the agent is absent. Units are in
+            ``attrs["units"]`` of pandas and in the metadata ``unit`` of the fields of Arrow; Polars keeps none.
+
+        Raises:
+            LogError: The name or a field does not exist, a field is a table and does not stand alone, or the library
+                is not installed.
+        """
+        from symaware_cli.log.data_frames import agent_columns, frame_of, library
+
+        library(to)  # before a long log is read
+        return frame_of(agent_columns(*self._framed(name, fields, start, end)), to)
+
+    def to_xarray(
+        self, name: str, fields: str | Sequence[str] = (), *, start: int | None = None, end: int | None = None
+    ) -> xarray.Dataset:
+        """Assemble a dataset of series: a variable for each field over agents, time and columns.
+
+        Args:
+            name: See `frame`.
+            fields: See `frame`.
+            start: See `frame`.
+            end: See `frame`.
+
+        Returns:
+            The variables, such as ``world``, over `agent`, `time` [s] and `column`, with the values of `series`, NaN as
+            in `frame`. Their attribute `units` has the unit of each column. Fields with the same columns share the
+            dimension `column`; a field with other columns than the first has its own, ``column_FIELD``.
+
+        Raises:
+            LogError: The name or a field does not exist, a field is a table, or xarray is not installed.
+        """
+        from symaware_cli.log.data_frames import dataset_of, imported
+
+        imported("xarray")
+        return dataset_of(*self._framed(name, fields, start, end, with_tables=False))
+
+    def _framed(
+        self,
+        name: str,
+        fields: str | Sequence[str],
+        start: int | None,
+        end: int | None,
+        with_tables: bool = True,
+    ) -> tuple[dict[str, Series], Sequence[str]]:
+        """Return the series of a frame by field, and the ids of its agents."""
+        from symaware_cli.log.data_frames import DEFAULT_FIELDS, between
+
+        group, row, _ = self._locate(name)
+        wanted = [fields] if isinstance(fields, str) else list(dict.fromkeys(fields))
+        if not wanted:
+            recorded = [field for field in DEFAULT_FIELDS if self.series_topic(group, field) in self.topics]
+            wanted = recorded or [DEFAULT_FIELDS[0]]
+        found = {}
+        for field in wanted:
+            series = self.series(name, field)
+            if self.topics[self.series_topic(group, field)].carries("TableRows"):
+                if not with_tables:
+                    raise LogError(f"{field} is a table, whose entries share their time: see `tables`")
+                if len(wanted) > 1:
+                    raise LogError(f"{field} is a table, which has a frame of its own, without other fields")
+            found[field] = between(series, start, end)
+        if row is not None:
+            return found, [name]
+        # Without a manifest, the agents are known by their rows only.
+        most = max(series.values.shape[1] for series in found.values())
+        return found, self.agents.get(group) or [f"{name}[{number}]" for number in range(most)]
 
     def series_topic(self, owner: str, field: str) -> str:
         """Return the topic of a field of `series` for a group or an entity; it may have no messages.

@@ -13,7 +13,7 @@ from symaware_cli.studies.statistics.interval_estimate import IntervalEstimate
 from symaware_cli.studies.statistics.paired import PairedComparison, compare
 from symaware_cli.studies.sweep_error import SweepError
 from symaware_cli.studies.sweep_plan import Cell, SweepPlan
-from symaware_cli.studies.sweep_query import column
+from symaware_cli.studies.sweep_query import array_of, column
 
 if TYPE_CHECKING:
     import pyarrow
@@ -83,15 +83,15 @@ def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
     to be short, which would bias the share.
     """
     names = [name.removeprefix("verdict.") for name in table.column_names if name.startswith("verdict.")]
-    index = table["index"].to_numpy()
-    counts = table["state"].to_numpy() != "lost"
+    index = array_of(table["index"])
+    counts = array_of(table["state"]) != "lost"
     intervals = intervals_of(plan, int(counts.sum()))
     for cell in plan.cells:
         rows = np.flatnonzero(index % len(plan.cells) == cell.number)
         rows = rows[index[rows] // len(plan.cells) == np.arange(len(rows))]
         rows = rows[counts[rows]]
         for name in names:
-            values = (table[f"verdict.{name}"].to_numpy()[rows] == "satisfied").astype(float)
+            values = (array_of(table[f"verdict.{name}"])[rows] == "satisfied").astype(float)
             yield VerdictShare(cell, name, int(values.sum()), intervals.share(values))
 
 
@@ -110,7 +110,7 @@ def differences(table: pyarrow.Table, plan: SweepPlan, name: str) -> Iterator[Va
     if not plan.document.paired:
         raise SweepError("only paired variants are compared run by run: symaware sweep ... --with paired=true")
     values = _numbers(table, column(table, name))
-    index = table["index"].to_numpy()
+    index = array_of(table["index"])
     by_cell = []
     for cell in plan.cells:
         rows = index % len(plan.cells) == cell.number
@@ -132,11 +132,11 @@ def _numbers(table: pyarrow.Table, name: str) -> Any:
 
     found = table[name]
     if name.startswith("verdict."):
-        texts = found.to_numpy()
+        texts = array_of(found)
         return np.where(texts == None, np.nan, (texts == "satisfied").astype(float))  # noqa: E711 (element by element)
     if pyarrow.types.is_string(found.type) or pyarrow.types.is_list(found.type):
         raise SweepError(f"`{name}` is not made of numbers")
-    return found.cast(pyarrow.float64()).to_numpy()
+    return array_of(found.cast(pyarrow.float64()))
 
 
 def _of_cell(cell: Cell) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.log import UnknownNameError
 from symaware_cli.specification import ExpressionError, parse
@@ -112,16 +113,34 @@ def _parts(node: Node) -> Sequence[str]:
 
 def _column(table: pyarrow.Table, name: str) -> Any:
     """Return the values of a column: numbers, booleans, or texts as objects; missing values are NaN or None."""
+    return array_of(table[_single(table, column(table, name))])
+
+
+def array_of(column: pyarrow.ChunkedArray) -> Any:
+    """Return the values of a column of numbers, booleans or texts, (k,), which may be read-only.
+
+    Texts are objects. Missing values are None among texts, and NaN otherwise.
+    """
     import pyarrow
 
-    # Not with `to_numpy`, which imports pandas, if installed.
-    values = table[_single(table, column(table, name))].combine_chunks()
+    # Neither `to_numpy` nor `fill_null` nor `pyarrow.scalar`, which import pandas, if installed.
+    values = column.combine_chunks()
     if pyarrow.types.is_string(values.type):
         coded = values.dictionary_encode()
-        texts = np.array([*coded.dictionary.to_pylist(), None], object)
-        return texts[np.from_dlpack(coded.indices.fill_null(len(texts) - 1))]
+        return _filled(coded.indices, None, np.array(coded.dictionary.to_pylist(), object))
     if values.null_count:
-        return np.from_dlpack(values.cast(pyarrow.float64()).fill_null(np.nan))
+        return _filled(values.cast(pyarrow.float64()), np.nan)
     if pyarrow.types.is_boolean(values.type):
         return np.from_dlpack(values.cast(pyarrow.int8())).astype(bool)
     return np.from_dlpack(values)
+
+
+def _filled(values: pyarrow.Array, missing: float | None, coded: NDArray[np.object_] | None = None) -> NDArray[Any]:
+    """Return values, or what they are the codes of, with another value in place of those that are missing."""
+    import pyarrow
+
+    found = np.full(len(values), missing)
+    there = np.from_dlpack(values.is_valid().cast(pyarrow.int8())).astype(bool)
+    known = np.from_dlpack(values.drop_null())
+    found[there] = known if coded is None else coded[known]
+    return found

@@ -30,6 +30,7 @@ CALLS: dict[str, Callable[[Path, Callable[[Path], Any]], Any]] = {
     "compare_sweeps": lambda at, to: sa.compare_sweeps(to(at / "out"), to(at / "out")),
     "load": lambda at, to: sa.load(to(at / "tiny.yaml")).run(output=to(at / "loaded.mcap")),
     "open_log": lambda at, to: sa.open_log(to(at / "run.mcap")),
+    "open_sweep": lambda at, to: sa.open_sweep(to(at / "out")),
     "sweep": lambda at, to: sa.sweep(to(at / "tiny.yaml"), to(at / "swept"), jobs=0),
     "verify_certificate": lambda at, to: sa.verify_certificate(
         to(at / "out" / "certificate.json"), "arithmetic", folder=to(at / "out")

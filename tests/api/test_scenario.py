@@ -45,7 +45,7 @@ def test_every_public_name_can_be_imported() -> None:
 def test_every_public_name_can_be_imported_without_the_extras() -> None:
     extras = [
         *("casadi", "cmaes", "cryptography", "daqp", "foxglove_schemas_protobuf", "highspy", "matplotlib", "optuna"),
-        *("pyarrow", "pybullet", "pymunk", "ray", "rerun", "rfc8785", "zenoh"),
+        *("pandas", "polars", "pyarrow", "pybullet", "pymunk", "ray", "rerun", "rfc8785", "xarray", "zenoh"),
     ]
     code = f"import sys; sys.modules.update(dict.fromkeys({extras})); from symaware_cli import *"
     subprocess.run([sys.executable, "-c", code], check=True)

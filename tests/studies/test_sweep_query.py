@@ -1,10 +1,12 @@
 """Conditions on the rows of a sweep's table."""
 
+from typing import Any
+
 import pyarrow
 import pytest
 
 from symaware_cli.studies.sweep_error import SweepError
-from symaware_cli.studies.sweep_query import query
+from symaware_cli.studies.sweep_query import array_of, query
 
 TABLE = pyarrow.table(
     {
@@ -70,3 +72,19 @@ def test_conditions_on_rows_support_the_operators_of_other_conditions(where: str
 def test_invalid_conditions_on_rows_are_rejected(where: str, said: str) -> None:
     with pytest.raises(SweepError, match=said):
         query(TABLE, where)
+
+
+def test_an_array_of_a_column_has_what_its_list_has() -> None:
+    chunks: dict[pyarrow.DataType, list[list[Any]]] = {
+        pyarrow.float64(): [[0.5, None], [2.5]],
+        pyarrow.int64(): [[1, 2], [3]],
+        pyarrow.bool_(): [[True, False], []],
+        pyarrow.string(): [["a", None], ["b"]],
+    }
+    for kind, parts in chunks.items():
+        column = pyarrow.chunked_array([pyarrow.array(part, kind) for part in parts], kind)
+        found = [None if each != each else each for each in array_of(column).tolist()]
+        assert found == column.to_pylist()
+        assert len(array_of(column.slice(0, 0))) == 0
+    nothing = pyarrow.chunked_array([pyarrow.nulls(2, pyarrow.string())])
+    assert array_of(nothing).tolist() == [None, None]
