@@ -1,5 +1,6 @@
 # What other rooms use of this one.
 
+from .batch_check import differing_compositions as differing_compositions
 from .batch_check import differing_runs as differing_runs
 from .cell_stops import CellStops as CellStops
 from .claim import Claim as Claim
