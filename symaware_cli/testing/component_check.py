@@ -38,7 +38,7 @@ def check_component(
 ) -> None:
     """Check a component of single agents or of a group in a small scenario.
 
-    Three unicycles with goals and a perception run for ten steps, with the component as the last of each. `_compute`
+    Three unicycles with goals and a perception run for eight steps, with the component as the last of each. `_compute`
     must not change anything, nor draw from global generators or read the clock, and return the same value twice. All
     values must be finite, events declared, runs repeatable, and the state capturable. A component that declares
     ``batchable`` must compute the same in batches.
@@ -83,8 +83,8 @@ def _check_declarations(found: DeviationList) -> None:
                 found.add(name, f"does not say what `{key}` means", f"{name} = {{{key!r}: 'its meaning'}}")
     for each in (*kind.signals, *kind.parts):  # type: ignore[attr-defined]
         for column in each.columns or ():
-            if not isinstance(column, Quantity) or not column.name or not column.unit:
-                what = f"has a column of `{each.name}` without name or unit"
+            if not isinstance(column, Quantity) or not column.name or not isinstance(column.unit, str):
+                what = f"has a column of `{each.name}` without name and unit"
                 found.add("signals" if each in kind.signals else "parts", what, 'Quantity("distance", "m")')  # type: ignore[attr-defined]
 
 
@@ -139,7 +139,10 @@ def _observed(kind: type, found: DeviationList) -> type:
         kind.__name__,
         (kind,),
         {
-            **{"_compute": _compute, "_update": _update, "__doc__": kind.__doc__, "__module__": kind.__module__},
+            "_compute": _compute,
+            "_update": _update,
+            "__doc__": kind.__doc__,
+            "__module__": kind.__module__,
             **({"batchable": True} if vars(kind).get("batchable") else {}),
         },
     )

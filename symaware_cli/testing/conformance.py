@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from symaware_cli.world import PluginKind, describe
 
@@ -153,10 +153,18 @@ def with_parameters(found: DeviationList, parameters: Mapping[str, Any]) -> Any:
     Raises:
         ConformanceError: It cannot be created.
     """
+    kind: Any = found.kind
+    try:
+        made = kind.Parameters.model_validate(dict(parameters))
+    except ValidationError as error:
+        for each in error.errors(include_url=False):
+            name = ".".join(str(part) for part in each["loc"]) or "the parameters"
+            found.add("Parameters", f"refuse `{name}`: {each['msg']}", "give the parameters of the check as keywords")
+        found.settle()
     with found.calling("__init__"):
-        return found.kind(found.kind.Parameters.model_validate(dict(parameters)))
+        plugin = kind(made)
     found.settle()
-    raise AssertionError
+    return plugin
 
 
 def place_of(kind: type, where: str) -> str:

@@ -87,12 +87,19 @@ def _add(digest: Any, value: Any, seen: dict[int, int], depth: int) -> None:
 
 
 def _attributes(value: Any) -> dict[str, Any]:
-    slots = [
-        name
-        for kind in type(value).__mro__
-        for name in ([kind.__slots__] if isinstance(vars(kind).get("__slots__"), str) else vars(kind).get("__slots__", ()))
-    ]
-    return {**{name: getattr(value, name) for name in slots if hasattr(value, name)}, **getattr(value, "__dict__", {})}
+    """Return the attributes of an object, without those that are computed once on demand."""
+    kind = type(value)
+    names = [name for each in kind.__mro__ for name in _slots(each)]
+    return {
+        name: getattr(value, name)
+        for name in (*names, *getattr(value, "__dict__", ()))
+        if hasattr(value, name) and not isinstance(getattr(kind, name, None), functools.cached_property)
+    }
+
+
+def _slots(kind: type) -> Collection[str]:
+    slots = vars(kind).get("__slots__", ())
+    return [slots] if isinstance(slots, str) else list(slots)
 
 
 def own_state(plugin: Any) -> dict[str, str]:
@@ -115,7 +122,7 @@ def group_state(group: AgentGroup) -> dict[str, str]:
     found = {f"the {name}": fingerprint(_column(column)) for name, column in awareness.columns.items()}
     found["the control input"] = fingerprint(group.control_column.values)
     found["the knowledge"] = fingerprint([dict(each) for each in group.knowledge])
-    found["what is known of others"] = fingerprint([_tracks(awareness.seen), _tracks(awareness.received)])
+    found["what is known of others"] = fingerprint([_motions(awareness.seen), _motions(awareness.received)])
     return found
 
 
@@ -128,10 +135,10 @@ def _column(column: Any) -> Any:
     return [rows(index) for index in range(len(column))] if rows and hasattr(column, "__len__") else column.held()
 
 
-def _tracks(tracks: Any) -> Any:
+def _motions(tracks: Any) -> Any:
     if tracks is None:
         return None
-    return [tracks.time, tracks.pointers, tracks.indices, tracks.positions, tracks.velocities]
+    return [tracks.time, tracks.pointers, tracks.others, tracks.positions, tracks.velocities, tracks.covariances]
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 
 from symaware_cli.core.stateful import StateError
 from symaware_cli.engine import Run, RunError, SimulationState, capture, restore
-from symaware_cli.language import ScenarioError, Source, SourceNode, compose_content, dumped
+from symaware_cli.language import Problem, ScenarioError, Source, SourceNode, compose_content, dumped
 from symaware_cli.language.build import Built, build_composition
 from symaware_cli.plugin_files import register
 from symaware_cli.studies import differing_compositions
@@ -24,12 +24,12 @@ Changes = Mapping[str, Any]
 #: The name under which the plugin is checked: its key among components and faults, too.
 CHECKED = "checked"
 
-#: Ten steps of three unicycles that go to the other side, each with a body and a goal.
+#: Eight steps of three unicycles that go to the other side, each with a body and a goal.
 _SCENARIO: dict[str, Any] = {
     "symaware": 1,
     "name": "conformance",
     "seed": 3,
-    "run": {"duration": 0.5},
+    "run": {"duration": 0.4},
     "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
     "agents": {
         "robot": {
@@ -58,11 +58,13 @@ class SmallScenario:
     Attributes:
         content: The document; `use` may be a class.
         found: Takes the deviations of the plugin.
+        is_named: Whether scenarios can name plugins of its kind.
     """
 
     def __init__(self, content: dict[str, Any], changes: Changes | None, found: DeviationList) -> None:
         self.content = content
         self.found = found
+        self.is_named = True
         self._names: dict[str, None] = {}
         self._changes = {path: self._named(value) for path, value in (changes or {}).items()}
 
@@ -79,15 +81,17 @@ class SmallScenario:
         try:
             return build_composition(self.composition(kind), Path.cwd(), seed)
         except ScenarioError as error:
-            how = 'give what it needs, such as {"agents.robot.knowledge.goal": [1, 2]}, and its parameters as keywords'
-            self.found.add("", f"cannot be put into the scenario of the check: {error}", how)
+            how = 'give its parameters as keywords, and what else it needs like {"agents.robot.knowledge.goal": [1, 2]}'
+            problems = ", and ".join(_described(each) for each in error.problems)
+            self.found.add("", f"cannot be put into the scenario of the check: {problems}", how)
             self.found.settle()
             raise
 
     def composition(self, kind: type | None = None) -> Any:
         """Compose the document, in which classes are replaced by names."""
-        register(CHECKED, kind or self.found.kind)
-        self._names[f"<{CHECKED}>"] = None
+        if self.is_named:
+            register(CHECKED, kind or self.found.kind)
+            self._names[f"<{CHECKED}>"] = None
         plain = self._named(self.content)
         plain["plugins"] = list(self._names)
         text = dumped(plain)
@@ -106,6 +110,11 @@ class SmallScenario:
         if isinstance(value, Mapping):
             return {key: self._named(each) for key, each in value.items()}
         return [self._named(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def _described(problem: Problem) -> str:
+    expected = f" (expected {problem.expected})" if problem.expected else ""
+    return " ".join(f"{problem.message}{expected}".split())
 
 
 @contextmanager
@@ -161,43 +170,47 @@ def check_run(small: SmallScenario, where: str, *, with_state: bool = True) -> N
         if run.failure is not None:
             report_failure(found, run.failure, where)
             return
+    half, how = max(1, len(first) // 2), "keep what it remembers in attributes, as plain data (docs/capture.md)"
     with started(small.build()) as run:
-        differing = difference(first, trace(run))
-    if differing is not None:
-        how = "use `self.random`, and neither the clock, the order of a set nor what other runs left behind"
-        found.add(where, f"is not repeatable: in a second run with the same seed {differing}", how)
-    elif with_state:
-        _check_restoring(small, where, first)
-
-
-def _check_restoring(small: SmallScenario, where: str, first: list[dict[str, str]]) -> None:
-    found, half = small.found, max(1, len(first) // 2)
-    how = "keep what it remembers in attributes, as numbers, texts, arrays, lists and mappings (docs/capture.md)"
-    with started(small.build()) as run:
-        trace(run, half)
-        if run.status is not None:
-            return
+        begun = trace(run, half)
         try:
-            state = SimulationState.from_bytes(capture(run, "checked", "kit").to_bytes())
-            trace(run, 2)
-            if run.status is None:
-                restore(run, state, "checked", "kit")
-                again = difference(first[half:], trace(run))
-                if again is not None:
-                    found.add(where, f"does not continue alike from a captured state: {again}", how)
-                    return
+            state = _captured(run) if with_state and run.status is None else None
         except StateError as error:
             found.add("", f"has a state that cannot be captured: {error}", how)
+            state = None
+        differing = difference(first, begun + trace(run))
+        if differing is not None:
+            again = "use `self.random`, and neither the clock, the order of a set nor what other runs left behind"
+            found.add(where, f"is not repeatable: in a second run with the same seed {differing}", again)
             return
-    with started(small.build()) as run, suppress(RunError):
-        try:
-            restore(run, state, "checked", "kit")
-        except StateError as error:
-            found.add("", f"has a state that cannot be restored in a fresh run: {error}", how)
-            return
-        again = difference(first[half:], trace(run))
-        if again is not None:
-            found.add(where, f"does not continue alike from a captured state in a fresh run: {again}", how)
+        if state is not None:
+            _check_restored(found, run, state, first[half:], where, "", how)
+    if state is not None and not found:
+        with started(small.build()) as run:
+            _check_restored(found, run, state, first[half:], where, " in a fresh run", how)
+
+
+def _captured(run: Run) -> SimulationState:
+    return SimulationState.from_bytes(capture(run, CHECKED, "").to_bytes())
+
+
+def _check_restored(
+    found: DeviationList,
+    run: Run,
+    state: SimulationState,
+    expected: list[dict[str, str]],
+    where: str,
+    words: str,
+    how: str,
+) -> None:
+    try:
+        restore(run, state, CHECKED, "")
+    except StateError as error:
+        found.add("", f"has a state that cannot be restored{words}: {error}", how)
+        return
+    again = difference(expected, trace(run))
+    if again is not None:
+        found.add(where, f"does not continue alike from a captured state{words}: {again}", how)
 
 
 def report_failure(found: DeviationList, failure: RunError, where: str) -> None:
