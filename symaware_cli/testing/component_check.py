@@ -187,7 +187,8 @@ class _Fired:
 
         def sent(message: Any) -> None:
             self.names["a message"] = None
-            send(message)
+            if send is not None:
+                send(message)
 
         vars(component)["_emit_from"] = noted
         if send is not None:

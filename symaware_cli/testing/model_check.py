@@ -40,8 +40,8 @@ def check_model(kind: type[Model], states: Any = None, /, **parameters: Any) -> 
     _check_quantities(found, model)
     found.settle()
     for fault in faults_of(model):
-        name = fault.split("`")[1::2]
-        found.add(next((each for each in name if hasattr(kind, each)), "derivative"), fault)
+        where = next((each for each in fault.split("`")[1::2] if hasattr(kind, each)), "derivative")
+        found.add(where, fault)
     x, u = _points(found, model, states)
     found.settle()
     results = {name: _check_method(found, model, name, call, x, u) for name, call in _methods(model).items()}

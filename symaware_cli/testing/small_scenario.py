@@ -140,7 +140,7 @@ def world_state(run: Run) -> dict[str, str]:
 
 def trace(run: Run, steps: int | None = None) -> list[dict[str, str]]:
     """Make steps, until the end by default, and return `world_state` after each."""
-    found = []
+    found: list[dict[str, str]] = []
     while run.status is None and (steps is None or len(found) < steps):
         run.advance(1)
         found.append(world_state(run))

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from symaware_cli.core import Contact, EntityGroup, Environment, Obstacle, Snapshot
 from symaware_cli.engine.environments.contact_detector import ContactDetector
 from symaware_cli.geometry import Array, Pose
+from symaware_cli.world import frozen
 
 
 class ColumnEnvironment(Environment):
