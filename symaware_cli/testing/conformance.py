@@ -182,6 +182,17 @@ def place_of(kind: type, where: str) -> str:
         return ""
 
 
+def method_of(kind: type, error: BaseException) -> str | None:
+    """Return the method of a plugin that was called when an exception was raised; None if it was none."""
+    trace = error.__traceback__
+    while trace is not None:
+        name = trace.tb_frame.f_code.co_name
+        if is_code_of(kind, trace.tb_frame) and inspect.isroutine(inspect.getattr_static(kind, name, None)):
+            return name
+        trace = trace.tb_next
+    return None
+
+
 def line_of(kind: type, error: BaseException) -> str | None:
     """Return the file and line of a plugin that an exception comes from; None if it is not from its code."""
     place = None

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.core import Agent, AgentGroup, Environment, EventBus, Model
+from symaware_cli.core import Agent, AgentGroup, EventBus, Plugin
 from symaware_cli.core.agent import Surroundings
+from symaware_cli.engine import ComponentEntry
 from symaware_cli.testing.conformance import DeviationList, is_code_of, modules_of
 
 #: Functions of the module `time` that differ from run to run.
@@ -29,7 +30,7 @@ _CLOCKS = (
 
 #: Objects that are looked at elsewhere, or have no state of the plugin's.
 _APART = (
-    *(Agent, AgentGroup, Environment, EventBus, Model, Surroundings),
+    *(Agent, AgentGroup, ComponentEntry, EventBus, Plugin, Surroundings),
     *(ModuleType, FunctionType, BuiltinFunctionType, type, Enum),
 )
 

@@ -15,7 +15,7 @@ from symaware_cli.language import Problem, ScenarioError, Source, SourceNode, co
 from symaware_cli.language.build import Built, build_composition
 from symaware_cli.plugin_files import register
 from symaware_cli.studies import differing_compositions
-from symaware_cli.testing.conformance import DeviationList
+from symaware_cli.testing.conformance import DeviationList, method_of
 from symaware_cli.testing.side_effects import fingerprint, group_state
 
 #: Values of the small scenario by their paths, such as ``{"agents.robot.count": 5}``.
@@ -24,7 +24,7 @@ Changes = Mapping[str, Any]
 #: The name under which the plugin is checked: its key among components and faults, too.
 CHECKED = "checked"
 
-#: Eight steps of three unicycles that go to the other side, each with a body and a goal.
+#: Eight steps of three unicycles on a circle that go to the other side, each with a body and a goal.
 _SCENARIO: dict[str, Any] = {
     "symaware": 1,
     "name": "conformance",
@@ -36,8 +36,8 @@ _SCENARIO: dict[str, Any] = {
             "count": 3,
             "model": {"use": "unicycle"},
             "entity": {"shape": {"circle": {"radius": 0.25}}},
-            "state": [[0.0, 0.0, 0.1], [3.0, 0.4, 3.0], [1.0, -2.0, 1.6]],
-            "knowledge": {"goal": [[5.0, 0.2], [-2.0, 0.3], [1.0, 4.0]]},
+            "state": {"circle": {"radius": 2.0}},
+            "knowledge": {"goal": {"circle": {"radius": 2.0, "phase": 3.0}}},
             "components": {
                 "sense": {"use": "perception.omniscient"},
                 "steer": {"use": "control.go-to-goal"},
@@ -214,14 +214,20 @@ def _check_restored(
 
 
 def report_failure(found: DeviationList, failure: RunError, where: str) -> None:
-    """Add the failure of a run."""
+    """Add the failure of a run, by default as one of a method."""
     cause = failure.__cause__
     if cause is not None:
-        found.failure(where, cause)
+        blamed = "_compute" if "`_compute` returned" in failure.problem else None
+        found.failure(blamed or method_of(found.kind, cause) or where, cause)
         return
     found.add(where, f"fails the run at {failure.time / 1e9:g} s: {failure.problem}", "write finite values only")
 
 
 def batch_difference(small: SmallScenario) -> str | None:
-    """Describe the first run of a batch that differs from the same run alone; None if all are equal."""
+    """Describe the first run of a batch that differs from the same run alone; None if all are equal.
+
+    The initial states are drawn, so that the runs differ.
+    """
+    group = next(each for each in small.build().simulation.groups if each.name == "robot")
+    small.content["agents"]["robot"]["state"] = [{"uniform": [-2.0, 2.0]} for _ in group.model.state]
     return differing_compositions(small.build(), small.composition, Path.cwd(), sizes=(1, 3, 5))

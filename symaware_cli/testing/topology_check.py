@@ -42,7 +42,7 @@ def check_topology(kind: type[Topology], changes: Changes | None = None, /, **pa
     content = scenario()
     content["topology"] = {"use": kind, "with": parameters}
     robot = content["agents"]["robot"]
-    robot |= {"count": 5, "state": {"circle": {"radius": 3.0}}, "knowledge": {"goal": [0.5, 0.2]}}
+    robot |= {"count": 5, "knowledge": {"goal": [0.5, 0.2]}}
     robot["components"] |= {"tell": {"use": "communication.state"}, "hear": {"use": "communication.inbox"}}
     small = SmallScenario(content, changes, found)
     with started(small.build(_observed(kind, found))) as run:
