@@ -135,6 +135,7 @@ def _observed(kind: type, found: DeviationList) -> type:
         if fingerprint(value) != first and not isinstance(value, list):
             found.add("_update", "changes the value that it was given", "change a copy")
 
+    owner = next(each for each in kind.__mro__ if "_update" in vars(each))
     return type(
         kind.__name__,
         (kind,),
@@ -143,6 +144,8 @@ def _observed(kind: type, found: DeviationList) -> type:
             "_update": _update,
             "__doc__": kind.__doc__,
             "__module__": kind.__module__,
+            # Which class explains a value of the wrong type depends on the one that defines `_update`.
+            **({"misfit": kind.misfit} if "misfit" in vars(owner) else {}),  # type: ignore[attr-defined]
             **({"batchable": True} if vars(kind).get("batchable") else {}),
         },
     )

@@ -171,6 +171,8 @@ def place_of(kind: type, where: str) -> str:
     """Return the file and line of the definition of a method, or of the class; empty if unknown."""
     name = where.partition("(")[0]
     for each in kind.__mro__:
+        if each.__module__.partition(".")[0] != kind.__module__.partition(".")[0]:
+            break  # a method that it inherits from this package is not its own
         member: Any = vars(each).get(name)
         member = getattr(member, "fget", member)
         code = getattr(inspect.unwrap(member) if callable(member) else member, "__code__", None)

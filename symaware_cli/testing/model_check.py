@@ -10,7 +10,7 @@ import numpy as np
 from symaware_cli.engine import faults_of
 from symaware_cli.geometry import Array
 from symaware_cli.language import KINDS
-from symaware_cli.testing.conformance import DeviationList, require_kind, unlike, with_parameters
+from symaware_cli.testing.conformance import DeviationList, method_of, require_kind, unlike, with_parameters
 from symaware_cli.testing.side_effects import own_state, watched
 from symaware_cli.world import Model, Quantity, columns, integrate
 
@@ -44,7 +44,11 @@ def check_model(kind: type[Model], states: Any = None, /, **parameters: Any) -> 
         found.add(where, fault)
     x, u = _points(found, model, states)
     found.settle()
-    results = {name: _check_method(found, model, name, call, x, u) for name, call in _methods(model).items()}
+    own = {name for name in _methods(model) if getattr(kind, name) is not getattr(Model, name)}
+    results = {
+        name: _check_method(found, model, name, call, x, u) if name in own else None
+        for name, call in _methods(model).items()
+    }
     found.settle()
     for name, value in results.items():
         if value is not None and not np.isfinite(value).all():
@@ -116,9 +120,21 @@ Method = Callable[[Array, Array], Any]
 def _methods(model: Model) -> Mapping[str, Method]:
     """Return the methods as functions of states (n, nx) and control inputs (n, nu), which return a row for each."""
     step = model.time_step or 0.05
+
+    def by_elements(call: Callable[[Array, Array], Any]) -> Method:
+        """Give a method the elements of states and inputs, each contiguous, and take back what it changed."""
+
+        def method(x: Array, u: Array) -> Array | None:
+            states, inputs = columns(x), columns(u)
+            found = _rows(call(states, inputs), len(x))
+            x[:], u[:] = states.T, inputs.T
+            return found
+
+        return method
+
     return {
-        "derivative": lambda x, u: _rates(model, x, u),
-        "successor": lambda x, u: _rows(model.successor(columns(x), columns(u), step, np), len(x)),
+        "derivative": by_elements(lambda x, u: model.derivative(x, u, np)),
+        "successor": by_elements(lambda x, u: model.successor(x, u, step, np)),
         "exact_step": lambda x, u: model.exact_step(x, u, step),
         "limit": lambda x, u: model.limit(u),
         "positions": lambda x, u: model.positions(x),
@@ -158,7 +174,7 @@ def _check_method(found: DeviationList, model: Model, name: str, call: Method, x
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        found.failure(name, error)
+        found.failure(method_of(found.kind, error) or name, error)
         return None
     for which, now, then in (("states", given_x, x), ("control inputs", given_u, u)):
         if not np.array_equal(now, then):
@@ -193,11 +209,10 @@ def _check_against_differences(
     rates = _rates(model, x, u)
     how = f"agree with `derivative` within {_TOLERANCE:g}"
     jacobian = Model.jacobian(model, x, u)
-    if type(model).jacobian is not Model.jacobian:
-        for row, column in _wrong(results["jacobian"], jacobian):
-            what = f"is {_entry(results['jacobian'], row, column)} for the rate of `{model.state[row].name}` by"
-            what += f" `{model.state[column].name}`, and finite differences give {_entry(jacobian, row, column)}"
-            found.add("jacobian", what, how)
+    for row, column in _wrong(results["jacobian"], jacobian):
+        what = f"is {_entry(results['jacobian'], row, column)} for the rate of `{model.state[row].name}` by"
+        what += f" `{model.state[column].name}`, and finite differences give {_entry(jacobian, row, column)}"
+        found.add("jacobian", what, how)
     velocity = rates[:, list(model.position)]
     for (axis,) in _wrong(results["velocity"], velocity):
         what = f"is {_entry(results['velocity'], axis)} along axis {axis}, and the derivative of the position is"

@@ -215,12 +215,14 @@ def _check_restored(
 
 def report_failure(found: DeviationList, failure: RunError, where: str) -> None:
     """Add the failure of a run, by default as one of a method."""
-    cause = failure.__cause__
-    if cause is not None:
-        blamed = "_compute" if "`_compute` returned" in failure.problem else None
-        found.failure(blamed or method_of(found.kind, cause) or where, cause)
-        return
-    found.add(where, f"fails the run at {failure.time / 1e9:g} s: {failure.problem}", "write finite values only")
+    cause = failure.__cause__ or failure.__context__
+    if "`_compute` returned" in failure.problem:
+        found.add("_compute", failure.problem.removeprefix("TypeError: "))
+    elif cause is not None:
+        found.failure(method_of(found.kind, cause) or where, cause)
+    else:
+        what = f"fails the run at {failure.time / 1e9:g} s: {failure.problem}"
+        found.add(where, what, "write finite values only")
 
 
 def batch_difference(small: SmallScenario) -> str | None:

@@ -330,7 +330,7 @@ class Sums(GroupComponent):
 
     def _compute(self) -> Any:
         mean: NDArray[np.float64] = self._group.awareness.state[:, :2].mean(axis=0)
-        return np.broadcast_to(np.clip(mean, -0.3, 0.3), (len(self._group), 2))
+        return np.broadcast_to(0.1 * mean, (len(self._group), 2))
 
     def _update(self, value: Any) -> None:
         self._group.control_input = value
