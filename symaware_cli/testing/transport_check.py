@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from symaware_cli.processes import Port, PortEvent, Transport
@@ -53,7 +53,8 @@ def _host(found: DeviationList, transport: Transport, key: bytes | None) -> Iter
     try:
         yield port
     finally:
-        port.close()
+        with suppress(Exception):  # `_check_frames` reports it
+            port.close()
 
 
 @contextmanager
@@ -64,7 +65,8 @@ def _member(found: DeviationList, transport: Transport, host: Port, key: bytes |
     try:
         yield port
     finally:
-        port.close()
+        with suppress(Exception):  # `_check_frames` reports it
+            port.close()
 
 
 def _check_port(found: DeviationList, port: Port) -> None:
