@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -218,14 +218,12 @@ def is_code_of(kind: type, frame: FrameType) -> bool:
 def modules_of(kind: type) -> list[dict[str, Any]]:
     """Return the namespaces of the modules of a plugin's package that are imported."""
     root = kind.__module__.partition(".")[0]
-    names = [kind.__module__] if root == "symaware_cli" else [each for each in sys.modules if _within(each, root)]
+    names = [kind.__module__]
+    if root != "symaware_cli":
+        names = [each for each in sys.modules if each.partition(".")[0] == root]
     return [vars(sys.modules[name]) for name in names if sys.modules.get(name) is not None]
 
 
-def _within(name: str, root: str) -> bool:
-    return name == root or name.startswith(f"{root}.")
-
-
-def unlike(one: Any, other: Any, name: Callable[[Any], str] = str) -> list[str]:
+def unlike(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
     """Return the names of the entries in which two mappings of fingerprints differ, sorted."""
-    return sorted(name(each) for each in {*one, *other} if one.get(each) != other.get(each))
+    return sorted(each for each in {*one, *other} if one.get(each) != other.get(each))

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.core import Agent, AgentGroup, EventBus, Plugin
-from symaware_cli.core.agent import Surroundings
+from symaware_cli.core import Agent, AgentGroup, EventBus, Plugin, Surroundings
 from symaware_cli.engine import ComponentEntry
 from symaware_cli.testing.conformance import DeviationList, is_code_of, modules_of
 

@@ -18,8 +18,8 @@ from specimens import COUPLED
 
 #: The parameters of the plugins that need some, and what the scenario of the check needs for them.
 PARAMETERS: Mapping[str, Mapping[str, Any]] = {
-    "communication.consensus": {"of": "guess", "gain": 0.2},
-    "control.follow": {"leader": "robot.0"},
+    "communication.consensus": {"name": "guess", "gain": 0.2},
+    "control.follow": {"leader": "leader"},
     "control.random": {"inputs": [[0.1, 0.0], [0.0, 0.2]]},
     "perception.range": {"range": 5.0, "position_noise": 0.1},
     "dubins-aircraft": {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1},
@@ -50,7 +50,14 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
 }
 CHANGES: Mapping[str, Mapping[str, Any]] = {
     "communication.consensus": {"agents.robot.knowledge.guess": {"uniform": [0.0, 1.0]}},
-    "control.pure-pursuit": {"agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]}},
+    "control.follow": {
+        "agents.leader": {"model": {"use": "unicycle"}, "state": [3.0, 0.0, 0.0]},
+        "agents.robot.knowledge.offset": {"all": [-1.0, 0.0]},
+    },
+    "control.pure-pursuit": {
+        "agents.robot.model.use": "bicycle",
+        "agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]},
+    },
     "control.waypoints": {"agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]}},
     "prediction.error": {"agents.robot.components.estimate": {"use": "uncertainty.conformal"}},
     "restore": {"faults.other": {"at": 0.05, "stop": "robot.1"}},
