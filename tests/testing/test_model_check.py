@@ -226,7 +226,7 @@ class Degrees(Cart):
 class Empty(Cart):
     """Has no control input."""
 
-    control_input = ()
+    control_input: Any = ()
 
 
 BROKEN: dict[type[Model], tuple[str, ...]] = {
