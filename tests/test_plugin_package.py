@@ -72,7 +72,7 @@ def elsewhere(
 def test_the_wheel_holds_the_package_its_marker_of_types_and_nothing_else(wheels: list[Path]) -> None:
     names = zipfile.ZipFile(wheels[0]).namelist()
     assert "symaware_cli/py.typed" in names
-    assert "symaware_cli/testing.py" in names
+    assert "symaware_cli/testing/__init__.py" in names
     written = {
         path.relative_to(CHECKOUT).as_posix()
         for path in (CHECKOUT / "symaware_cli").rglob("*")

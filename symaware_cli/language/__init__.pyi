@@ -7,6 +7,7 @@ from .catalogue import Catalogue as Catalogue
 from .changes import Changes as Changes
 from .changes import FilePath as FilePath
 from .changes import assignments as assignments
+from .compose import compose_content as compose_content
 from .description import Description as Description
 from .description import describe as describe
 from .diagnosis import Diagnosis as Diagnosis

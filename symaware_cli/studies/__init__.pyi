@@ -1,8 +1,10 @@
 # What other rooms use of this one.
 
+from .batch_check import differing_compositions as differing_compositions
 from .batch_check import differing_runs as differing_runs
 from .cell_stops import CellStops as CellStops
 from .claim import Claim as Claim
+from .custom_metrics import typed as typed
 from .executor import Block as Block
 from .executor import Blocks as Blocks
 from .executor import Executor as Executor

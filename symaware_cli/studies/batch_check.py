@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from symaware_cli.engine import Run, RunSummary
 from symaware_cli.language import Changes
-from symaware_cli.language.build import build
-from symaware_cli.language.compose import compose
+from symaware_cli.language.build import Built, build, build_composition
+from symaware_cli.language.compose import Composition, compose
 from symaware_cli.studies.batch import Batch, refusal
 from symaware_cli.studies.measurement import Measurement, RunMeasurement
 from symaware_cli.studies.metrics import RunFigures, figures
@@ -27,15 +28,31 @@ def differing_runs(path: Path, changes: Changes = ()) -> str | None:
     Raises:
         ScenarioError: The scenario is invalid.
     """
-    built = build(path, changes)
+    return differing_compositions(build(path, changes), lambda: compose(path, changes), path.parent)
+
+
+def differing_compositions(
+    built: Built, composed: Callable[[], Composition], folder: Path, sizes: Sequence[int] = _SIZES
+) -> str | None:
+    """Like `differing_runs`, for a scenario that is not in a file.
+
+    Args:
+        built: The scenario, built.
+        composed: Composes its document.
+        folder: The folder of the files that it names.
+        sizes: The sizes of the batches.
+
+    Raises:
+        ScenarioError: The scenario is invalid.
+    """
     reason = refusal(built)
     if reason is not None:
         return f"it cannot be batched: {reason}"
-    alone = {seed: _alone(path, changes, seed) for seed in _ALONE}
-    for size in _SIZES:
+    alone = {seed: _alone(composed(), folder, seed) for seed in _ALONE if seed < max(sizes)}
+    for size in sizes:
         # The position of a run in its batch depends on the size of the batch.
         seeds = [*range(size // 2, size), *range(size // 2)]
-        batch = Batch(compose(path, changes), built, seeds)
+        batch = Batch(composed(), built, seeds)
         batch.advance()
         if batch.run.failure is not None:
             return f"a batch of {size} runs failed: {batch.run.failure}"
@@ -49,8 +66,8 @@ def differing_runs(path: Path, changes: Changes = ()) -> str | None:
     return None
 
 
-def _alone(path: Path, changes: Changes, seed: int) -> tuple[dict[str, object], Run]:
-    built = build(path, changes, seed)
+def _alone(composition: Composition, folder: Path, seed: int) -> tuple[dict[str, object], Run]:
+    built = build_composition(composition, folder, seed)
     run = Run(built.simulation, built.steps, None, None, replace(built.options, may_exit=False))
     measurement = Measurement(built.simulation)
     run.advance()

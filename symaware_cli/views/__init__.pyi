@@ -4,6 +4,7 @@ from .chunk import Chunk as Chunk
 from .chunk import Frames as Frames
 from .chunk import SeriesFrames as SeriesFrames
 from .detail import Detail as Detail
+from .detail import detail_of as detail_of
 from .exporting.conversion import TableFormat as TableFormat
 from .exporting.export_format import EXPORT as EXPORT
 from .exporting.export_format import Exported as Exported
@@ -60,6 +61,7 @@ from .plotting.request import SeriesName as SeriesName
 from .plotting.request import check_format as check_format
 from .plotting.request import check_output as check_output
 from .plotting.time import INK as INK
+from .scene.drawing import DRAWING as DRAWING
 from .scene.drawing import Drawing as Drawing
 from .scene.drawing import Output as Output
 from .scene.marks import Bodies as Bodies
@@ -80,6 +82,9 @@ from .scene.marks import Points as Points
 from .scene.marks import Rays as Rays
 from .scene.marks import Rings as Rings
 from .scene.marks import Solid as Solid
+from .scene.marks import mark_fault as mark_fault
+from .scene.scene import Scene as Scene
 from .views import GroupView as GroupView
 from .views import ObstacleView as ObstacleView
 from .views import RunView as RunView
+from .views import run_view_of as run_view_of

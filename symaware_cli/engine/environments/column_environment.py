@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from symaware_cli.core import Contact, EntityGroup, Environment, Obstacle, Snapshot
 from symaware_cli.engine.environments.contact_detector import ContactDetector
 from symaware_cli.geometry import Array, Pose
+from symaware_cli.world import frozen
 
 
 class ColumnEnvironment(Environment):
@@ -22,7 +23,7 @@ class ColumnEnvironment(Environment):
         self._number = {group.name: number for number, group in enumerate(self.groups)}
         self._models = [group.model for group in self.groups]
         self._states = [group.initial_state for group in self.groups]
-        self._applied = [group.model.limit(group.control_input) for group in self.groups]
+        self._applied = [frozen(group.model.limit(group.control_input)) for group in self.groups]
         #: The velocities of all agents by index [m/s]; None if the models yield them.
         self._velocities: Array | None = None
         self._snapshot: Snapshot | None = None

@@ -141,6 +141,11 @@ class Network:
         time = now % self._repeat if self._repeat else now
         return [each for each in self._phases if each.start <= time][-1]
 
+    @property
+    def topologies(self) -> list[Topology]:
+        """The topologies of all phases."""
+        return [phase.topology for phase in self._phases]
+
     def _current_links(self, phase: TopologyPhase, now: int) -> Links:
         """Return the links of a phase's topology, restricted to present agents."""
         try:

@@ -77,5 +77,7 @@ def packages(simulation: Simulation, others: Iterable[object] = ()) -> frozenset
         *(each for entry in simulation.entries for each in entry.components),
     ]
     plugins += [group.model for group in simulation.groups]
+    network = simulation.exchange.network
+    plugins += [] if network is None else network.topologies
     plugins += others
     return frozenset({"symaware_cli", *(layout(type(each)).package for each in plugins)})
