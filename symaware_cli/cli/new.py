@@ -16,6 +16,10 @@ from symaware_cli.cli.terminal import WRONG_INPUT, fail
 from symaware_cli.help_place import in_help
 
 
+#: The panels of the help of ``symaware new plugin``.
+_IN_SCENARIOS, _ABOUT_RUNS = "Used in scenarios", "Used with runs and logs"
+
+
 class _ScenarioByDefault(TyperGroup):
     """A group whose first argument may be the name of a scenario: ``new NAME`` means ``new scenario NAME``."""
 
@@ -84,24 +88,51 @@ def scenario(
 @new.command()
 def plugin(
     name: Annotated[str, typer.Argument(help="Name of the package and of the folder.")],
-    component: Annotated[Purpose | None, typer.Option(help="A component of agents, for this purpose.")] = None,
-    model: Annotated[bool, typer.Option("--model", help="A model: the dynamics of agents.")] = False,
-    environment: Annotated[bool, typer.Option("--environment", help="An environment: a world.")] = False,
-    topology: Annotated[bool, typer.Option("--topology", help="A topology: who reaches whom by messages.")] = False,
-    transport: Annotated[
-        bool, typer.Option("--transport", help="A transport between the processes of a run.")
+    component: Annotated[
+        Purpose | None, typer.Option(help="A component of agents, for this purpose.", rich_help_panel=_IN_SCENARIOS)
+    ] = None,
+    model: Annotated[
+        bool, typer.Option("--model", help="A model: the dynamics of agents.", rich_help_panel=_IN_SCENARIOS)
     ] = False,
-    fault: Annotated[bool, typer.Option("--fault", help="A kind of fault.")] = False,
-    metric: Annotated[bool, typer.Option("--metric", help="A metric: a column of sweeps.")] = False,
-    drawing: Annotated[bool, typer.Option("--drawing", help="A drawing of logs.")] = False,
-    command: Annotated[bool, typer.Option("--command", help="A verb of the command symaware.")] = False,
-    section: Annotated[bool, typer.Option("--section", help="A section of scenarios.")] = False,
-    export: Annotated[bool, typer.Option("--export", help="A format of symaware export.")] = False,
-    report: Annotated[bool, typer.Option("--report", help="A section of symaware report.")] = False,
-    search: Annotated[bool, typer.Option("--search", help="A method of symaware falsify.")] = False,
-    executor: Annotated[bool, typer.Option("--executor", help="An executor of sweeps.")] = False,
+    environment: Annotated[
+        bool, typer.Option("--environment", help="An environment: a world.", rich_help_panel=_IN_SCENARIOS)
+    ] = False,
+    topology: Annotated[
+        bool,
+        typer.Option("--topology", help="A topology: who reaches whom by messages.", rich_help_panel=_IN_SCENARIOS),
+    ] = False,
+    transport: Annotated[
+        bool,
+        typer.Option("--transport", help="A transport between the processes of a run.", rich_help_panel=_IN_SCENARIOS),
+    ] = False,
+    fault: Annotated[bool, typer.Option("--fault", help="A kind of fault.", rich_help_panel=_IN_SCENARIOS)] = False,
+    metric: Annotated[
+        bool, typer.Option("--metric", help="A metric: a column of sweeps.", rich_help_panel=_ABOUT_RUNS)
+    ] = False,
+    drawing: Annotated[bool, typer.Option("--drawing", help="A drawing of logs.", rich_help_panel=_ABOUT_RUNS)] = False,
+    command: Annotated[
+        bool, typer.Option("--command", help="A verb of the command `symaware`.", rich_help_panel=_ABOUT_RUNS)
+    ] = False,
+    section: Annotated[
+        bool, typer.Option("--section", help="A section of scenarios.", rich_help_panel=_IN_SCENARIOS)
+    ] = False,
+    export: Annotated[
+        bool, typer.Option("--export", help="A format of `symaware export`.", rich_help_panel=_ABOUT_RUNS)
+    ] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="A section of `symaware report`.", rich_help_panel=_ABOUT_RUNS)
+    ] = False,
+    search: Annotated[
+        bool, typer.Option("--search", help="A method of `symaware falsify`.", rich_help_panel=_ABOUT_RUNS)
+    ] = False,
+    executor: Annotated[
+        bool, typer.Option("--executor", help="An executor of sweeps.", rich_help_panel=_ABOUT_RUNS)
+    ] = False,
     abstraction: Annotated[
-        bool, typer.Option("--abstraction", help="A knowledge model: an abstraction of the workspace.")
+        bool,
+        typer.Option(
+            "--abstraction", help="A knowledge model: an abstraction of the workspace.", rich_help_panel=_IN_SCENARIOS
+        ),
     ] = False,
 ) -> None:
     """Write a package with a plugin, a test and a scenario that work; exactly one kind is required."""

@@ -53,9 +53,7 @@ class PluginScaffold:
 def _component(
     purpose: str, module: str, summary: str, points: Mapping[str, str], commands: Sequence[str]
 ) -> PluginScaffold:
-    return PluginScaffold(
-        purpose, f"--component {purpose}", module, summary, {"symaware.components": points}, commands
-    )
+    return PluginScaffold(purpose, f"--component {purpose}", module, summary, {"symaware.components": points}, commands)
 
 
 def _kind(
