@@ -15,7 +15,6 @@ from typer.core import TyperGroup
 from symaware_cli.cli.terminal import WRONG_INPUT, fail
 from symaware_cli.help_place import in_help
 
-
 #: The panels of the help of ``symaware new plugin``.
 _IN_SCENARIOS, _ABOUT_RUNS = "Used in scenarios", "Used with runs and logs"
 

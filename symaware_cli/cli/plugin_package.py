@@ -75,35 +75,50 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "closeness",
         "A risk that rises as others come closer",
         {"$name.closeness": "Closeness"},
-        ["symaware show $name.closeness", "symaware log series $name.mcap robot.0:risk --every 1"],
+        [
+            "symaware show $name.closeness",
+            "symaware log series $name.mcap robot.0:risk --every 1",
+        ],
     ),
     _component(
         "controller",
         "orbit",
         "A controller that circles a point",
         {"$name.orbit": "Orbit"},
-        ["symaware show $name.orbit", "symaware plot $name.mcap"],
+        [
+            "symaware show $name.orbit",
+            "symaware plot $name.mcap",
+        ],
     ),
     _component(
         "perception",
         "coarse",
         "A perception that sees others nearby, at coarse positions",
         {"$name.coarse": "Coarse"},
-        ["symaware show $name.coarse", "symaware replay $name.mcap"],
+        [
+            "symaware show $name.coarse",
+            "symaware replay $name.mcap",
+        ],
     ),
     _component(
         "uncertainty",
         "dead_reckoning",
         "An uncertainty that grows with the distance travelled",
         {"$name.dead-reckoning": "DeadReckoning"},
-        ["symaware show $name.dead-reckoning", "symaware replay $name.mcap"],
+        [
+            "symaware show $name.dead-reckoning",
+            "symaware replay $name.mcap",
+        ],
     ),
     _component(
         "communication",
         "greeting",
         "Agents that tell each other where they are going",
         {"$name.tell": "TellGoal", "$name.hear": "HearGoals"},
-        ["symaware show $name.tell", "symaware log messages $name.mcap --limit 10"],
+        [
+            "symaware show $name.tell",
+            "symaware log messages $name.mcap --limit 10",
+        ],
     ),
     _kind(
         "model",
@@ -111,7 +126,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "sled",
         "A sled with drag, which is moved by forces",
         {"$name.sled": "Sled"},
-        ["symaware show $name.sled", "symaware plot $name.mcap"],
+        [
+            "symaware show $name.sled",
+            "symaware plot $name.mcap",
+        ],
     ),
     _kind(
         "environment",
@@ -119,7 +137,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "windy",
         "A world with a wind",
         {"$name.windy": "Windy"},
-        ["symaware show $name.windy", "symaware plot $name.mcap"],
+        [
+            "symaware show $name.windy",
+            "symaware plot $name.mcap",
+        ],
     ),
     _kind(
         "topology",
@@ -127,7 +148,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "relay",
         "A topology with a relay that drives from agent to agent",
         {"$name.relay": "Relay"},
-        ["symaware show $name.relay", "symaware log messages $name.mcap --limit 10"],
+        [
+            "symaware show $name.relay",
+            "symaware log messages $name.mcap --limit 10",
+        ],
     ),
     _kind(
         "transport",
@@ -147,7 +171,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "swing",
         "A fault: a sensor whose measurements swing",
         {"$name-swing": "Swing"},
-        ["symaware show $name-swing", "symaware log events $name.mcap"],
+        [
+            "symaware show $name-swing",
+            "symaware log events $name.mcap",
+        ],
     ),
     _kind(
         "metric",
@@ -155,7 +182,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "detour",
         "A metric of sweeps: how much farther agents go than straight ahead",
         {"$name.detour": "Detour"},
-        ["symaware sweep sweeps/$name.yaml -o $name-sweep", "symaware rows $name-sweep"],
+        [
+            "symaware sweep sweeps/$name.yaml -o $name-sweep",
+            "symaware rows $name-sweep",
+        ],
         "sweep",
     ),
     _kind(
@@ -164,7 +194,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "tether",
         "A drawing: a line from each agent to the next",
         {"$name.tether": "Tether"},
-        ["symaware plot $name.mcap --show $name-tether", "symaware replay $name.mcap"],
+        [
+            "symaware plot $name.mcap --show $name-tether",
+            "symaware replay $name.mcap",
+        ],
         "plot",
     ),
     _kind(
@@ -181,7 +214,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "limits",
         "A section of scenarios: speed limits in regions",
         {"symaware.sections": {"${module}_limits": "Limits"}, "symaware.components": {"$name.obey": "Obey"}},
-        ["symaware show $name.obey", "symaware log events $name.mcap"],
+        [
+            "symaware show $name.obey",
+            "symaware log events $name.mcap",
+        ],
     ),
     _kind(
         "export",
@@ -207,8 +243,8 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "A search method: points that halve the largest gaps",
         {"$name-halving": "Halving"},
         [
-            "symaware falsify scenarios/$name.yaml --specification apart --method $name-halving -o found "
-            "--over 'agents.robot.components.steer.with.speed={uniform: [0.2, 2.0]}'"
+            "symaware falsify scenarios/$name.yaml --specification apart --method $name-halving -o found \\",
+            "  --over 'agents.robot.components.steer.with.speed={uniform: [0.2, 2.0]}'",
         ],
     ),
     _kind(
@@ -226,7 +262,10 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "strips",
         "A knowledge model: a box cut into strips",
         {"$name.strips": "Strips"},
-        ["symaware show $name.strips", "symaware plot $name.mcap"],
+        [
+            "symaware show $name.strips",
+            "symaware plot $name.mcap",
+        ],
     ),
 )
 

@@ -167,7 +167,7 @@ def test_an_error_leaves_no_half_of_a_package(tmp_path: Path, monkeypatch: pytes
         return write(path, text, encoding)
 
     monkeypatch.setattr(Path, "write_text", failing)
-    with pytest.raises(ScaffoldError, match="cannot write .*my-own: no space left on device"):
+    with pytest.raises(ScaffoldError, match=r"cannot write .*my-own: no space left on device"):
         write_package(tmp_path, "my-own", SCAFFOLDS[0])
     assert len(written) == 4
     assert os.listdir(tmp_path) == []
