@@ -14,8 +14,8 @@ import symaware_cli
 from symaware_cli.cli.application import all_commands, application
 from symaware_cli.help_place import GROUPS, place_of
 
-#: The greatest number of options of a verb, without --help; these two show and run in many ways.
-MOST, MANY = 12, ("run", "replay")
+#: The greatest number of options of a verb, without --help; these show, run, and write kinds of plugins in many ways.
+MOST, MANY = 12, ("run", "replay", "new plugin")
 
 #: Pages on which former decisions are described, and the list of changes.
 HISTORY = ("CHANGELOG.md",)
@@ -99,6 +99,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("verify swept --level all --rows 3", "--rows goes with the level sample, not with all"),
         ("verify swept --level monitor --seed 3", "--seed goes with the level sample, not with monitor"),
         ("diff hello.yaml hello.yaml --plot a.png", "--plot goes with two logs, or with two sweeps"),
+        ("new scenario a --toml --like convoy", "--like scenarios are in YAML only: leave out --toml"),
+        ("new plugin a", "say which kind of plugin to write, with one of --component risk|"),
+        ("new plugin a --model --fault", "--model and --fault are different kinds of plugins: choose one"),
+        ("new plugin a --component risk --model", "--component risk and --model are different kinds"),
         ("show unicycle --output a.svg", "--output goes with a scenario"),
     ],
 )
@@ -128,7 +132,9 @@ def test_no_document_has_options_that_no_verb_knows() -> None:
     for file in files:
         if file.name in HISTORY:
             continue
-        for found in re.finditer(r"symaware ((?:log )?[a-z]+)((?: [^\s`|;]+)*)", file.read_text(encoding="utf-8")):
+        for found in re.finditer(
+            r"symaware ((?:log |new (?=plugin|scenario))?[a-z]+)((?: [^\s`|;]+)*)", file.read_text(encoding="utf-8")
+        ):
             verb, rest = found.groups()
             used = set(re.findall(r"(?<=\s)--[a-z][a-z-]*", rest)) - {"--help"}
             if verb in known and used - known[verb]:
