@@ -10,7 +10,7 @@ from fuzzing.draft import Draft, Tree
 from fuzzing.grammar import Grammar
 
 #: Properties that are not drawn: a window needs a screen, and a scenario stands in one file here.
-_LEFT_OUT = frozenset({"gui", "extends"})
+_LEFT_OUT = frozenset({"gui", "extends", "like", "plugins", "templates"})
 
 _TIMES = frozenset({"at", "for", "open_for", "delay", "jitter", "period", "offset", "latency", "by", "from", "until"})
 
@@ -76,6 +76,8 @@ class Values:
         chance = self._draft.chance
         if "$ref" in schema:
             return self._of(schema["$ref"].rpartition("/")[2])
+        if "else" in schema:
+            return self.value(schema["else"], name, owner, depth)
         if "const" in schema:
             return schema["const"]
         if "enum" in schema:

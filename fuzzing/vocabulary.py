@@ -77,7 +77,11 @@ def words_of(tree: Any, schema: Mapping[str, Any]) -> set[str]:
 def _words(value: Any, name: str, schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Iterator[str]:
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
-        yield from _words(value, name, definitions[name], definitions)
+        yield from _words(value, name.removeprefix("partial:"), definitions[name], definitions)
+        return
+    if "else" in schema:
+        is_alike = isinstance(value, dict) and "like" in value
+        yield from _words(value, name, schema["then" if is_alike else "else"], definitions)
         return
     for way in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
         if _may_be(value, way, definitions):

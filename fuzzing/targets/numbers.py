@@ -151,6 +151,9 @@ class _Walk:
             if definition not in above and definition in self._definitions:
                 yield from self._with(self._definitions[definition], number, name, (*above, definition))
             return
+        if "else" in schema:
+            yield from self._with(schema["else"], number, name, above)
+            return
         for branch in schema.get("allOf", ()):
             use = branch.get("if", {}).get("properties", {}).get("use", {}).get("const")
             if use is not None:

@@ -141,6 +141,10 @@ def _motions(tracks: Any) -> Any:
     return [tracks.time, tracks.pointers, tracks.others, tracks.positions, tracks.velocities, tracks.covariances]
 
 
+#: A seed that nobody chooses.
+_UNLIKELY = 2_862_933_555
+
+
 @contextmanager
 def watched(found: DeviationList, where: str) -> Iterator[None]:
     """Find draws from global generators, and looks at the clock, within the block.
@@ -152,7 +156,11 @@ def watched(found: DeviationList, where: str) -> Iterator[None]:
         found: Takes the deviations.
         where: The method that the block calls.
     """
-    numpy_before, python_before = np.random.get_state(), random.getstate()  # noqa: NPY002 # the one that is watched
+    numpy_kept, python_kept = np.random.get_state(), random.getstate()  # noqa: NPY002 # the one that is watched
+    # States that no plugin sets, so that one which seeds the generators is found as well.
+    np.random.seed(_UNLIKELY)  # noqa: NPY002
+    random.seed(_UNLIKELY)
+    numpy_before, python_before = np.random.get_state(), random.getstate()  # noqa: NPY002
     replaced: list[tuple[dict[str, Any], str, Any]] = []
     stand_ins = _stand_ins(found, where)
     spaces = [vars(time), vars(datetime), *modules_of(found.kind)]
@@ -168,8 +176,8 @@ def watched(found: DeviationList, where: str) -> Iterator[None]:
         for space, name, value in reversed(replaced):
             space[name] = value
         numpy_after, python_after = np.random.get_state(), random.getstate()  # noqa: NPY002
-        np.random.set_state(numpy_before)  # noqa: NPY002
-        random.setstate(python_before)
+        np.random.set_state(numpy_kept)  # noqa: NPY002
+        random.setstate(python_kept)
         how = "draw from `self.random`, or in an environment from `generator(seed, path, turn)`"
         if fingerprint(numpy_after) != fingerprint(numpy_before):
             found.add(where, "draws from the global generator of NumPy (`np.random`)", how)

@@ -42,6 +42,7 @@ FILES: Mapping[str, str] = {
     "folder": "sweep",
     "key": "key.pem",
     "key_file": "secret",
+    "plugins": "mine.py",
     "file": "specifications.yaml",
 }
 """The sound file for a parameter, by its name; that of others is given by the call."""
@@ -52,7 +53,8 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
     "resume": [["--jobs", "0"]],
     "plan": [["target=room.yaml"], ["target=sweep"]],
     "validate": [[]],
-    "new": [["name=room"]],
+    "new scenario": [["name=room"]],
+    "new plugin": [["name=room", "--metric"]],
     "replay": [["path=log.mcap", "save=replay.rrd"]],
     "plot": [["path=log.mcap", "--dpi", "20"], ["path=sweep", "--dpi", "20"]],
     "export": [["path=log.mcap", "--format", "csv"], ["path=log.mcap", "--format", "foxglove"]],
@@ -79,6 +81,7 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
     "list": [[]],
     "show": [["name=room.yaml"]],
     "schema": [[]],
+    "trust": [[]],
 }
 """Calls of each verb that work, without the paths of `FILES`. A new verb needs an entry."""
 
@@ -105,7 +108,7 @@ SUFFIXES = {
 }
 """The suffixes of what is written, by the beginning of a case's name; what is not here is a folder."""
 
-WITHOUT_PATHS = ("list",)
+WITHOUT_PATHS: tuple[str, ...] = ()
 
 
 def paths_of(verb: str) -> Mapping[str, str | None]:
@@ -169,6 +172,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sound")
     (folder / "room.yaml").write_text(SCENARIO)
     (folder / "secret").write_text("0" * 64)
+    (folder / "mine.py").write_text("")
     (folder / "specifications.yaml").write_text("near: {each: robot, formula: 'always x < 4'}\n")
     key = Ed25519PrivateKey.generate()
     form = serialization.PrivateFormat.PKCS8
