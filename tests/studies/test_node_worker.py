@@ -8,14 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import own_files
 import pytest
+import sweeping
 from sweeping import symaware, tiny
 
+from symaware_cli.plugin_files import remember
+from symaware_cli.plugin_files.file_trust import HANDED_DOWN
 from symaware_cli.studies import node_worker
 from symaware_cli.studies.folder import SweepFolder
 from symaware_cli.studies.identity import CodeIdentity
 from symaware_cli.studies.node_worker import SweepSetup
-from symaware_cli.studies.ray_cluster import files_of
+from symaware_cli.studies.ray_cluster import files_of, own_code_of
 
 
 @pytest.fixture
@@ -43,6 +47,35 @@ def test_logs_are_returned_under_the_names_in_their_rows(setup: SweepSetup, tmp_
     folder.mkdir()
     again = SweepFolder.opened(tmp_path / "out").runner(1).run(0, folder)
     assert again.log in answered.logs
+
+
+def test_own_code_is_not_sent_and_comes_from_a_folder_that_the_node_trusts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "sender"))
+    monkeypatch.setenv(HANDED_DOWN, "[]")
+    scenario, out = own_files.written(tmp_path), tmp_path / "out"
+    symaware("trust", tmp_path)
+    symaware("sweep", scenario, "-o", out, "--runs", 2, "--jobs", 0)
+    monkeypatch.setenv(HANDED_DOWN, "[]")  # the node is another machine
+    files, code = files_of(out), CodeIdentity.of_this_process().to_json()
+    assert not [name for name in files if name.endswith(".py")]
+    setup = SweepSetup(str(tmp_path), files, None, 1, code, own_code_of(out))
+    node = tmp_path / "node"
+    (node / "deep").mkdir(parents=True)
+    monkeypatch.setattr("tempfile.tempdir", str(node))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "receiver"))
+    (node / "deep" / "mine.py").write_text(own_files.CONTROLLER)
+    assert "mine.py of this sweep is not trusted on this node" in (node_worker.answer(setup, [0], False).trouble or "")
+    remember(node)
+    rows = node_worker.answer(setup, [0, 1], False).rows
+    assert [row.state for row in rows] == ["done", "done"]
+    assert [row.digest for row in rows] == [row["digest"] for row in sweeping.rows(out)]
+    # Another file at the same place is not taken for it, though it is trusted.
+    (node / "deep" / "mine.py").write_text(own_files.CONTROLLER + "# edited")
+    remember(node)
+    assert node_worker.answer(setup, [0], False).trouble
+    node_worker.close()
 
 
 def changed(code: Any, distribution: str, file: str, content: str | None) -> dict[str, Any]:
