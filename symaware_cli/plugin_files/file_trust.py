@@ -25,6 +25,7 @@ Digests = Mapping[str, str]
 #: What a process hands to those that it starts: a JSON list of objects with the folder and the files of each set.
 HANDED_DOWN = "SYMAWARE_PLUGIN_FILES"
 _MOST_HANDED_DOWN = 16
+_HANDED = {"folder", "named", "files"}
 
 Judge = Callable[[FileSet], bool]
 
@@ -86,8 +87,13 @@ def hand_down(files: FileSet) -> None:
 
 def handed_down() -> list[dict[str, Any]]:
     """Return the sets of files that this process, or one that started it, has executed."""
-    found: list[dict[str, Any]] = json.loads(os.environ.get(HANDED_DOWN) or "[]")
-    return found
+    try:
+        found = json.loads(os.environ.get(HANDED_DOWN) or "[]")
+    except ValueError:
+        return []
+    return (
+        [each for each in found if isinstance(each, dict) and each.keys() == _HANDED] if isinstance(found, list) else []
+    )
 
 
 def _is_within(files: Digests, trusted: Digests) -> bool:

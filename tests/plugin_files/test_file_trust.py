@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 
 from symaware_cli.plugin_files import FileSet, forget, read_files, remember, trusted_copy, trusted_folders
-from symaware_cli.plugin_files.file_trust import TrustError, is_trusted, kept_folder, trusting
+from symaware_cli.plugin_files.file_trust import (
+    HANDED_DOWN,
+    TrustError,
+    hand_down,
+    is_trusted,
+    kept_folder,
+    trusting,
+)
 
 
 def test_a_folder_is_trusted_until_a_file_changes(tmp_path: Path) -> None:
@@ -60,6 +67,18 @@ def test_a_damaged_list_trusts_nothing(tmp_path: Path, content: str) -> None:
     assert not trusted_folders()
     remember(tmp_path)
     assert is_trusted(read_files(tmp_path, ["mine.py"]))
+
+
+@pytest.mark.parametrize("content", ["{", "3", "[3]", '[{"folder": "/"}]', "", "null"])
+def test_what_is_handed_down_in_no_valid_form_is_not_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str
+) -> None:
+    (tmp_path / "mine.py").write_text("")
+    monkeypatch.setenv(HANDED_DOWN, content)
+    files = read_files(tmp_path, ["mine.py"])
+    assert not is_trusted(files)
+    hand_down(files)
+    assert is_trusted(files)
 
 
 def test_a_relative_configuration_folder_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
