@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import builtins
+import linecache
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
-from importlib.util import spec_from_loader
+from importlib.util import decode_source, spec_from_loader
 from pathlib import Path, PurePosixPath
 from types import CodeType, ModuleType
 from typing import Any
 
 from symaware_cli.plugin_files.file_set import FileSet, PluginFileError, is_local, package_of, read_files
 from symaware_cli.plugin_files.file_trust import hand_down, handed_down, is_trusted
+from symaware_cli.world import name_files_from
 
 _PREFIX = f"{__package__}.of_"
 
@@ -33,6 +35,7 @@ def load_files(files: FileSet) -> Mapping[str, str]:
     if not is_trusted(files):
         raise PluginFileError(files.named[0], "untrusted-file", "nobody has said that this code is trusted")
     hand_down(files)
+    name_files_from(str(files.folder))
     _FINDER.sets.setdefault(files.package, _Modules(files))
     return {name: _module(files.package, PurePosixPath(name)) for name in files.named}
 
@@ -73,7 +76,11 @@ class _Modules:
         path = self._paths.get(name)
         if path is None:
             return None
-        return compile(self._files.contents[path], str(self._files.folder / path), "exec", dont_inherit=True)
+        content, file = self._files.contents[path], str(self._files.folder / path)
+        # Tracebacks show the lines that are executed, whatever becomes of the file.
+        lines = decode_source(content).splitlines(keepends=True)
+        linecache.cache[file] = (len(content), None, lines, file)
+        return compile(content, file, "exec", dont_inherit=True)
 
     def root(self, name: str) -> str:
         """The package from which the imports of a module begin: that of the scenario's file that needs it."""
@@ -142,6 +149,7 @@ class _Finder(MetaPathFinder):
             files = _handed_down(package)
             if files is None:
                 return None
+            name_files_from(str(files.folder))
             self.sets[package] = _Modules(files)
         return self.sets[package].find(fullname)
 

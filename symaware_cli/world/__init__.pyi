@@ -31,6 +31,8 @@ from .entity import Entity as Entity
 from .entity import Obstacle as Obstacle
 from .exception_text import code_position as code_position
 from .exception_text import describe as describe
+from .exception_text import name_files_from as name_files_from
+from .exception_text import trace as trace
 from .installed_plugins import InstalledPlugins as InstalledPlugins
 from .integration import Integrator as Integrator
 from .integration import integrate as integrate

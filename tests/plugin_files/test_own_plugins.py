@@ -170,6 +170,25 @@ def test_the_log_alone_repeats_the_run(home: Path, command: Command) -> None:
     assert names == ["scenario/helper.py", "scenario/mine.py", "scenario/own.yaml"]
 
 
+@pytest.mark.parametrize("place", ["here", "process"])
+def test_a_run_that_fails_in_a_file_is_repeated_with_its_traceback(home: Path, verb: Verb, place: str) -> None:
+    (home / "lib").mkdir()
+    (home / "lib" / "helper.py").write_text("def fail():\n    raise ValueError('so')\n")
+    failing = ["@controller", "def Go(state, knowledge, time):", "    helper.fail()"]
+    imports = ["from symaware_cli import controller", "import helper"]
+    scenario = SCENARIO.replace("mine.py", "lib/mine.py").replace("mine.Go", f"mine.Go, run_in: {place}")
+    (home / "own.yaml").write_text(scenario)
+    (home / "lib" / "mine.py").write_text("\n".join([*imports, *failing]))
+    assert verb("run", "own.yaml", "--trust", "-q").exit_code == 1
+    (failed,) = [event for event in symaware_cli.open_log("own.mcap").events() if event.name == "failed"]
+    assert 'File "lib/helper.py", line 2, in fail' in failed.data["traceback"]
+    assert "helper.fail()\n" in failed.data["traceback"]
+    assert 'File "/' not in failed.data["traceback"]
+    (home / "lib" / "mine.py").unlink()
+    verified = verb("verify", "own.mcap", "--trust")
+    assert verified.exit_code == 0, verified.output
+
+
 def test_workers_sweeps_branches_and_states_know_them(home: Path, verb: Verb) -> None:
     written(home)
     assert verb("trust", ".").exit_code == 0

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Mapping
 from typing import Any
 
 from symaware_cli.core import seconds
 from symaware_cli.world import describe as describe
+from symaware_cli.world import trace
 
 
 class RunError(Exception):
@@ -27,7 +27,7 @@ class RunError(Exception):
         self.plugin = plugin
         self.time = time
         self.problem = _recordable(problem)
-        self.trace = _recordable("".join(traceback.format_exception(cause))) if cause is not None else ""
+        self.trace = _recordable(trace(cause)) if cause is not None else ""
 
     @property
     def data(self) -> Mapping[str, Any]:

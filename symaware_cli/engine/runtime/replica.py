@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import is_
@@ -17,7 +16,7 @@ from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.engine.runtime.failure import describe
 from symaware_cli.engine.runtime.state.transfer import Transfer, settle
 from symaware_cli.engine.runtime.turn import in_turn
-from symaware_cli.world import Turn
+from symaware_cli.world import Turn, trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ class ComputationResult:
     @classmethod
     def of_failure(cls, row: int, error: BaseException) -> ComputationResult:
         """The result of a computation that raised an exception."""
-        return cls(row, problem=describe(error), trace="".join(traceback.format_exception(error)))
+        return cls(row, problem=describe(error), trace=trace(error))
 
 
 class Unavailable:
