@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import fnmatch
 import functools
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, ClassVar
@@ -127,7 +127,7 @@ class EventBus:
     ones receive none from that moment on.
     """
 
-    __slots__ = ("_count", "_muted", "_subscriptions", "turns_wanted", "wanted")
+    __slots__ = ("_by_owner", "_components", "_count", "_muted", "_subscriptions", "turns_wanted", "wanted")
 
     #: Subscribers belong to the process; `captured` returns the subscriptions of components.
     uncaptured: ClassVar[Collection[str]] = "*"
@@ -135,6 +135,9 @@ class EventBus:
     def __init__(self) -> None:
         self._count = 0
         self._muted: Collection[str] = ()
+        self._components: Callable[[], Mapping[str, object]] = dict
+        #: The subscriptions of each object whose methods are called, by its identity.
+        self._by_owner: dict[int, list[Subscription]] = {}
         self._subscriptions: dict[str, tuple[Subscription, ...]] = {}
         #: The names with subscribers; hot paths check this before they create an event.
         self.wanted: frozenset[str] = frozenset()
@@ -154,6 +157,9 @@ class EventBus:
     def _add(self, names: Iterable[str], callback: Subscriber, source: str) -> Subscription:
         self._count += 1
         subscription = Subscription(callback, source, self._count)
+        owner = getattr(callback, "__self__", None)
+        if owner is not None:
+            self._by_owner.setdefault(id(owner), []).append(subscription)
         for name in names:
             present = tuple(each for each in self._subscriptions.get(name, ()) if each.active)
             self._subscriptions[name] = (*present, subscription)
@@ -181,26 +187,51 @@ class EventBus:
         """
         self._muted = sources
 
+    def name_components(self, components: Callable[[], Mapping[str, object]]) -> None:
+        """Take a function that returns the components by unique names; their subscriptions are captured."""
+        self._components = components
+
+    def _owned(self) -> Iterator[tuple[str, Subscription, list[str]]]:
+        """Yield the subscriptions of components, in order, each with what is captured of it."""
+        names = {id(each): name for name, each in self._components().items()}
+        for name, subscriptions in sorted(self._subscriptions.items()):
+            for each in subscriptions:
+                owner = names.get(id(getattr(each.callback, "__self__", None)))
+                if each.active and owner is not None:
+                    yield name, each, [name, each.source, owner, getattr(each.callback, "__name__", "")]
+
     def captured(self) -> list[list[str]]:
-        """Return the subscriptions of components, which they make at their start."""
-        return [
-            [name, each.source, path]
-            for name, subscriptions in sorted(self._subscriptions.items())
-            for each in subscriptions
-            if each.active and (path := getattr(getattr(each.callback, "__self__", None), "path", ""))
-        ]
+        """Return the subscriptions of components: event, source, component and method."""
+        return [captured for _, _, captured in self._owned()]
 
     def check_state(self, state: list[list[str]]) -> None:
-        """Check that the components have the same subscriptions.
+        """Check that the components can be subscribed as they were.
 
         Raises:
-            StateError: A component subscribed to an event, or cancelled a subscription, in a turn.
+            StateError: There is no such component, or it has no such method.
         """
-        for name, source, path in sorted(set(map(tuple, state)) ^ set(map(tuple, self.captured()))):
-            raise StateError(f"{path} listens to `{name}` of {source} at one of two instants, and not at the other")
+        components = self._components()
+        for each in state:
+            if len(each) != 4 or not all(isinstance(part, str) for part in each):
+                raise StateError("the subscriptions of components are not what was captured")
+            name, source, owner, method = each
+            if not callable(getattr(components.get(owner), method, None)):
+                raise StateError(f"{owner} cannot listen to `{name}` of {source}: it has no method `{method}`")
 
     def restored(self, state: list[list[str]]) -> None:
-        """Do nothing: there is no state to restore."""
+        """Subscribe components as they were; those that a fault brought in, or that began anew, subscribe in turns."""
+        if state == self.captured():
+            return
+        for _, each, _ in list(self._owned()):
+            each.cancel()
+        components = self._components()
+        for name, source, owner, method in state:
+            self.subscribe(name, getattr(components[owner], method), source)
+
+    def cancel_all_of(self, component: object) -> None:
+        """End the subscriptions of a component, which is about to begin anew."""
+        for each in self._by_owner.pop(id(component), ()):
+            each.cancel()
 
     def fire(self, event: Event) -> None:
         """Call all subscribers.

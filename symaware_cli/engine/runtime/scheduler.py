@@ -374,6 +374,8 @@ class TurnScheduler:
         self._cancel_turn(row)
         if self._timing.in_process:
             self._workers.restart(self.entry, row)
+        # What it subscribes to when it begins, it subscribes to anew.
+        self._simulation.events.cancel_all_of(self.entry.components[row])
         self.entry.initialise_one(row, self._simulation.clock.now)
         self._guard.check(None)
 

@@ -219,10 +219,19 @@ class Simulation:
                 columns = isinstance(entry.components[0], GroupComponent)
                 name = entry.path if columns else entry.name
                 self.exchange.inboxes.open(name, entry.group.ids, entry.kinds, columns=columns)
+        self.events.name_components(self._components)
         surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events)
         for group in self.groups:
             group.surroundings = surroundings
             group.awareness.clock = self.clock
+
+    def _components(self) -> Mapping[str, object]:
+        """All components, by names that are theirs alone."""
+        return {
+            f"{component.path}, in {entry.section[1]}" if entry.is_substitute else component.path: component
+            for entry in self.entries
+            for component in entry.components
+        }
 
     def reseed(self, seed: int) -> None:
         """Let latencies and faults that begin from now on draw from another seed."""
