@@ -68,7 +68,7 @@ def heard(folder: Path, present: str = "", faults: str = "{}", again: float | No
         else:
             simulation.step(10)
         (entry,) = [each for each in simulation._run.simulation.entries if each.name == "count"][:1]
-        return [component.heard for component in entry.components]
+        return [vars(component)["heard"] for component in entry.components]
 
 
 def test_one_that_is_there_from_the_beginning_hears_every_step(tmp_path: Path) -> None:
