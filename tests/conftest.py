@@ -62,6 +62,9 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
             "timeout": 120,
             **options,
         }
+        if "preexec_fn" in options:
+            # A process with a limit would leave byte code that is cut off, for all that come after it.
+            settings["env"] = {**(options.get("env") or os.environ), "PYTHONDONTWRITEBYTECODE": "1"}
         done = subprocess.run(line, **settings)
         assert "Traceback (most recent call last)" not in (done.stderr or ""), done.stderr
         return done
