@@ -19,7 +19,7 @@ OTHERWISE = {
     "evidence/branch_changes.py": "writes changes of a run as faults of the branch's scenario, in its notation",
     "engine/runtime/timing.py": "`stop` and `restart`: values of `on_failure`",
     "language/document.py": "`stop` and `restart`: values of `on_failure`",
-    "testing.py": "`replace`: how undecodable bytes are treated",
+    "testing/repeatability.py": "`replace`: how undecodable bytes are treated",
 }
 
 
