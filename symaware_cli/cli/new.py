@@ -33,7 +33,6 @@ new = typer.Typer(
     cls=_ScenarioByDefault,
     help="Write a commented scenario, or a package with a plugin, to start from.\n\n"
     "`symaware new NAME` is short for `symaware new scenario NAME`.",
-    no_args_is_help=True,
 )
 in_help("author", 10)(new)
 
