@@ -77,6 +77,9 @@ def test_composed_scenarios_keep_every_promise(number: int, tmp_path: Path) -> N
 #: Words of the language that no scenario has which is drawn, and why.
 NOT_DRAWN = {
     "ScenarioDocument.extends": "the invariant `in_several_files` writes scenarios that extend a file",
+    "GroupSection.like": "`tests/language/test_group_templates.py` compares scenarios with those written in full",
+    "ScenarioDocument.plugins": "a file of code has to be trusted first: `tests/plugin_files`",
+    "ScenarioDocument.templates": "as for `GroupSection.like`",
     "ScenarioDocument.subscribers": "no installed plugin has a function to call",
     "SubscriberUse.": "the same",
     "environment:pybullet.gui": "a window needs a screen",
