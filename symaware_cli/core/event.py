@@ -136,7 +136,7 @@ class EventBus:
         self._count = 0
         self._muted: Collection[str] = ()
         self._components: Callable[[], Mapping[str, object]] = dict
-        #: The subscriptions of each object whose methods are called, by its identity.
+        #: The subscriptions of each component, by its identity.
         self._by_owner: dict[int, list[Subscription]] = {}
         self._subscriptions: dict[str, tuple[Subscription, ...]] = {}
         #: The names with subscribers; hot paths check this before they create an event.
@@ -158,8 +158,9 @@ class EventBus:
         self._count += 1
         subscription = Subscription(callback, source, self._count)
         owner = getattr(callback, "__self__", None)
-        if owner is not None:
-            self._by_owner.setdefault(id(owner), []).append(subscription)
+        if getattr(owner, "path", ""):
+            earlier = self._by_owner.get(id(owner), ())
+            self._by_owner[id(owner)] = [*(each for each in earlier if each.active), subscription]
         for name in names:
             present = tuple(each for each in self._subscriptions.get(name, ()) if each.active)
             self._subscriptions[name] = (*present, subscription)

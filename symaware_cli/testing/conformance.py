@@ -41,7 +41,7 @@ _ADVICE = {
 
 
 class ConformanceError(AssertionError):
-    """A plugin does not do what is required of its kind.
+    """A plugin violates a requirement of its kind.
 
     Attributes:
         deviations: Each deviation, in one line: the plugin and its method, file and line, what is wrong and how it

@@ -166,3 +166,18 @@ def test_any_sequence_of_subscribing_cancelling_and_firing_tells_exactly_the_act
             told.clear()
             bus.fire(arrived())
             assert told == active
+
+
+def test_a_component_that_subscribes_and_cancels_in_each_turn_takes_no_more_memory() -> None:
+    class Listener:
+        path = "agents.robot.listen"
+
+        def hear(self, event: Event) -> None:
+            """Nothing."""
+
+    bus, listener = EventBus(), Listener()
+    for _ in range(100):
+        bus.subscribe("contact", listener.hear).cancel()
+    assert [len(each) for each in bus._by_owner.values()] == [1]
+    bus.cancel_all_of(listener)
+    assert not bus._by_owner
