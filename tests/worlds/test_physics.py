@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet
 import pytest
 from checkout import CHECKOUT
+from leftovers import pybullet_clients, resident
 from numpy.typing import ArrayLike, NDArray
 from simulating import Team, made, moved, simulate
 
@@ -514,39 +514,31 @@ def test_worlds_live_side_by_side(kind: type[PhysicsEnvironment]) -> None:
         environment.close()
 
 
-def clients() -> int:
-    return sum(pybullet.getConnectionInfo(number)["isConnected"] for number in range(1024))
-
-
 def test_two_hundred_worlds_leave_nothing_behind(kind: type[PhysicsEnvironment]) -> None:
-    import resource
-
     def one() -> None:
         with world(kind, [group(SingleIntegrator(), np.zeros((5, 2)))], {"ball": ball(3.0)}) as environment:
             moved(environment, 0.04)
 
-    before = clients()
+    before = pybullet_clients()
     for _ in range(40):
         one()
     gc.collect()
-    held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    held = resident()
     for _ in range(160):
         one()
-    gc.collect()
-    assert clients() == before
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held < 6_000  # KiB
+    assert pybullet_clients() == before
+    assert resident() - held < 6_000_000
 
 
 def test_a_world_that_nobody_closed_closes_when_it_is_forgotten() -> None:
-    before = clients()
+    before = pybullet_clients()
     environment = world(PyBulletEnvironment)
-    assert clients() == before + 1
+    assert len(pybullet_clients()) == len(before) + 1
     environment.close()
     environment.close()
-    assert clients() == before
+    assert pybullet_clients() == before
     world(PyBulletEnvironment)
-    gc.collect()
-    assert clients() == before
+    assert pybullet_clients() == before
 
 
 # -- what cannot be done is said before the run

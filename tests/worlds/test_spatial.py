@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from leftovers import pybullet_clients
 from simulating import made, moved, present, untyped
 
 from symaware_cli import Contact, open_log
@@ -273,12 +274,10 @@ def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_failed_world_leaves_no_client(tmp_path: Path) -> None:
-    import pybullet
-
-    before = [pybullet.getConnectionInfo(number)["isConnected"] for number in range(64)]
+    before = pybullet_clients()
     with pytest.raises(WorldError):
         world({"thing": Obstacle(shape={"mesh": {"file": "x.obj", "radius": 1.0}}, position=[0, 0])}, folder=tmp_path)
-    assert [pybullet.getConnectionInfo(number)["isConnected"] for number in range(64)] == before
+    assert pybullet_clients() == before
 
 
 def test_a_window_needs_a_screen_and_not_too_many_bodies(monkeypatch: pytest.MonkeyPatch) -> None:

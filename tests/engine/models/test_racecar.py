@@ -1,6 +1,5 @@
 """The racecar: on its wheels in the world `pybullet`, and as the bicycle that it is elsewhere."""
 
-import gc
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from leftovers import resident
 from numpy.typing import NDArray
 from simulating import made, present, untyped
 
@@ -139,11 +139,6 @@ def test_a_plane_has_no_wheels() -> None:
         road([[0.0] * 5], kind=PymunkEnvironment)
 
 
-def resident() -> float:
-    with open("/proc/self/status", encoding="ascii") as status:
-        return next(int(line.split()[1]) for line in status if line.startswith("VmRSS")) / 1024
-
-
 def test_cars_drive_the_same_to_the_last_bit_whoever_drove_before() -> None:
     def lap() -> bytes:
         environment, group = road([[0.0] * 5, [1.0, 0.1, 3.0, 0.0, 0.0]])
@@ -167,7 +162,7 @@ def growth(visuals: Any) -> Any:
         worlds.append(road([[2.0 * number, 0.0, 0.0, 0.0, 0.0] for number in range(count)], visuals=visuals)[0])
         held.append(resident())
     _, one, eleven = np.diff(held)
-    return (eleven - one) / 10
+    return (eleven - one) / 10e6
 
 
 @pytest.mark.parametrize("visuals", [False, True])
@@ -187,12 +182,10 @@ def test_worlds_of_cars_that_were_seen_leave_nothing_behind() -> None:
 
     for _ in range(5):
         one()
-    gc.collect()
     before = resident()
     for _ in range(10):
         one()
-    gc.collect()
-    assert resident() - before < 5.0
+    assert resident() - before < 5e6
 
 
 def test_process_noise_moves_the_car_after_each_step() -> None:

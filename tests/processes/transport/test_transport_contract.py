@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from leftovers import descriptors, tasks, threads
 from ports import free_port
 from simulating import untyped
-from transporting import COUNT, ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
+from transporting import COUNT, ECHO, KEY, echo, eventually, expect, number
 
 from symaware_cli.processes.memory import Memory
 from symaware_cli.processes.protocol import PING, PONG, PeerProtocol

@@ -11,7 +11,8 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
-from transporting import KEY, descriptors, echo, eventually, expect, number, resident
+from leftovers import descriptors, resident
+from transporting import KEY, echo, eventually, expect, number
 
 from symaware_cli.processes.protocol import FRAME, PREAMBLE, PROOF, PeerProtocol
 from symaware_cli.processes.tcp import Tcp

@@ -1,12 +1,9 @@
 """What tests of transports share: ports that are closed in the end, processes, and a look at what this one holds."""
 
-import os
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 from symaware_cli.processes.transport import Port, PortEvent, Transport
 
@@ -68,23 +65,3 @@ def eventually(condition: Callable[[], bool], within: float = 60.0) -> bool:
             return False
         time.sleep(0.01)
     return True
-
-
-def descriptors() -> int:
-    """How many files and sockets this process has open."""
-    return len(os.listdir("/proc/self/fd"))
-
-
-def tasks() -> int:
-    """How many threads this process has, those of libraries included."""
-    return len(os.listdir("/proc/self/task"))
-
-
-def threads() -> list[str]:
-    """The threads of transports that are alive."""
-    return [thread.name for thread in threading.enumerate() if thread.name.startswith("symaware")]
-
-
-def resident() -> int:
-    """How much memory this process has [bytes]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
