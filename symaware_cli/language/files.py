@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import atexit
 import errno
 import os
 import shutil
 import tempfile
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -55,9 +55,9 @@ def open_scenario(
         file, written = extracted(path, Path(folder))
         built = build(file, changes, seed, catalogue, f"{path}:{RESOLVED}", world, statements)
     finally:
-        if built is not None and built.document.plugins:
-            # Processes that a run starts import the scenario's own plugins from there.
-            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        if built is not None and len(built.files) > 1:
+            # Its processes, and components that begin later or begin anew, read the scenario's other files there.
+            weakref.finalize(built.simulation, shutil.rmtree, folder, ignore_errors=True)
         else:
             shutil.rmtree(folder, ignore_errors=True)
     return replace(built, files=written)
