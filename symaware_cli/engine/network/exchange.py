@@ -178,13 +178,13 @@ class MessageExchange:
         network = self.network
         if network is not None and network.links is not None:
             return network.links.of_sender(sender)
-        all_present = self._all_present
+        all_present = self.present_indices
         others: Indices = all_present[all_present != sender]
         return others
 
     @property
-    def _all_present(self) -> Indices:
-        """The indices of all present agents."""
+    def present_indices(self) -> Indices:
+        """The indices of all present agents, ascending, which every agent reaches without a network."""
         return np.arange(len(self._ids)) if self._present is None else np.flatnonzero(self._present)
 
     def _known(self, id: str) -> int:
@@ -307,7 +307,7 @@ class MessageExchange:
         network = self.network
         if network is not None and network.links is not None:
             return network.reached(batch.senders)
-        all_present = self._all_present
+        all_present = self.present_indices
         rows = np.repeat(np.arange(len(batch.senders)), len(all_present))
         receivers = np.tile(all_present, len(batch.senders))
         others = batch.senders.take(rows) != receivers

@@ -354,10 +354,10 @@ class Consensus(GroupCommunicationReceiver):
         """Return the number of links of each agent, shape (n,); None if all weights are 1."""
         if self.parameters.weights == "uniform":
             return None
-        links, count = self._surroundings.exchange.links, len(self._group)
-        if links is None:
-            return np.full(count, len(self.environment.roster) - 1)
-        return links.degrees()[self._start : self._start + count]
+        exchange, count = self._surroundings.exchange, len(self._group)
+        if exchange.links is None:
+            return np.full(count, max(0, len(exchange.present_indices) - 1))
+        return exchange.links.degrees()[self._start : self._start + count]
 
     def _set(self, value: Array) -> None:
         """Store the new values in the agents' knowledge.

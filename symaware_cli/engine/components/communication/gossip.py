@@ -106,9 +106,11 @@ class Gossip(GroupCommunicationReceiver):
             The rows of the agents, repeated for each drawn neighbour, and these neighbours as indices in the roster;
             each of shape (m,).
         """
-        links, senders, fanout = self._surroundings.exchange.links, rows + self._start, self.parameters.fanout
+        exchange, senders, fanout = self._surroundings.exchange, rows + self._start, self.parameters.fanout
+        links, everyone = exchange.links, exchange.present_indices
+        place = np.searchsorted(everyone, senders)
         if links is None:
-            degrees = np.full(len(rows), len(self.environment.roster) - 1)
+            degrees = np.full(len(rows), max(0, len(everyone) - 1))
         else:
             degrees = links.pointers[senders + 1] - links.pointers[senders]
         chance, counts = self.random.uniform(fanout)[rows], np.minimum(fanout, degrees)
@@ -121,5 +123,5 @@ class Gossip(GroupCommunicationReceiver):
         drawing, indices = np.nonzero(chosen >= 0)
         picked = chosen[drawing, indices]
         if links is None:
-            return rows[drawing], picked + (picked >= senders[drawing])
+            return rows[drawing], everyone[picked + (picked >= place[drawing])]
         return rows[drawing], links.receivers[links.pointers[senders[drawing]] + picked]
