@@ -283,21 +283,29 @@ class _YamlNodeBuilder:
             self._add_value(frame, node)
 
     def _add_key(self, frame: _Frame, node: SourceNode) -> None:
-        if isinstance(node.value, str):
-            first = frame.entries.get(node.value)
+        key = node.value
+        if isinstance(key, int) and not isinstance(key, bool) and self._text_of(node) == str(key):
+            # The number of an agent; in TOML, such a key is a text.
+            key = str(key)
+        if isinstance(key, str):
+            first = frame.entries.get(key)
             # The key is set first, so that the path of the problem ends with it.
-            frame.key = (node.value, node.span)
+            frame.key = (key, node.span)
             if first is not None:
-                message = f"the key {quoted(node.value)} is already on line {first.key.line}"
+                message = f"the key {quoted(key)} is already on line {first.key.line}"
                 self._report("duplicate-key", message, node.span)
             return
         frame.key = ("", node.span)
         if isinstance(node.value, dict | list):
             self._report("key-not-text", "a list or a mapping cannot be a key", node.span, expected="a text")
         else:
-            written = self._source.lines[node.span.line - 1][node.span.column - 1 : node.span.end_column - 1].strip()
+            written = self._text_of(node)
             hint = f'"{written}"' if 0 < len(written) <= 30 else "a text"
             self._report("key-not-text", "keys must be text", node.span, expected=hint)
+
+    def _text_of(self, node: SourceNode) -> str:
+        """A scalar as it is written."""
+        return self._source.lines[node.span.line - 1][node.span.column - 1 : node.span.end_column - 1].strip()
 
     def _add_value(self, frame: _Frame, node: SourceNode) -> None:
         assert frame.key is not None

@@ -118,7 +118,7 @@ def test_a_duplicate_key_names_the_line_of_the_first(tmp_path: Path) -> None:
 
 def test_everything_wrong_with_single_values_is_reported_in_one_pass(tmp_path: Path) -> None:
     text = "a: !!python/object/apply:os.system [x]\nb: !foo 3\nc: .nan\nd: -.INF\na: 1e999\n"
-    text += "e: 99999999999999999999\n1: x\n"
+    text += "e: 99999999999999999999\n1.5: x\n"
     assert [problem.code for problem in problems(tmp_path, text)] == [
         "tag-not-allowed",
         "tag-not-allowed",
@@ -148,11 +148,16 @@ def test_a_number_of_any_length_is_refused_and_not_converted(tmp_path: Path, dig
     assert only(tmp_path, f"a: {digits}") == ("too-large-number", 1, 4)
 
 
-@pytest.mark.parametrize("key", ["1", "true", "null", "1.5", "~"])
+@pytest.mark.parametrize("key", ["01", "0x1", "+1", "true", "null", "1.5", "~"])
 def test_a_key_that_is_no_text_says_how_to_write_it(tmp_path: Path, key: str) -> None:
     (problem,) = problems(tmp_path, f"a: 1\n{key}: 2\n")
     assert problem.code == "key-not-text"
     assert problem.expected == f'"{key}"'
+
+
+def test_the_number_of_an_agent_is_a_key_with_or_without_quotes(tmp_path: Path) -> None:
+    assert read(tmp_path, 'a: {2: x, "3": y, -1: z}').data == {"a": {"2": "x", "3": "y", "-1": "z"}}
+    assert only(tmp_path, 'a: {2: x, "2": y}')[0] == "duplicate-key"
 
 
 @pytest.mark.parametrize("text", ["[a]: 1", "{a: 1}: 1", "? [a]\n: 1"])
