@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.awareness import Column, SeriesColumn, TableColumn, TimeSeries, joined_covariances
+from symaware_cli.awareness import Column, SeriesColumn, TableColumn, joined_covariances
 from symaware_cli.core import AgentGroup, Tracks
 from symaware_cli.world import SECOND
 
@@ -45,7 +45,7 @@ class ProtectedRows:
         chosen, awareness = self._chosen, self._awareness
         self._before = (
             [column.values for column in self._columns],
-            [None if column.is_unwritten else {row: column.row(row) for row in chosen} for column in self._series],
+            [column.snapshot(chosen) for column in self._series],
             [column.tables for column in self._tables],
             awareness.seen,
             awareness.received,
@@ -59,9 +59,8 @@ class ProtectedRows:
         for column, values in zip(self._columns, columns, strict=True):
             if column.values is not values:
                 column.restore(self._index, values)
-        for series_column, own in zip(self._series, series, strict=True):
-            if not series_column.is_unwritten:
-                series_column.restore(dict.fromkeys(chosen, TimeSeries()) if own is None else own)
+        for series_column, before in zip(self._series, series, strict=True):
+            series_column.restore(before)
         for table_column, entries in zip(self._tables, tables, strict=True):
             for row in chosen:
                 if table_column.row(row) is not entries[row]:
