@@ -76,6 +76,7 @@ def test_composed_scenarios_keep_every_promise(number: int, tmp_path: Path) -> N
 
 #: Words of the language that no scenario has which is drawn, and why.
 NOT_DRAWN = {
+    "ComponentUse.own": "`tests/language/test_own_parameters.py` compares scenarios with and without",
     "ScenarioDocument.extends": "the invariant `in_several_files` writes scenarios that extend a file",
     "GroupSection.like": "`tests/language/test_group_templates.py` compares scenarios with those written in full",
     "ScenarioDocument.plugins": "a file of code has to be trusted first: `tests/plugin_files`",

@@ -173,6 +173,10 @@ class Exchange(Protocol):
     def links(self) -> Links | None:
         """The present links; the same object until they change. None if every agent reaches every other."""
 
+    @property
+    def present_indices(self) -> NDArray[np.intp]:
+        """The indices in the roster of the agents that are present, ascending; shape (m,)."""
+
     def neighbours(self, sender: str) -> Sequence[str]:
         """The ids of all agents that an agent reaches now, in the order of the roster."""
 

@@ -92,13 +92,16 @@ def _named(document: ScenarioDocument, further: Parameters) -> Iterator[tuple[Pa
         body = (shape.mesh or shape.urdf) if shape else None
         if shape and body:
             yield (*path, "shape", shape.kind, "file"), body.file, body
-    uses = dict(further)
+    given: dict[Path, Mapping[str, Any]] = {(*path, "with"): parameters for path, parameters in further.items()}
     for name, agents in document.agents.items():
-        uses |= {("agents", name, "components", component): use.with_ for component, use in agents.components.items()}
+        for component, use in agents.components.items():
+            path = ("agents", name, "components", component)
+            given[*path, "with"] = use.with_
+            given |= {(*path, "own", number): own for number, own in use.own.items()}
     for name, fault in document.faults.items():
         if fault.plugin is not None and fault.plugin.component_key:
-            uses["faults", name, fault.kind] = fault.content.with_
-    for path, parameters in uses.items():
+            given["faults", name, fault.kind, "with"] = fault.content.with_
+    for path, parameters in given.items():
         for key, value in parameters.items():
             if isinstance(value, dict) and isinstance(value.get("file"), str):
-                yield (*path, "with", key, "file"), value["file"], None
+                yield (*path, key, "file"), value["file"], None

@@ -203,19 +203,55 @@ class Assignment:
         if isinstance(count, int) and not isinstance(count, bool) and name >= max(1, count):
             message = f"{quoted(str(self._segments[1][0]))} has no agent {name}"
             self._refuse(message, span, depth, f"0 to {count - 1}" if count > 1 else "0")
-        last = depth + (3 if len(self._segments) > depth + 1 and self._segments[depth + 1][0] == "knowledge" else 2)
-        own = [part for part, _ in self._segments[depth + 1 : last]]
+        parts = [part for part, _ in self._segments[depth + 1 :]]
+        if parts[:1] == ["components"] and parts[2:3] == ["with"] and len(parts) > 3:
+            return self._replace_parameter(node, depth, name if "count" in group else None)
+        last = depth + (3 if parts[:1] == ["knowledge"] else 2)
+        own = parts[: last - depth - 1]
         if len(self._segments) < last or own[0] not in ("state", "knowledge") or not isinstance(own[-1], str):
             where = self._path_before(depth)
-            told = dotted([part for part, _ in self._segments[depth + 1 :]]) or "agents"
+            told = dotted(parts) or "agents"
             message = f"{quoted(told)} is one for all agents of {quoted(str(self._segments[1][0]))}"
+            one = f"{where}[{name}]"
             expected = (
-                f"{where}[{name}].state or {where}[{name}].knowledge.NAME, which may differ among its agents; for all "
-                f"of them {where}.{told}; or agents that differ in more as a group of their own"
+                f"{one}.state, {one}.knowledge.NAME or {one}.components.NAME.with.PARAMETER, which may differ among "
+                f"its agents; for all of them {where}.{told}; or agents that differ in more as a group of their own"
             )
             self._refuse(message, self._segments[min(depth + 1, len(self._segments) - 1)][1], depth, expected)
         # An agent without a number in its id is the only one, and its value is its own.
         return self._replaced_at(node, own, name if "count" in group else None, last)
+
+    def _replace_parameter(self, node: SourceNode, depth: int, row: int | None) -> SourceNode:
+        """Replaces a parameter of one agent's component, beside those that the others have."""
+        group: Any = node.value
+        key, (name, span) = self._segments[depth + 1][0], self._segments[depth + 2]
+        components = group[key].node if key in group else SourceNode({}, span)
+        named = components.value if isinstance(components.value, dict) else {}
+        if name not in named:
+            message = f"there is no {quoted(str(name))} under {quoted(f'{self._path_before(depth)}.{key}')}"
+            expected = f"one of {', '.join(sorted(named)[:20])}" if named else None
+            self._refuse(message, span, depth + 2, expected, nearest(str(name), named))
+        component = named[str(name)].node
+        if row is None:
+            replaced = self._replace(component, depth + 3)
+        else:
+            replaced = self._with_own(component, depth + 4, str(row))
+        components = SourceNode({**named, str(name): MappingEntry(named[str(name)].key, replaced)}, components.span)
+        return SourceNode({**group, str(key): MappingEntry(group[key].key, components)}, node.span)
+
+    def _with_own(self, component: SourceNode, depth: int, row: str) -> SourceNode:
+        """Returns the section of a component with a parameter of one agent, which begins as that of the others."""
+        entries = component.value if isinstance(component.value, dict) else {}
+        parameter, span = self._segments[depth]
+        if not isinstance(parameter, str):
+            self._refuse("a parameter has a name", span, depth)
+        own = _entries(entries.get("own"))
+        given, common = _entries(own.get(row)), _entries(entries.get("with"))
+        present = given.get(parameter) or common.get(parameter)
+        replaced = self._replace(present.node if present else SourceNode(None, span), depth + 1)
+        changed = SourceNode({**given, parameter: MappingEntry(span, replaced)}, span)
+        whole = SourceNode({**own, row: MappingEntry(span, changed)}, span)
+        return SourceNode({**entries, "own": MappingEntry(span, whole)}, component.span)
 
     def _replaced_at(self, node: SourceNode, keys: list[str | int], row: int | None, depth: int) -> SourceNode:
         """Replaces the value of an agent under some keys of its group."""
@@ -258,6 +294,11 @@ class Assignment:
     ) -> NoReturn:
         path, line = dotted(self.path[: depth + 1]), self.source.line_text(span.line)
         raise ScenarioError([Problem("bad-set-path", message, span, path, expected, suggestion, line)])
+
+
+def _entries(entry: MappingEntry | None) -> dict[str, MappingEntry]:
+    """Returns the entries of a mapping; none if it is something else, which is reported elsewhere."""
+    return entry.node.value if entry is not None and isinstance(entry.node.value, dict) else {}
 
 
 def assigned(root: SourceNode, assignments: Iterable[Assignment], sources: dict[str, Source]) -> SourceNode:

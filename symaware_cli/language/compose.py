@@ -203,22 +203,21 @@ def _resolved(
     return composition
 
 
-def _with_relative_files(
-    root: SourceNode, folders: Mapping[str, str], inside: str = "", around: str = ""
-) -> SourceNode:
+def _with_relative_files(root: SourceNode, folders: Mapping[str, str], around: tuple[str, ...] = ()) -> SourceNode:
     """Returns a document in which paths of asset files are relative to the top file's folder."""
     if isinstance(root.value, dict):
         entries = {
-            key: MappingEntry(entry.key, _with_relative_files(entry.node, folders, key, inside))
+            key: MappingEntry(entry.key, _with_relative_files(entry.node, folders, (*around, key)))
             for key, entry in root.value.items()
         }
         changed = any(entry.node is not root.value[key].node for key, entry in entries.items())
-        for listed in ("assets", "plugins") if not inside else ():
+        for listed in ("assets", "plugins") if not around else ():
             if listed in entries:
                 entries[listed] = MappingEntry(entries[listed].key, _relative_to_top(entries[listed].node, folders))
                 changed = True
         named = entries.get("file")
-        folder = folders.get(named.node.span.file) if named and around in ("shape", "with") else None
+        is_file = around[-2:-1] in (("shape",), ("with",)) or around[-3:-2] == ("own",)
+        folder = folders.get(named.node.span.file) if named and is_file else None
         if named and folder and isinstance(named.node.value, str) and not is_packaged(named.node.value):
             beside = SourceNode(str(PurePosixPath(folder, named.node.value)), named.node.span)
             entries, changed = entries | {"file": MappingEntry(named.key, beside)}, True

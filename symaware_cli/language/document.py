@@ -33,10 +33,18 @@ _PER_AGENT = (
 )
 PerAgent = Annotated[Any, WithJsonSchema({})]
 
+#: The number of an agent of a group, as the key of a mapping.
+AgentNumber = Annotated[str, Field(pattern=r"^(0|[1-9][0-9]{0,5})$")]
+
 
 class ComponentUse(Use):
     """A component of every agent of the group."""
 
+    own: dict[AgentNumber, dict[str, Any]] = Field(
+        default_factory=dict,
+        description="Parameters of single agents by their numbers, in place of those under `with`; null stands for the "
+        "default.",
+    )
     period: float | None = Field(
         None,
         ge=0,

@@ -64,7 +64,7 @@ class FaultBuilder:
         """Return the faults that fit the scenario, in the order of the document; problems of others are reported."""
         # Other faults act on substitutes as well, wherever they are in the file.
         made = [fault for fault in self.declared.values() if fault is not None]
-        sound = {id(fault) for fault in sorted(made, key=lambda fault: not fault.component_key) if self._fits(fault)}
+        sound = {id(fault) for fault in sorted(made, key=lambda fault: not fault.adds_components) if self._fits(fault)}
         return [fault for fault in made if id(fault) in sound]
 
     def _instance(self, name: str, use: FaultUse) -> Fault | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NoReturn
 
-from symaware_cli.core import AgentGroup, Environment
+from symaware_cli.core import AgentGroup, Environment, GroupComponent
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.engine import (
     AgentSelection,
@@ -16,6 +16,7 @@ from symaware_cli.engine import (
     FaultContext,
 )
 from symaware_cli.language.diagnosis import Diagnosis, ReportedError
+from symaware_cli.language.own_parameters import parameters_of
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.language.problem import nearest, quoted
 from symaware_cli.language.sampling import Sampler
@@ -117,21 +118,30 @@ class ScenarioContext(FaultContext):
         """Create a component with some other parameters for each one that is selected, and check that it can work."""
         entry = components.entry
         written = mapping(self._data["agents"][entry.group.name]["components"][entry.name])
-        where, count = (*self._path, *place), len(components.rows)
-        made: Sequence[BaseComponent[Any]] = self._factory.variants(written, entry.section, changed, where, count)
-        if not made:
-            raise ReportedError
+        where, shares = (*self._path, *place), isinstance(entry.components[0], GroupComponent)
+        made: list[BaseComponent[Any]] = []
+        for row in components.rows[:1] if shares else components.rows:
+            given = {**parameters_of(written, row), **changed}
+            made += self._factory.variants(written, entry.section, given, where, 1)
+            if not made:
+                raise ReportedError
+            if len(made) == 1 or row in entry.own:
+                self._check_variant(made[-1], entry, place)
+        return made
+
+    def _check_variant(self, component: BaseComponent[Any], entry: ComponentEntry, place: Path) -> None:
         try:
-            made[0].check(entry.group)
+            component.check(entry.group)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             self.refuse(f"{quoted(entry.use)} cannot work here: {words(error)}", *place)
-        return made
 
-    def substitute(self, components: ComponentSelection) -> ComponentEntry:
-        """Create the component that the parameters name in place of another one, and add it to the scenario."""
-        entry = self._substitutes.build(components, self._path)
+    def substitute(
+        self, components: ComponentSelection, changed: Mapping[str, Any] | None = None, *place: str | int
+    ) -> ComponentEntry:
+        """Create a component in place of another one, and add it to the scenario; see `FaultContext`."""
+        entry = self._substitutes.build(components, self._path, changed, (*self._path, *place))
         self.added.append((components.entry, entry))
         return entry
 

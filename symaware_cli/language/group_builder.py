@@ -14,6 +14,7 @@ from symaware_cli.core.component import BaseComponent
 from symaware_cli.engine import ComponentEntry, faults_of
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
+from symaware_cli.language.own_parameters import OwnParameters, entries_of
 from symaware_cli.language.parts import declared_parts, declared_signals, name_columns
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.language.problem import dotted, nearest, quoted
@@ -59,7 +60,13 @@ class ComponentCheck:
         return set(component.knowledge) <= set(known)
 
     def can_work(
-        self, group: AgentGroup, component: BaseComponent[Any], path: Path, use: str, wrong: Collection[str] = ()
+        self,
+        group: AgentGroup,
+        component: BaseComponent[Any],
+        path: Path,
+        use: str,
+        wrong: Collection[str] = (),
+        parameters: Path | None = None,
     ) -> bool:
         """Check that a component can work for a group, as far as that is known before the run.
 
@@ -69,7 +76,9 @@ class ComponentCheck:
             path: The path of its section.
             use: Its entry-point name.
             wrong: The names of components of the group that are themselves wrong, which is reported there.
+            parameters: The path of its parameters; by default ``with`` in its section.
         """
+        parameters = parameters or (*path, "with")
         try:
             component.check(group)
             # If several components set a series, the columns of the last one apply.
@@ -77,7 +86,7 @@ class ComponentCheck:
         except KeyboardInterrupt:
             raise
         except ParameterError as error:
-            where = (*path, "with", *error.place)
+            where = (*parameters, *error.place)
             named = getattr(component.parameters, str(error.place[0]), None) if len(error.place) == 1 else None
             if error.is_consequence or (isinstance(named, str) and named in wrong):
                 return False
@@ -86,7 +95,7 @@ class ComponentCheck:
             else:
                 self._report("unsuitable", f"{quoted(use)} cannot work here: {error}", where)
                 for place, said in error.related:
-                    self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", (*path, "with", *place))
+                    self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", (*parameters, *place))
             return False
         except BaseException as error:
             said = words(error)
@@ -140,6 +149,7 @@ class GroupBuilder:
         self._document = document
         self._folder = folder
         self._check = ComponentCheck(diagnosis)
+        self._own = OwnParameters(diagnosis, factory)
         self.uses: dict[str, dict[str, Any]] = {}
         self.declared: set[str] = set()
         self.sections: Mapping[str, Any] = {}
@@ -156,6 +166,12 @@ class GroupBuilder:
         instances = {
             component: self._factory.make(mapping(content), (*path, "components", component), len(ids))
             for component, content in components.items()
+        }
+        sections = {each: (*path, "components", each) for each in components}
+        variations = {
+            each: self._own.variations(mapping(components[each]), sections[each], made[0], len(ids))
+            for each, made in instances.items()
+            if made
         }
         known = entry.get("knowledge", {})
         capable = [
@@ -176,13 +192,18 @@ class GroupBuilder:
         group.regions, group.folder = self._document.regions if self._document else {}, self._folder
         group.sections = self.sections
         wrong = instances.keys() - capable
-        component_entries = [
-            ComponentEntry(group, component, uses[component], instances[component])
-            for component in capable
-            if self._check.can_work(
-                group, instances[component][0], (*path, "components", component), uses[component], wrong
-            )
-        ]
+        component_entries: list[ComponentEntry] = []
+        for component in capable:
+            where, use, own = (*path, "components", component), uses[component], variations[component]
+            first = instances[component][0]
+            if own is None or not self._check.can_work(group, first, where, use, wrong):
+                continue
+            if all(
+                self._own.records_alike(each, first, group)
+                and self._check.can_work(group, each.component, where, use, wrong, each.path)
+                for each in own
+            ):
+                component_entries += entries_of(group, component, use, instances[component], own)
         return group, component_entries
 
     def _initial(

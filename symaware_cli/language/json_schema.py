@@ -141,6 +141,9 @@ def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> d
     }
     if parameters.get("required"):
         branch["then"]["required"] = ["with"]
+    if kind == "component":
+        names = {"propertyNames": {"enum": [*parameters.get("properties", ())]}}
+        branch["then"]["properties"]["own"] = {"additionalProperties": names}
     return branch
 
 

@@ -187,22 +187,22 @@ class PluginFactory:
         return self._instances(plugin, use, parameters, count, where, (*path, "use"))
 
     def variants(
-        self, entry: Mapping[str, Any], path: Path, changed: Mapping[str, Any], where: Path, count: int
+        self, entry: Mapping[str, Any], path: Path, given: Mapping[str, Any], where: Path, count: int
     ) -> list[Any]:
-        """Instantiate the plugin of an entry with some parameters changed; an empty list after a problem.
+        """Instantiate the plugin of an entry with other parameters; an empty list after a problem.
 
         Args:
-            entry: The entry, with its own parameters under ``with``.
+            entry: The entry.
             path: Its path.
-            changed: The parameters that change, by name.
-            where: Where these are written.
+            given: The parameters.
+            where: Where those are written that differ from the entry's.
             count: The number of instances.
         """
         plugin = self.plugins.get(path)
         if plugin is None:
             return []
         use = entry["use"]
-        parameters = self._validated(plugin, use, {**mapping(entry.get("with")), **changed}, where)
+        parameters = self._validated(plugin, use, given, where)
         if not isinstance(parameters, BaseModel):
             self._problems += parameters or ()
             return []

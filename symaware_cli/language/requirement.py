@@ -40,7 +40,7 @@ def check_requirements(
     for group in groups:
         _check_model(document, environment, group, diagnosis)
     for entry in entries:
-        component, path = entry.components[0], entry.section
+        component, path, variations = entry.components[0], entry.section, entry.variations
         measures = isinstance(component, Sensor) or entry.name in entry.group.awareness.signals
         taken = {*FIELDS, *KINDS}
         if measures and entry.name in (*taken, *entry.group.awareness.parts):
@@ -57,14 +57,15 @@ def check_requirements(
                     "broken-plugin", f"{quoted(entry.use)} has no parameter `{parameter}` that names an {kind}", path
                 )
                 continue
-            named, known = getattr(component.parameters, parameter), names[kind]
-            if kind.startswith("agents"):
-                for number, pattern in enumerate(named):
-                    if not any(fnmatch.fnmatchcase(name, pattern) for name in known):
-                        what = "agent or group" if kind == "agents" else "agent, group or entity"
-                        diagnosis.report_unknown(what, pattern, (*path, "with", parameter, number), known)
-            elif isinstance(named, str) and named not in known:
-                diagnosis.report_unknown(kind, named, (*path, "with", parameter), known)
+            for each, section in variations:
+                named, known = getattr(each.parameters, parameter), names[kind]
+                if kind.startswith("agents"):
+                    for number, pattern in enumerate(named):
+                        if not any(fnmatch.fnmatchcase(name, pattern) for name in known):
+                            what = "agent or group" if kind == "agents" else "agent, group or entity"
+                            diagnosis.report_unknown(what, pattern, (*section, parameter, number), known)
+                elif isinstance(named, str) and named not in known:
+                    diagnosis.report_unknown(kind, named, (*section, parameter), known)
 
 
 def _check_model(document: ScenarioDocument, environment: Environment, group: AgentGroup, diagnosis: Diagnosis) -> None:

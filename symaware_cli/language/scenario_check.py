@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from symaware_cli.core import AgentGroup, EntryView, Environment, Links, Plugin, ScenarioView
+from symaware_cli.core.component import BaseComponent
 from symaware_cli.engine import ComponentEntry
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
@@ -80,7 +81,10 @@ class ScenarioCheck:
         for path, plugin in self._plugins.items():
             yield plugin, _View(self._facts, is_initialised, path, None, self._diagnosis)
         for entry in self._facts.entries:
-            yield entry.components[0], _View(self._facts, is_initialised, entry.section, entry, self._diagnosis)
+            for component, parameters in entry.variations:
+                seen = entry if component is entry.components[0] else _Single(entry, component)
+                view = _View(self._facts, is_initialised, entry.section, seen, self._diagnosis, parameters)
+                yield component, view
 
 
 def _place_named(view: _View, said: str) -> Path:
@@ -93,9 +97,24 @@ def _place_named(view: _View, said: str) -> Path:
     return ("with", component.specifications, *(() if place is None else (place,)))
 
 
+class _Single:
+    """An entry as seen by an agent with parameters of its own: that of others, with this agent's component alone."""
+
+    def __init__(self, entry: ComponentEntry, component: BaseComponent[Any]) -> None:
+        self.group, self.name, self.use = entry.group, entry.name, entry.use
+        self.components = (component,)
+        self.section, self.timing = entry.section, entry.timing
+
+
 class _View(ScenarioView):
     def __init__(
-        self, facts: ScenarioFacts, is_initialised: bool, section: Path, entry: EntryView | None, diagnosis: Diagnosis
+        self,
+        facts: ScenarioFacts,
+        is_initialised: bool,
+        section: Path,
+        entry: EntryView | None,
+        diagnosis: Diagnosis,
+        parameters: Path = (),
     ) -> None:
         self.document = facts.document
         self.environment = facts.environment
@@ -108,6 +127,7 @@ class _View(ScenarioView):
         self.section = section
         self.entry = entry
         self._diagnosis = diagnosis
+        self._parameters = parameters
 
     @property
     def use(self) -> str:
@@ -147,6 +167,9 @@ class _View(ScenarioView):
     def _path(self, place: Path, section: Path | None) -> Path:
         """The path of a place, or of the section if the scenario does not write anything there."""
         whole = (*(self.section if section is None else section), *place)
+        if self._parameters and section is None and place[:1] == ("with",):
+            own = (*self._parameters, *place[1:])
+            whole = own if self._diagnosis.composition.has(own) else whole
         if self._diagnosis.composition.has(whole):
             return whole
         return self.section if section is None else section

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NoReturn
 
 from symaware_cli.core import AgentGroup, Component, GroupComponent
@@ -10,6 +11,7 @@ from symaware_cli.engine import ComponentEntry, ComponentSelection
 from symaware_cli.language.diagnosis import ReportedError
 from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.group_builder import ComponentCheck
+from symaware_cli.language.own_parameters import parameters_of
 from symaware_cli.language.parts import declared_signals
 from symaware_cli.language.plugin_factory import PluginFactory, mapping
 from symaware_cli.language.problem import quoted
@@ -35,19 +37,27 @@ class SubstituteBuilder:
         self._component_check = ComponentCheck(self._diagnosis)
         self._document = document
 
-    def build(self, selected: ComponentSelection, path: Path) -> ComponentEntry:
+    def build(
+        self, selected: ComponentSelection, path: Path, changed: Mapping[str, Any] | None = None, where: Path = ()
+    ) -> ComponentEntry:
         """Create a component in place of another one, and check that it can work there.
 
         Args:
             selected: The components that it takes the place of.
             path: The path of the section that names it: ``faults``, the name of a fault, and the key of its kind.
+            changed: The parameters that change, of a component of the same use; None if the section names the use.
+            where: Where these are written.
         """
         entry, group = selected.entry, selected.entry.group
         fault, key = str(path[1]), str(path[2])
         section = mapping(self._data["agents"][group.name])
-        written = mapping(self._data["faults"][fault][key])
-        use = str(written["use"])
-        made = self._factory.make(written, path, len(group))
+        if changed is None:
+            written = mapping(self._data["faults"][fault][key])
+            use, made = str(written["use"]), self._factory.make(written, path, len(group))
+        else:
+            written, use = mapping(section["components"][entry.name]), entry.use
+            given = {**parameters_of(written, selected.rows[0]), **changed}
+            made = self._factory.variants(written, entry.section, given, where, len(group))
         if not made:
             raise ReportedError
         first: Component | GroupComponent = made[0]

@@ -37,7 +37,8 @@ class TargetFinder:
         found = [
             ComponentSelection(entry, rows)
             for entry in self._entries
-            if fnmatch.fnmatchcase(entry.name, name) and (rows := _rows(entry.group, agents))
+            if fnmatch.fnmatchcase(entry.name, name)
+            and (rows := [row for row in _rows(entry.group, agents) if row not in entry.others])
         ]
         if not found:
             owners = [(owner, entry.name) for entry in self._entries for owner in (entry.group.name, *entry.group.ids)]

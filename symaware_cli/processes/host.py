@@ -473,11 +473,11 @@ class Host(Participant):
             rows = rows_of(group, member.agents)
             if not len(rows):
                 continue
-            self._losses[scheduler.entry.path] += 1
+            self._losses[scheduler.entry.label] += 1
             path, restarts = scheduler.entry.path, timing.on_failure == "restart"
             if timing.on_failure == "stop":
                 self._fail(f"processes.{member.name}", f"{text}; `{path}` has `on_failure: stop`")
-            if restarts and self._losses[path] > timing.tries:
+            if restarts and self._losses[scheduler.entry.label] > timing.tries:
                 self._fail(f"processes.{member.name}", f"{text}; `{path}` has `tries: {timing.tries}`")
             if restarts and run.pacer is None:
                 self._awaited.update(id for id in member.agents if id in group.ids)

@@ -79,7 +79,9 @@ def _refusals(built: Built) -> Iterator[str]:
             yield f"the model of `{group.name}` does not say that it can be batched"
     for entry in simulation.entries:
         first = entry.components[0]
-        if not isinstance(first, GroupComponent):
+        if entry.own or entry.rows is not None:
+            yield f"`{entry.path}` has other parameters for some agents"
+        elif not isinstance(first, GroupComponent):
             yield f"`{entry.path}` computes for one agent at a time"
         elif type(first).bodies:
             yield f"`{entry.path}` ({entry.use}) names single agents"

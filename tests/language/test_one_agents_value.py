@@ -82,7 +82,7 @@ def test_an_element_of_the_value_of_all_is_set(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("agents.robot[1].components.steer.with.speed=2", r"is one for all agents of `robot`"),
+        ("agents.robot[1].components.steer.period=2", r"is one for all agents of `robot`"),
         ("agents.robot[1].model.with.max_speed=2", r"is one for all agents of `robot`"),
         ("agents.robot[3].state=[0, 0]", r"`robot` has no agent 3"),
         ("agents.robot.1.state=[0, 0]", r"named in brackets"),

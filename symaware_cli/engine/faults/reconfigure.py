@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
@@ -12,7 +12,12 @@ from symaware_cli.core import GroupComponent
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.identifiers import ComponentPattern
 from symaware_cli.engine.faults.component_fault import ComponentFault
+from symaware_cli.engine.faults.replace import stand_down, stand_in
 from symaware_cli.engine.runtime.fault import ComponentSelection, FaultContext, FaultTargets
+
+if TYPE_CHECKING:
+    # Validating a scenario does not import the modules that run it.
+    from symaware_cli.engine.runtime.simulation import ComponentEntry
 
 
 class Reconfigure(ComponentFault):
@@ -26,14 +31,24 @@ class Reconfigure(ComponentFault):
             min_length=1, alias="with", description="The parameters that change, in place of those under `with`."
         )
 
+    adds_components: ClassVar = True
+
     #: For each selection, an instance of each of its components with the other parameters. The components themselves
-    #: stay, since others refer to them, and take over the attributes of new instances.
-    variants: Sequence[Sequence[BaseComponent[Any]]]
+    #: stay, since others refer to them, and take over the attributes of new instances. For some agents of a group
+    #: component, another one that takes the turns for these.
+    variants: Sequence[Sequence[BaseComponent[Any]] | ComponentEntry]
 
     @property
     def text(self) -> str:
         """Names the parameters and the components."""
         return f"changes {', '.join(self.parameters.with_)} of {self.of}"
+
+    @property
+    def effect_before(self) -> str | None:
+        """Components for some agents of a group component are there."""
+        if all(isinstance(each, Sequence) for each in self.variants):
+            return None
+        return "a component for some agents of a group is part of a run from its beginning, though it takes no turns"
 
     def resolve(self, context: FaultContext) -> None:
         """Create the components with the other parameters, and check that they can work."""
@@ -57,15 +72,17 @@ class Reconfigure(ComponentFault):
                         expected = f"another `{other.kind}`, or a time outside of it"
                         context.refuse(f"at {self.at / 1e9:g} s {said}", "of", code="unsuitable", expected=expected)
 
-    def _variants(self, context: FaultContext, selected: ComponentSelection) -> Sequence[BaseComponent[Any]]:
+    def _variants(
+        self, context: FaultContext, selected: ComponentSelection
+    ) -> Sequence[BaseComponent[Any]] | ComponentEntry:
         entry, changed = selected.entry, self.parameters.with_
         group, present, name = entry.group, entry.components[0], context.quoted(entry.name)
         if entry.timing.in_process:
             context.refuse(f"{name} runs in a process of its own, where its parameters are fixed")
-        if isinstance(present, GroupComponent) and len(selected.rows) < len(group):
-            context.refuse(f"{name} is one component for all of {context.quoted(group.name)}", "of")
         if present.specifications is not None and present.specifications in changed:
             context.refuse(f"{context.quoted(present.specifications)} is fixed: it names specifications", "with")
+        if isinstance(present, GroupComponent) and len(selected.rows) < len(entry.rows or group):
+            return context.substitute(selected, changed, "with")
         made = context.variants(selected, changed, "with")
         if [*made[0].parts, *made[0].signals] != [*present.parts, *present.signals]:
             context.refuse(f"{context.quoted(entry.use)} would record other values with these parameters", "with")
@@ -73,16 +90,22 @@ class Reconfigure(ComponentFault):
 
     def begin(self, run: FaultTargets) -> Any:
         """Take over the attributes of the new instances, and initialise the components."""
-        former = []
-        for selected, instances in zip(self.components, self.variants, strict=True):
-            former.append([each.parameters for each in _instances(selected)])
-            self._restart(run, selected, [each.parameters for each in instances])
+        former: list[Any] = []
+        for selected, variant in zip(self.components, self.variants, strict=True):
+            if isinstance(variant, Sequence):
+                former.append([each.parameters for each in _instances(selected)])
+                self._restart(run, selected, [each.parameters for each in variant])
+            else:
+                former.append(stand_in(run, selected, variant))
         return former
 
     def end(self, run: FaultTargets, begun: Any) -> None:
         """Initialise the components with their former parameters."""
-        for selected, parameters in zip(self.components, begun, strict=True):
-            self._restart(run, selected, parameters)
+        for selected, variant, former in zip(self.components, self.variants, begun, strict=True):
+            if isinstance(variant, Sequence):
+                self._restart(run, selected, former)
+            else:
+                stand_down(former)
 
     def _restart(self, run: FaultTargets, selected: ComponentSelection, parameters: Sequence[Any]) -> None:
         for component, changed in zip(_instances(selected), parameters, strict=True):

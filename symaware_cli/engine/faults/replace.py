@@ -30,6 +30,7 @@ class Replace(ComponentFault):
         of: ComponentPattern
 
     component_key: ClassVar = True
+    adds_components: ClassVar = True
 
     #: For each selection, the entry of its substitutes, which are made before the run.
     substitutes: Sequence[ComponentEntry]
@@ -52,40 +53,53 @@ class Replace(ComponentFault):
 
     def begin(self, run: FaultTargets) -> Any:
         """Initialise the substitutes, which take all turns from now on."""
-        begun = []
-        for (_, rows), substitute in zip(self.components, self.substitutes, strict=True):
-            others = self._others(run, substitute)
-            for other in others:
-                for row in rows:
-                    other.put_out_of_use(row)
-            own = run.scheduler(ComponentSelection(substitute, rows))
-            own.stands_in = True
-            begun.append((own, others, rows))
-            for row in rows:
-                own.put_into_use(row)
-            if isinstance(substitute.components[0], GroupComponent):
-                with own.supervision.supervised():
-                    own.restart(0)
-            else:
-                own.restart_agents(rows)
-        return begun
+        return [
+            stand_in(run, selected, substitute)
+            for selected, substitute in zip(self.components, self.substitutes, strict=True)
+        ]
 
     def end(self, run: FaultTargets, begun: Any) -> None:
         """Let the other components take their turns again."""
-        for own, others, rows in begun:
-            own.stands_in = False
-            for row in rows:
-                own.put_out_of_use(row)
-            for other in others:
-                for row in rows:
-                    other.put_into_use(row)
-                other.restart_agents(rows)
+        for each in begun:
+            stand_down(each)
 
-    def _others(self, run: FaultTargets, substitute: ComponentEntry) -> Sequence[TurnScheduler]:
-        """The schedulers of the component that is replaced, and of its substitutes at the moment."""
-        return [
-            each
-            for each in run.schedulers
-            if each.entry.group is substitute.group and each.entry.name == substitute.name
-            if each.stands_in or not each.entry.is_substitute
-        ]
+
+#: The scheduler of a substitute, those of the components in whose place it is, and the rows of the agents.
+StandIn = tuple["TurnScheduler", Sequence["TurnScheduler"], Sequence[int]]
+
+
+def stand_in(run: FaultTargets, selected: ComponentSelection, substitute: ComponentEntry) -> StandIn:
+    """Initialise a substitute, which takes all turns for some agents from now on."""
+    rows = selected.rows
+    # The component that is replaced, and its substitutes at the moment.
+    others = [
+        each
+        for each in run.schedulers
+        if each.entry.group is substitute.group and each.entry.name == substitute.name
+        if each.stands_in or not each.entry.is_substitute
+    ]
+    for other in others:
+        for row in rows:
+            other.put_out_of_use(row)
+    own = run.scheduler(ComponentSelection(substitute, rows))
+    own.stands_in = True
+    for row in rows:
+        own.put_into_use(row)
+    if isinstance(substitute.components[0], GroupComponent):
+        with own.supervision.supervised():
+            own.restart(0)
+    else:
+        own.restart_agents(rows)
+    return own, others, rows
+
+
+def stand_down(begun: StandIn) -> None:
+    """Let the other components take their turns again."""
+    own, others, rows = begun
+    own.stands_in = False
+    for row in rows:
+        own.put_out_of_use(row)
+    for other in others:
+        for row in rows:
+            other.put_into_use(row)
+        other.restart_agents(rows)

@@ -70,6 +70,7 @@ class Fault(Plugin, ABC):
     Attributes:
         lasts: Whether it has a duration; if not, it happens at once, and a scenario cannot give it a `for`.
         component_key: Whether its parameters name a component of a plugin, as `use` and `with` do elsewhere.
+        adds_components: Whether it may bring in components that other faults act on as well.
         kind: Its entry-point name.
         name: The name of the fault in the scenario.
         at: When it begins, in nanoseconds; None if it begins with an event.
@@ -79,6 +80,7 @@ class Fault(Plugin, ABC):
 
     lasts: ClassVar[bool] = True
     component_key: ClassVar[bool] = False
+    adds_components: ClassVar[bool] = False
 
     #: A fault that is reached from a captured state, such as by a bound method of it, is that of the scenario.
     uncaptured: ClassVar[Collection[str]] = ("*",)
@@ -210,8 +212,17 @@ class FaultContext(ABC):
         """Create a component with some other parameters for each one that is selected, and check that it can work."""
 
     @abstractmethod
-    def substitute(self, components: ComponentSelection) -> ComponentEntry:
-        """Create the component that the parameters name in place of another one, and add it to the scenario."""
+    def substitute(
+        self, components: ComponentSelection, changed: Mapping[str, Any] | None = None, *place: str | int
+    ) -> ComponentEntry:
+        """Create a component in place of another one, and add it to the scenario.
+
+        Args:
+            components: The components in whose place it takes turns.
+            changed: Parameters that differ from those of the other one; None for the component that the fault's
+                parameters name.
+            place: Where these are written.
+        """
 
     @abstractmethod
     def quoted(self, text: str) -> str:

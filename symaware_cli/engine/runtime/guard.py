@@ -103,7 +103,7 @@ class Guard:
             self.tries[row] += 1
             self._restart(row)
             return
-        all_rows = range(len(self._group)) if self._is_group else [row]
+        all_rows = self._entry.rows or range(len(self._group)) if self._is_group else [row]
         self._isolate(self._group, all_rows if agents is None else agents, timing.coast, "a component failed")
 
     def snapshot(self) -> Sequence[Any] | None:

@@ -140,9 +140,8 @@ class TurnScheduler:
     def begin(self) -> None:
         """Queue the first turns, and subscribe to the trigger's event."""
         timing, queue = self._timing, self._queue
-        if self.entry.is_substitute:
-            for agent in range(len(self._group)):
-                self.put_out_of_use(agent)
+        for agent in range(len(self._group)) if self.entry.is_substitute else self.entry.others:
+            self.put_out_of_use(agent)
         if timing.trigger is not None:
             self._router.connect(timing.trigger.event, timing.trigger.source, self._on_trigger)
         if self.is_steady or (timing.trigger is not None and timing.period is None):
@@ -181,7 +180,7 @@ class TurnScheduler:
         """Queue a turn for the agents that an event concerns; one turn, even if several events fire before it."""
         trigger = self._timing.trigger
         assert trigger is not None
-        agents = concerned(event, trigger, self._group.name, self._row_of)
+        agents = set(concerned(event, trigger, self._group.name, self._row_of)).difference(self.entry.others)
         if not agents:
             return
         if self._triggered is None:
@@ -376,7 +375,8 @@ class TurnScheduler:
             self._workers.restart(self.entry, row)
         # What it subscribes to when it begins, it subscribes to anew.
         self._simulation.events.cancel_all_of(self.entry.components[row])
-        self.entry.initialise_one(row, self._simulation.clock.now)
+        with self._simulation.held(self.entry):
+            self.entry.initialise_one(row, self._simulation.clock.now)
         self._guard.check(None)
 
     def hold(self, agent: int) -> None:
@@ -400,7 +400,7 @@ class TurnScheduler:
             for row in agents:
                 if row not in self._unused:
                     self.restart(row)
-        elif len(agents) == len(self._group) and len(self._unused) < len(self._group):
+        elif {*agents, *self.entry.others} == {*range(len(self._group))} and len(self._unused) < len(self._group):
             self.restart(0)
 
     def put_out_of_use(self, agent: int) -> None:

@@ -192,10 +192,12 @@ class WorldScope:
         anchors = Anchors(simulation.environment, simulation.groups)
         self._regions = {name: PlacedRegion(name, regions, anchors) for name in regions if name not in WORLD_NAMES}
         self._with_goal = sorted(
-            id
-            for entry in simulation.entries
-            if not entry.is_substitute and "goal-reached" in entry.components[0].events
-            for id in entry.group.ids
+            {
+                id
+                for entry in simulation.entries
+                if not entry.is_substitute and "goal-reached" in entry.components[0].events
+                for id in entry.group.ids
+            }
         )
 
     @cached_property

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
+from itertools import groupby
 from typing import NoReturn
 
 from symaware_cli.core import (
@@ -28,6 +29,7 @@ from symaware_cli.engine.network.network import Change, Network, TopologyPhase
 from symaware_cli.engine.network.traffic import Traffic
 from symaware_cli.engine.runtime.failure import RunError, describe
 from symaware_cli.engine.runtime.finiteness import FinitenessCheck
+from symaware_cli.engine.runtime.held_rows import HeldRows
 from symaware_cli.engine.runtime.interruption import Interrupted
 from symaware_cli.engine.runtime.queue import LivelockError
 from symaware_cli.engine.runtime.timing import STEADY, Timing
@@ -49,6 +51,9 @@ class ComponentEntry:
         section: The path of its section in the scenario.
         timing: When they take their turns; components know their `period`.
         is_substitute: Whether a fault lets it take the turns of another component of its name; until then it has none.
+        own: The rows of the agents for which its parameters differ from those under ``with``, ascending.
+        rows: The rows of the agents that use it, if it is a group component and others use one with other parameters;
+            None for all.
         is_initialised: Whether any of its instances was initialised.
         turns: Each instance with its compute and update methods, for the hot loop; empty if `compute_and_update` is
             overridden.
@@ -56,7 +61,7 @@ class ComponentEntry:
 
     __slots__ = (
         *("_timing", "components", "group", "is_initialised", "is_substitute"),
-        *("name", "path", "section", "turns", "use"),
+        *("name", "own", "path", "rows", "section", "turns", "use"),
     )
 
     def __init__(
@@ -67,6 +72,9 @@ class ComponentEntry:
         components: Sequence[Component | GroupComponent],
         timing: Timing = STEADY,
         section: tuple[str | int, ...] | None = None,
+        *,
+        own: Sequence[int] = (),
+        rows: Sequence[int] | None = None,
     ) -> None:
         """Give the instances their names.
 
@@ -78,10 +86,13 @@ class ComponentEntry:
             timing: See `ComponentEntry`.
             section: The section of the fault that lets this component take the place of another; None for a component
                 of the group's section.
+            own: See `ComponentEntry`.
+            rows: See `ComponentEntry`.
         """
         self.group = group
         self.name = name
         self.use = use
+        self.own, self.rows = tuple(own), None if rows is None else tuple(rows)
         self.is_substitute, self.is_initialised = section is not None, False
         self.section: tuple[str | int, ...] = section or ("agents", group.name, "components", name)
         self.components: tuple[Component | GroupComponent, ...] = tuple(components)
@@ -96,8 +107,30 @@ class ComponentEntry:
 
     @property
     def label(self) -> str:
-        """The path, with the fault of a substitute."""
-        return f"{self.path}, in {self.section[1]}" if self.is_substitute else self.path
+        """The path, with what tells the entry from others that have the same."""
+        return self.path + self.distinction
+
+    @property
+    def distinction(self) -> str:
+        """What tells the entry from others with this path: the fault of a substitute, or whose parameters it has."""
+        if self.is_substitute:
+            return f", in {self.section[1]}"
+        return f", of {self.group.ids[self.own[0]]}" if self.own and self.rows is not None else ""
+
+    @property
+    def others(self) -> Sequence[int]:
+        """The rows of the agents that never use it."""
+        return () if self.rows is None else sorted({*range(len(self.group))} - {*self.rows})
+
+    @property
+    def variations(self) -> Sequence[tuple[Component | GroupComponent, tuple[str | int, ...]]]:
+        """An instance for each set of parameters that its agents have, and the path of the section of these."""
+        if isinstance(self.components[0], GroupComponent):
+            place = ("own", str(self.own[0])) if self.own else ("with",)
+            return [(self.components[0], (*self.section, *place))]
+        common = next((row for row in range(len(self.components)) if row not in self.own), None)
+        own = [(self.components[row], (*self.section, "own", str(row))) for row in self.own]
+        return own if common is None else [(self.components[common], (*self.section, "with")), *own]
 
     @property
     def timing(self) -> Timing:
@@ -228,9 +261,7 @@ class Simulation:
     def _components(self) -> Mapping[str, object]:
         """All components, by names that are theirs alone."""
         return {
-            f"{component.path}, in {entry.section[1]}" if entry.is_substitute else component.path: component
-            for entry in self.entries
-            for component in entry.components
+            component.path + entry.distinction: component for entry in self.entries for component in entry.components
         }
 
     def reseed(self, seed: int) -> None:
@@ -249,14 +280,18 @@ class Simulation:
             RunError: A component raised an exception, or wrote a value that is not finite.
         """
         self.exchange.renew_links()
-        for entry in self.entries:
-            if entry.is_substitute:
-                continue
-            self.announce("initialising", entry.path)
-            entry.initialise()
-            for rows, problem in FinitenessCheck(entry.group, entry.path, entry.use).violations(None):
-                raise RunError(f"agents.{entry.group.ids[rows[0]]}.{entry.name}", entry.use, 0, problem)
-            self.announce("initialised", entry.path)
+        for path, entries in groupby((each for each in self.entries if not each.is_substitute), lambda each: each.path):
+            self.announce("initialising", path)
+            for entry in entries:
+                with self.held(entry):
+                    entry.initialise()
+                for rows, problem in FinitenessCheck(entry.group, path, entry.use).violations(None):
+                    raise RunError(f"agents.{entry.group.ids[rows[0]]}.{entry.name}", entry.use, 0, problem)
+            self.announce("initialised", path)
+
+    def held(self, entry: ComponentEntry) -> AbstractContextManager[object]:
+        """A context in which a component is initialised: it acts for none of the agents that never use it."""
+        return HeldRows(self, entry, entry.others) if entry.others else nullcontext()
 
     def announce(self, name: str, source: str, text: str = "", *, level: Level = Level.INFO, **data: object) -> None:
         """Fire an event on behalf of the run; a recurring event only if it has subscribers."""

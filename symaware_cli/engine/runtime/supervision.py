@@ -7,10 +7,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import ClassVar
 
-import numpy as np
-
 from symaware_cli.core import AgentGroup, GroupComponent
-from symaware_cli.engine.runtime.protected_rows import ProtectedRows
+from symaware_cli.engine.runtime.held_rows import HeldRows
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.world import LONGEST, ProbabilityDistribution, Turn, fraction, nanoseconds
 
@@ -18,44 +16,6 @@ _NONE = nullcontext()
 
 #: Changes written values, given the group and the rows whose believed states were written in the turn.
 Disturb = Callable[[AgentGroup, Sequence[int]], None]
-
-
-class HeldRows:
-    """A context for the turns of a group component some of whose agents are suspended.
-
-    The component works on arrays with a row for each agent, so it sends messages, fires events and writes values for
-    these agents, too: within the context, the former are suppressed; at its end, the latter are restored.
-
-    Attributes:
-        rows: The rows of the suspended agents, ascending.
-    """
-
-    def __init__(self, simulation: Simulation, entry: ComponentEntry, rows: tuple[int, ...]) -> None:
-        """Prepare.
-
-        Args:
-            simulation: The simulation.
-            entry: The entry of the component.
-            rows: See `HeldRows`.
-        """
-        group, roster = entry.group, simulation.environment.roster
-        ids = [group.ids[row] for row in rows]
-        self.rows = rows
-        self._exchange, self._events = simulation.exchange, simulation.events
-        self._senders = np.zeros(len(roster), bool)
-        self._senders[[roster.index(id) for id in ids]] = True
-        self._sources = frozenset(f"agents.{id}.{entry.name}" for id in ids)
-        self._protected = ProtectedRows(group, rows)
-
-    def __enter__(self) -> None:
-        self._protected.__enter__()
-        self._exchange.mute(self._senders)
-        self._events.mute(self._sources)
-
-    def __exit__(self, kind: object, *error: object) -> None:
-        self._events.mute(())
-        self._exchange.mute(None)
-        self._protected.__exit__(kind, *error)
 
 
 class Supervision:

@@ -63,7 +63,7 @@ class Workers:
             count: The number of workers; None for one per core.
         """
         self._simulation = simulation
-        self._entries = {entry.path: _RemoteEntry(simulation, entry, number) for number, entry in enumerate(entries)}
+        self._entries = {entry.label: _RemoteEntry(simulation, entry, number) for number, entry in enumerate(entries)}
         self._workers = [_Worker(list(self._entries.values())) for _ in range(count or _cores())]
 
     def start(self) -> None:
@@ -85,7 +85,7 @@ class Workers:
         Returns:
             The results, by row.
         """
-        remote, now = self._entries[entry.path], self._simulation.clock.now
+        remote, now = self._entries[entry.label], self._simulation.clock.now
         data = remote.transfer.knowledge(), remote.transfer.surroundings(sees_world=remote.sees_world)
         shares: dict[_Worker, list[int]] = {}
         for row in turns:
@@ -107,7 +107,7 @@ class Workers:
 
     def restart(self, entry: ComponentEntry, row: int) -> None:
         """Stop the worker of a component that restarts, as it may hold state that the component has not."""
-        remote = self._entries[entry.path]
+        remote = self._entries[entry.label]
         self._workers[(remote.number + row) % len(self._workers)].stop()
 
     def close(self) -> None:

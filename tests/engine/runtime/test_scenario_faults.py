@@ -306,6 +306,17 @@ def test_a_component_begins_anew_with_other_parameters_and_later_with_its_own(
 
 
 @MODES
+def test_one_agent_has_other_parameters_for_a_while_and_the_others_have_not(mode: str, ran: Callable[..., Log]) -> None:
+    log = ran({"slower": {"at": 1.0, "for": 0.5, "reconfigure": {"of": "robot.2.steer", "with": {"speed": 0.4}}}}, mode)
+    assert told(log) == [(1.0, "fault", "agents.robot.2.steer"), (1.5, "fault-over", "agents.robot.2.steer")]
+    moved = np.diff(world(log, 2)[:, 0])
+    assert moved[:20] == pytest.approx(0.05)
+    assert moved[20:30] == pytest.approx(0.02)
+    assert moved[30:] == pytest.approx(0.05)
+    assert np.diff(world(log, 1)[:, 0]) == pytest.approx(0.05)
+
+
+@MODES
 def test_a_state_is_set_and_a_goal_replaced(mode: str, ran: Callable[..., Log]) -> None:
     faults = {
         "back": {"at": 1.0, "place": {"of": "robot.1", "state": [0.0, 7.0]}},
@@ -324,7 +335,7 @@ def test_a_state_is_set_and_a_goal_replaced(mode: str, ran: Callable[..., Log]) 
     [
         ({"reconfigure": {"of": "robot.steer", "with": {"sped": 1.0}}}, "sped"),
         ({"reconfigure": {"of": "robot.steer", "with": {"speed": -1.0}}}, "speed"),
-        ({"reconfigure": {"of": "robot.0.steer", "with": {"speed": 1.0}}}, "one component for all of `robot`"),
+        ({"reconfigure": {"of": "robot.0.steer", "with": {"sped": 1.0}}}, "sped"),
         ({"reconfigure": {"of": "robot.stear", "with": {"speed": 1.0}}}, "no component `robot.stear`"),
         ({"place": {"of": "robot.0", "state": [1.0]}}, "1 numbers for a state of 2"),
         ({"inform": {"of": "robot", "knowledge": {"gaol": [1.0, 2.0]}}}, "no knowledge `gaol`"),

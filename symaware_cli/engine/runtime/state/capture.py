@@ -141,7 +141,7 @@ def _roots(run: Capturable, faults: Sequence[Fault]) -> Mapping[str, Any]:
         "the environment": simulation.environment,
         "the exchange": simulation.exchange,
         **{
-            component.path + entry.label.removeprefix(entry.path): component
+            component.path + entry.distinction: component
             for entry in simulation.entries
             for component in entry.components
         },
