@@ -1,10 +1,8 @@
 """What a test may leave behind in its process: descriptors, threads, memory, worlds of PyBullet.
 
-Something that an earlier test left is collected whenever Python likes. It is collected before anything is counted, so
-that it cannot vanish between two counts.
+What an earlier test left may vanish between two counts, so a test asserts that there is no more than before.
 """
 
-import gc
 import os
 import threading
 from pathlib import Path
@@ -12,13 +10,11 @@ from pathlib import Path
 
 def descriptors() -> int:
     """How many files and sockets this process has open."""
-    gc.collect()
     return len(os.listdir("/proc/self/fd"))
 
 
 def tasks() -> int:
     """How many threads this process has, those of libraries included."""
-    gc.collect()
     return len(os.listdir("/proc/self/task"))
 
 
@@ -29,7 +25,6 @@ def threads() -> list[str]:
 
 def resident() -> int:
     """How much memory this process has [bytes]."""
-    gc.collect()
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
@@ -37,5 +32,4 @@ def pybullet_clients() -> set[int]:
     """The numbers of the worlds of PyBullet that are open in this process."""
     import pybullet
 
-    gc.collect()
     return {number for number in range(1024) if pybullet.getConnectionInfo(number)["isConnected"]}

@@ -526,18 +526,21 @@ def test_two_hundred_worlds_leave_nothing_behind(kind: type[PhysicsEnvironment])
     held = resident()
     for _ in range(160):
         one()
-    assert pybullet_clients() == before
+    gc.collect()
+    assert pybullet_clients() <= before
     assert resident() - held < 6_000_000
 
 
 def test_a_world_that_nobody_closed_closes_when_it_is_forgotten() -> None:
+    gc.collect()
     before = pybullet_clients()
     environment = world(PyBulletEnvironment)
-    assert len(pybullet_clients()) == len(before) + 1
+    assert len(pybullet_clients() - before) == 1
     environment.close()
     environment.close()
     assert pybullet_clients() == before
     world(PyBulletEnvironment)
+    gc.collect()
     assert pybullet_clients() == before
 
 

@@ -1,5 +1,6 @@
 """The racecar: on its wheels in the world `pybullet`, and as the bicycle that it is elsewhere."""
 
+import gc
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -182,9 +183,11 @@ def test_worlds_of_cars_that_were_seen_leave_nothing_behind() -> None:
 
     for _ in range(5):
         one()
+    gc.collect()
     before = resident()
     for _ in range(10):
         one()
+    gc.collect()
     assert resident() - before < 5e6
 
 
