@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from symaware_cli.core import AgentGroup, EventBus, Roster
+from symaware_cli.engine.network.exchange import MessageExchange
 from symaware_cli.engine.runtime.protected_rows import ProtectedRows
-
-if TYPE_CHECKING:
-    from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
 
 
 class HeldRows:
@@ -23,21 +21,31 @@ class HeldRows:
         rows: The rows of these agents, ascending.
     """
 
-    def __init__(self, simulation: Simulation, entry: ComponentEntry, rows: Sequence[int]) -> None:
+    def __init__(
+        self,
+        group: AgentGroup,
+        name: str,
+        rows: Sequence[int],
+        roster: Roster,
+        exchange: MessageExchange,
+        events: EventBus,
+    ) -> None:
         """Prepare.
 
         Args:
-            simulation: The simulation.
-            entry: The entry of the component.
+            group: The group of the component.
+            name: Its name.
             rows: See `HeldRows`.
+            roster: All agents.
+            exchange: Carries its messages.
+            events: Takes its events.
         """
-        group, roster = entry.group, simulation.environment.roster
         ids = [group.ids[row] for row in rows]
         self.rows = tuple(rows)
-        self._exchange, self._events = simulation.exchange, simulation.events
+        self._exchange, self._events = exchange, events
         self._senders = np.zeros(len(roster), bool)
         self._senders[[roster.index(id) for id in ids]] = True
-        self._sources = frozenset(f"agents.{id}.{entry.name}" for id in ids)
+        self._sources = frozenset(f"agents.{id}.{name}" for id in ids)
         self._protected = ProtectedRows(group, rows)
 
     def __enter__(self) -> None:

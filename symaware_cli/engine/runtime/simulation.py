@@ -291,7 +291,11 @@ class Simulation:
 
     def held(self, entry: ComponentEntry) -> AbstractContextManager[object]:
         """A context in which a component is initialised: it acts for none of the agents that never use it."""
-        return HeldRows(self, entry, entry.others) if entry.others else nullcontext()
+        return self.holding(entry, entry.others) if entry.others else nullcontext()
+
+    def holding(self, entry: ComponentEntry, rows: Sequence[int]) -> HeldRows:
+        """A context for the turns of a group component in which it acts for none of some agents."""
+        return HeldRows(entry.group, entry.name, rows, self.environment.roster, self.exchange, self.events)
 
     def announce(self, name: str, source: str, text: str = "", *, level: Level = Level.INFO, **data: object) -> None:
         """Fire an event on behalf of the run; a recurring event only if it has subscribers."""

@@ -72,7 +72,7 @@ class Supervision:
         """The context for turns of a group component, some of whose agents are suspended; None if there are none."""
         rows = tuple(sorted(self.suspended)) if self._is_group else ()
         if rows and (self._muted is None or self._muted.rows != rows):
-            self._muted = HeldRows(self._simulation, self._entry, rows)
+            self._muted = self._simulation.holding(self._entry, rows)
         return self._muted if rows else None
 
     def hold(self, agent: int) -> None:
