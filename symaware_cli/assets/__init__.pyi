@@ -1,5 +1,6 @@
 # What other rooms use of this one.
 
+from .asset import AssetFolders as AssetFolders
 from .asset_error import AssetError as AssetError
 from .mesh_file import LARGEST_FILE as LARGEST_FILE
 from .mesh_file import MEDIA_TYPES as MEDIA_TYPES
@@ -8,6 +9,7 @@ from .mesh_file import content as content
 from .mesh_file import is_binary_stl as is_binary_stl
 from .mesh_file import normalised as normalised
 from .mesh_file import parse_mesh as parse_mesh
+from .mesh_file import read_mesh as read_mesh
 from .mesh_file import stl as stl
 from .urdf import material_colour as material_colour
 from .vehicle import Vehicle as Vehicle

@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from symaware_cli.assets import asset
 from symaware_cli.assets.asset import AssetFolders, Robot
-from symaware_cli.core import Entity, Parameters, Shape, Urdf, Wall, WorldError
+from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
 from symaware_cli.geometry import HeightRange, attitude
 from symaware_cli.worlds.bullet import engine, quiet
 from symaware_cli.worlds.bullet_collisions import COLLIDES_WITH, FACED, FIXED, FREE
@@ -37,14 +36,6 @@ _REACH = 1000.0
 
 #: [m] How much higher the slab is than the plane: the engine misses the contacts of boxes that only just touch.
 _RAISED = 1e-5
-
-
-class GroundPlane(Parameters):
-    """A plane that everything falls on."""
-
-    height: float = Field(0.0, ge=-1e9, le=1e9, description="Where it is [m].")
-    friction: float = Field(1.0, ge=0, description="Coefficient of friction, times that of what lies on it.")
-    elasticity: float = Field(1.0, ge=0, le=1, description="Elasticity, times that of what falls on it.")
 
 
 class BodyPart(NamedTuple):

@@ -46,6 +46,23 @@ class BodyStates(NamedTuple):
     orientations: Array | None = None
 
 
+class OpaqueEngine:
+    """A part of worlds whose engine does not save all of its state, at least not for another process."""
+
+    uncaptured: ClassVar[Collection[str]] = "*"
+
+    def captured(self) -> NoReturn:
+        """Refuse.
+
+        Raises:
+            StateError: Always.
+        """
+        raise StateError("its engine does not expose all of its state; the kinematic world does")
+
+    def restored(self, state: object) -> None:
+        """Do nothing; never called, as no state is captured."""
+
+
 class PhysicsEnvironment(ColumnEnvironment):
     """A world in which forces move bodies.
 
@@ -59,8 +76,6 @@ class PhysicsEnvironment(ColumnEnvironment):
     """
 
     dimensions: ClassVar[int]
-
-    uncaptured: ClassVar[Collection[str]] = "*"
 
     class Parameters(EnvironmentParameters):
         """Parameters of a physics world."""
@@ -76,17 +91,6 @@ class PhysicsEnvironment(ColumnEnvironment):
         damping: float = Field(
             0.0, ge=0, lt=1, description="Part of its velocity that a free body loses in a second, moving and turning."
         )
-
-    def captured(self) -> NoReturn:
-        """Refuse: engines do not save all of their state, at least not for another process.
-
-        Raises:
-            StateError: Always.
-        """
-        raise StateError("its engine does not expose all of its state; the kinematic world does")
-
-    def restored(self, state: object) -> None:
-        """Do nothing; never called, as no state is captured."""
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Create all bodies in their initial states.

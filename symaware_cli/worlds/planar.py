@@ -15,7 +15,7 @@ from symaware_cli.core import Drive, Entity, EntityGroup, Obstacle, Shape, World
 from symaware_cli.geometry import Array, Indices, Pieces, separation
 from symaware_cli.worlds.contact_tracker import Pair, pair
 from symaware_cli.worlds.joint import Joint, make_joints
-from symaware_cli.worlds.physics import BodyStates, PhysicsEnvironment
+from symaware_cli.worlds.physics import BodyStates, OpaqueEngine, PhysicsEnvironment
 
 #: [m] How deep resting bodies may overlap, so that they stay in contact; Pymunk's own 0.1 is meant for pixels.
 _SLOP = 5e-4
@@ -37,7 +37,7 @@ _HIT |= batch.ArbiterFields.POINT_A_1 | batch.ArbiterFields.POINT_B_1 | batch.Ar
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
-class PymunkEnvironment(PhysicsEnvironment):
+class PymunkEnvironment(OpaqueEngine, PhysicsEnvironment):
     """Rigid bodies in a plane that push, rub and bounce off each other, by Pymunk (Chipmunk2D).
 
     The plane is seen from above, so there is no gravity unless the scenario has some.

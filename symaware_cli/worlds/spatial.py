@@ -14,13 +14,14 @@ from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstac
 from symaware_cli.engine import Actuator, appearances, process_noise
 from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude_columns
 from symaware_cli.worlds import bullet_collisions, bullet_sensing
-from symaware_cli.worlds.body_builder import BodyBuilder, BodyPart, GroundPlane, collision_kind, turn
+from symaware_cli.worlds.body_builder import BodyBuilder, BodyPart, collision_kind, turn
 from symaware_cli.worlds.body_poses import BodyPoses
 from symaware_cli.worlds.bullet import MOST_SHOWN, Client, engine
 from symaware_cli.worlds.bullet_collisions import Collisions
 from symaware_cli.worlds.contact_tracker import GROUND
 from symaware_cli.worlds.engine_files import EngineFiles
-from symaware_cli.worlds.physics import BodyStates, PhysicsEnvironment
+from symaware_cli.worlds.ground import GroundPlane
+from symaware_cli.worlds.physics import BodyStates, OpaqueEngine, PhysicsEnvironment
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
@@ -34,7 +35,7 @@ _TURN = 0.25 * np.pi
 _BURIED = 1e4
 
 
-class PyBulletEnvironment(PhysicsEnvironment):
+class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
     """Rigid bodies in space that fall, push, rub and bounce off each other, by PyBullet.
 
     The z axis points upwards. Agents of models that move in a plane stand upright at one height, and the ground does

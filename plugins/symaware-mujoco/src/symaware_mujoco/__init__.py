@@ -1,0 +1,1 @@
+"""A world of rigid bodies for SymAware, moved by MuJoCo."""

@@ -1,0 +1,267 @@
+"""Scenes: the bodies of a scenario as a model of MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from symaware_cli.assets import AssetError, AssetFolders, asset, read_mesh
+from symaware_cli.core import Entity, Mesh, Obstacle, Shape, WorldError
+from symaware_cli.geometry import Array, attitude
+
+#: Bits of collisions: two geometries collide if one has a bit as its type that the other has as its affinity.
+GROUND, BODY, FIXED, ON_PATH = 1, 2, 4, 8
+
+#: [kg] The mass of bodies on paths, which nothing diverts.
+IMMOVABLE = 1e6
+
+#: [m] Radius that a body without a shape has for its inertia.
+_POINT = 0.1
+
+#: [m] From how far bodies push each other, so that those that stand on each other do before they fall.
+MARGIN = 1e-5
+
+#: [m] From how far a contact that has begun has not ended: bodies that push each other part for single physics steps.
+NEAR = 5e-4
+
+
+class Surface(NamedTuple):
+    """What contacts of a geometry are like, and whose it is.
+
+    Attributes:
+        owner: The index of the agent, the entity or the ground.
+        friction: The coefficient of friction, to be multiplied by that of the other body.
+        elasticity: The elasticity, to be multiplied as well.
+    """
+
+    owner: int
+    friction: float
+    elasticity: float
+
+
+class Scene:
+    """Collects bodies; `compile` makes the model.
+
+    Attributes:
+        surfaces: The surface of each geometry, by its name.
+    """
+
+    def __init__(
+        self,
+        step: float,
+        gravity: Sequence[float],
+        iterations: int,
+        height: float,
+        floor: float | None,
+        folders: AssetFolders,
+    ) -> None:
+        """Begin an empty scene.
+
+        Args:
+            step: The physics step [s].
+            gravity: [m/s^2]; shape (3,).
+            iterations: The most iterations of the solver in a step.
+            height: The height of shapes without one of their own [m].
+            floor: The height of the ground [m]; None without one.
+            folders: The folders to which names of files are relative.
+        """
+        self._spec = mujoco.MjSpec()
+        option = self._spec.option
+        option.timestep, option.gravity, option.iterations = step, list(gravity), iterations
+        # Exact cones, and friction that is much stiffer than what it resists: bodies at rest do not creep.
+        option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 100.0
+        option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        self._spec.compiler.autolimits = False
+        self._height, self._floor, self._folders = height, floor, folders
+        self._meshes: dict[tuple[str, float], Sequence[Array]] = {}
+        self.surfaces: dict[str, Surface] = {}
+
+    def add_ground(self, height: float, surface: Surface) -> None:
+        """Add the plane that everything falls on."""
+        self._add(
+            self._spec.worldbody,
+            surface,
+            GROUND,
+            0,
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0, 0, 1],
+            pos=[0, 0, height],
+        )
+
+    def level(self, shape: Shape | None, *where: str) -> float:
+        """Return the height of the origin of a body that stands on the ground [m]; `where` is its path."""
+        if self._floor is None:
+            return 0.0
+        if shape is None or shape.urdf:
+            return self._floor
+        if shape.mesh:
+            return self._floor - min(float(each[:, 2].min()) for each in self._parts(shape.mesh, *where))
+        if shape.circle:
+            return self._floor + shape.circle.radius
+        if shape.box:
+            return self._floor + 0.5 * shape.box.upright
+        return self._floor + 0.5 * (shape.cylinder.height if shape.cylinder else self._height)
+
+    def add_agent(self, name: str, entity: Entity, height: float | None, turns: bool, surface: Surface) -> None:
+        """Add an upright body, which forces of its own move and gravity does not.
+
+        Args:
+            name: The id of the agent.
+            entity: Its body.
+            height: Its height, if it moves in a plane [m].
+            turns: Whether it turns about the vertical.
+            surface: Its surface.
+        """
+        body = self._spec.worldbody.add_body(name=name, pos=[0.0, 0.0, height or 0.0], gravcomp=1.0)
+        for axis, letter in enumerate("xyz" if height is None else "xy"):
+            body.add_joint(name=f"{name}/{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=_unit(axis))
+        if turns:
+            body.add_joint(name=f"{name}/heading", type=mujoco.mjtJoint.mjJNT_HINGE, axis=_unit(2))
+        affinity = BODY | FIXED | ON_PATH | (GROUND if height is None else 0)
+        self._add_shape(
+            body, entity.shape, entity.mass, surface, BODY, affinity, ("agents", name.partition(".")[0], "entity")
+        )
+
+    def add_obstacle(self, name: str, obstacle: Obstacle, surface: Surface) -> None:
+        """Add an entity: free, on a path, or fixed."""
+        pose = obstacle.pose()
+        x, y, *rest = pose.position
+        where = ("environment", "entities", name)
+        height = rest[0] if rest else self.level(obstacle.shape, *where)
+        qx, qy, qz, qw = attitude(obstacle.roll, obstacle.pitch, pose.heading).tolist()
+        body = self._spec.worldbody.add_body(name=name, pos=[x, y, height], quat=[qw, qx, qy, qz])
+        if obstacle.is_free:
+            body.add_freejoint(name=f"{name}/free")
+            self._add_shape(
+                body, obstacle.shape, obstacle.mass or 0.0, surface, BODY, GROUND | BODY | FIXED | ON_PATH, where
+            )
+        elif obstacle.path:
+            body.gravcomp = 1.0
+            body.add_freejoint(name=f"{name}/free")
+            self._add_shape(body, obstacle.shape, IMMOVABLE, surface, ON_PATH, 0, where)
+        else:
+            self._add_shape(body, obstacle.shape, 0.0, surface, FIXED, 0, where)
+
+    def _add_shape(
+        self,
+        body: Any,
+        shape: Shape | None,
+        mass: float,
+        surface: Surface,
+        kind: int,
+        affinity: int,
+        where: tuple[str, ...],
+    ) -> None:
+        if shape is None:
+            moment = 0.4 * mass * _POINT * _POINT
+            body.mass, body.inertia, body.ipos, body.explicitinertial = mass, [moment] * 3, [0, 0, 0], True
+            return
+        common = {"mass": mass}
+        if shape.circle:
+            self._add(
+                body,
+                surface,
+                kind,
+                affinity,
+                type=mujoco.mjtGeom.mjGEOM_SPHERE,
+                size=[shape.circle.radius, 0, 0],
+                **common,
+            )
+        elif shape.cylinder:
+            size = [shape.cylinder.radius, 0.5 * shape.cylinder.height, 0]
+            self._add(body, surface, kind, affinity, type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=size, **common)
+        elif shape.box:
+            size = [0.5 * shape.box.length, 0.5 * shape.box.width, 0.5 * shape.box.upright]
+            self._add(body, surface, kind, affinity, type=mujoco.mjtGeom.mjGEOM_BOX, size=size, **common)
+        elif shape.polygon:
+            half = 0.5 * self._height
+            corners = [(x, y, z) for x, y in shape.polygon.vertices for z in (-half, half)]
+            self._add_hull(body, surface, kind, affinity, np.array(corners), mass)
+        elif shape.mesh:
+            parts = self._parts(shape.mesh, *where)
+            for each in parts:
+                self._add_hull(body, surface, kind, affinity, each, mass / len(parts))
+        elif shape.wall:
+            self._add_wall(body, shape, mass, surface, kind, affinity)
+        else:
+            said = "this world has no bodies from URDF files yet; `pybullet` has them"
+            raise WorldError(said, *where, "shape", shape.kind)
+
+    def _add_hull(self, body: Any, surface: Surface, kind: int, affinity: int, corners: Array, mass: float) -> None:
+        """Add the convex hull of some corners; shape (n, 3)."""
+        name = f"hull{len(self.surfaces)}"
+        convex = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        self._spec.add_mesh(name=name, uservert=corners.ravel().tolist(), inertia=convex)
+        self._add(body, surface, kind, affinity, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=mass)
+
+    def _parts(self, mesh: Mesh, *where: str) -> Sequence[Array]:
+        """Return the corners of each convex part of a mesh [m], shape (n, 3)."""
+        key = (mesh.file, mesh.scale)
+        if key not in self._meshes:
+            place = (*where, "shape", "mesh", "file")
+            asset.check(mesh.file, self._folders, *place)
+            try:
+                surface = read_mesh(asset.find(mesh.file, self._folders, *place))
+            except AssetError as error:
+                raise WorldError(error.located(mesh.file), *place) from error
+            parts = np.split(surface.triangles, np.cumsum(surface.parts)[:-1])
+            found = [np.unique(each.reshape(-1, 3), axis=0) * mesh.scale for each in parts if len(each)]
+            if any(np.linalg.matrix_rank(each - each.mean(axis=0), tol=1e-9) < 3 for each in found):
+                raise WorldError(
+                    f"a part of `{mesh.file}` is flat, and this world has bodies with a volume only", *place
+                )
+            self._meshes[key] = found
+        return self._meshes[key]
+
+    def _add_wall(self, body: Any, shape: Shape, mass: float, surface: Surface, kind: int, affinity: int) -> None:
+        wall = shape.wall
+        assert wall is not None
+        half, height = 0.5 * wall.thickness, 0.5 * self._height
+        parts = 2 * len(wall.points) - 1
+        for (x, y), (to_x, to_y) in pairwise(wall.points):
+            angle = 0.5 * math.atan2(to_y - y, to_x - x)
+            self._add(
+                *(body, surface, kind, affinity),
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=[0.5 * math.dist((x, y), (to_x, to_y)), half, height],
+                pos=[0.5 * (x + to_x), 0.5 * (y + to_y), 0.0],
+                quat=[math.cos(angle), 0.0, 0.0, math.sin(angle)],
+                mass=mass / parts,
+            )
+        for x, y in wall.points:
+            size = [half, height, 0]
+            self._add(
+                *(body, surface, kind, affinity),
+                type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+                size=size,
+                pos=[x, y, 0.0],
+                mass=mass / parts,
+            )
+
+    def _add(self, body: Any, surface: Surface, kind: int, affinity: int, **options: Any) -> None:
+        name = f"{surface.owner}/{len(self.surfaces)}"
+        self.surfaces[name] = surface
+        solimp = [0.99, 0.99, 0.001, 0.5, 2.0]
+        body.add_geom(
+            name=name, contype=kind, conaffinity=affinity, margin=0.5 * MARGIN, gap=0.5 * NEAR, solimp=solimp, **options
+        )
+
+    def compile(self) -> Any:
+        """Return the model.
+
+        Raises:
+            WorldError: MuJoCo refuses it.
+        """
+        try:
+            return self._spec.compile()
+        except ValueError as error:
+            raise WorldError(f"MuJoCo refuses the scene: {' '.join(str(error).split())}", "environment") from error
+
+
+def _unit(axis: int) -> list[float]:
+    return [float(axis == other) for other in range(3)]

@@ -1,0 +1,420 @@
+"""The world of MuJoCo: rigid bodies in space, whose state can be captured and restored exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Annotated, Any, ClassVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.assets import AssetFolders
+from symaware_cli.core import WorldError
+from symaware_cli.engine import appearances
+from symaware_cli.geometry import Array, Articulation, Indices, attitude, continued, yaws
+from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair
+from symaware_mujoco.bounce import solref
+from symaware_mujoco.scene import Scene, Surface
+
+_Component = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+#: [m] Smaller overlaps at the start count as standing on each other.
+_TINY = 1e-6
+
+#: What of the engine is the state of a run: positions, velocities, time, and what the solver begins with.
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+#: The group of geometries that rays pass through, which are those of absent agents.
+_HIDDEN = 5
+
+
+class MujocoEnvironment(PhysicsEnvironment):
+    """Rigid bodies in space that fall, push, rub and bounce off each other, by MuJoCo.
+
+    The z axis points upwards. Agents stay upright; those of models that move in a plane keep their height, and the
+    ground does not touch them. Contacts are springs with dampers: while bodies push each other, they overlap by about
+    their speed times two physics steps.
+    """
+
+    dimensions = 3
+    provides = ("tilt",)
+    #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
+    uncaptured: ClassVar[Collection[str]] = (
+        *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
+        *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
+        "_articulations",
+    )
+
+    class Parameters(PhysicsEnvironment.Parameters):
+        """Parameters of the world."""
+
+        substeps: int = Field(20, ge=1, le=1000, description="How many physics steps a time step is divided into.")
+        gravity: tuple[_Component, _Component, _Component] = Field(
+            (0.0, 0.0, -9.81),
+            description="Acceleration of free bodies [x, y, z] [m/s^2]; agents follow their models instead.",
+        )
+        ground: GroundPlane | None = Field(
+            GroundPlane(), description="The plane that everything falls on; none if null."
+        )
+        height: float = Field(1.0, gt=0, description="How high what has no height of its own is, such as a wall [m].")
+        iterations: int = Field(100, ge=1, le=1000, description="How often the solver goes over all contacts at most.")
+
+    @property
+    def gravity(self) -> Sequence[float]:
+        """The gravity of the parameters."""
+        given: Sequence[float] = self.parameters.gravity
+        return given
+
+    # -- the model
+
+    def _build(self) -> None:
+        """Create bodies in a fixed order: the ground, agents, and entities by name."""
+        parameters, count = self.parameters, len(self.roster)
+        self.ground = parameters.ground.height if parameters.ground else None
+        folders = AssetFolders(self.folder, self.further_folders)
+        options = self.step_time, parameters.gravity, parameters.iterations, parameters.height, self.ground
+        scene = Scene(*options, folders)
+        ground = count + len(self.obstacles)
+        if parameters.ground:
+            if GROUND in self.obstacles or GROUND in self._number:
+                where = ("environment", "entities") if GROUND in self.obstacles else ("agents",)
+                raise WorldError(f"`{GROUND}` names the ground in contacts; give this another name", *where, GROUND)
+            surface = Surface(ground, parameters.ground.friction, parameters.ground.elasticity)
+            scene.add_ground(parameters.ground.height, surface)
+        self._heights = np.zeros(len(self._driven))
+        for actuator, _, part in self._parts:
+            group = actuator.group
+            if group.model.vehicle() is not None:
+                said = "this world has no vehicles from files yet; `pybullet` has them"
+                raise WorldError(said, "agents", group.name, "model")
+            entity, planar = group.entity, len(group.model.position) == 2
+            height = scene.level(entity.shape, "agents", group.name, "entity") if planar else None
+            for row in range(part.start, part.stop):
+                index = int(self._driven[row])
+                self._heights[row] = height or 0.0
+                surface = Surface(index, entity.friction, entity.elasticity)
+                scene.add_agent(self.roster.ids[index], entity, height, group.model.heading is not None, surface)
+        for number, (name, obstacle) in enumerate(self.obstacles.items()):
+            scene.add_obstacle(name, obstacle, Surface(count + number, obstacle.friction, obstacle.elasticity))
+        model = self._model = scene.compile()
+        self._data = mujoco.MjData(model)
+        self._retained = 1.0
+        self._lag = 0.0
+        self._index_bodies()
+        self._index_surfaces(scene)
+        self._articulations = appearances(self.groups, self.obstacles, {}, folders, parameters.height)
+        self._place_all()
+
+    def _index_bodies(self) -> None:
+        """Find where the coordinates of bodies are in those of the engine."""
+        model = self._model
+        columns = ("x", "y", "z", "heading")
+        #: Of each agent, the places of x, y, z and heading among the engine's positions and velocities; -1 for none.
+        self._positions_at = np.full((len(self._driven), 4), -1, np.intp)
+        self._velocities_at = np.full((len(self._driven), 4), -1, np.intp)
+        for row, index in enumerate(self._driven.tolist()):
+            for column, letter in enumerate(columns):
+                joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{self.roster.ids[index]}/{letter}")
+                if joint >= 0:
+                    self._positions_at[row, column] = model.jnt_qposadr[joint]
+                    self._velocities_at[row, column] = model.jnt_dofadr[joint]
+
+        def places(names: Sequence[str]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+            joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/free") for name in names]
+            positions = np.array([model.jnt_qposadr[joint] for joint in joints], np.intp).reshape(-1, 1) + np.arange(7)
+            velocities = np.array([model.jnt_dofadr[joint] for joint in joints], np.intp).reshape(-1, 1) + np.arange(6)
+            return positions, velocities
+
+        self._free_positions_at, self._free_velocities_at = places(self._free)
+        self._path_at = places(self._moving)
+
+    def _index_surfaces(self, scene: Scene) -> None:
+        model = self._model
+        names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, number) for number in range(model.ngeom)]
+        surfaces = [scene.surfaces[name] for name in names]
+        self._owners = np.array([each.owner for each in surfaces], np.intp)
+        self._frictions = np.array([each.friction for each in surfaces])
+        self._elasticities = np.array([each.elasticity for each in surfaces])
+        #: The bits of collisions of each geometry, as they are if its agent is present.
+        self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
+        self._geometries = {index: np.flatnonzero(self._owners == index) for index in self._driven.tolist()}
+        # With one surface for all, the engine's rule for pairs gives what two of it make.
+        self._is_uniform = len({(each.friction, each.elasticity) for each in surfaces}) <= 1
+        for number, each in enumerate(surfaces):
+            model.geom_friction[number] = (max(1e-5, each.friction**2), 0.005, 0.0001)
+            model.geom_solref[number] = solref(each.elasticity**2, self.step_time)
+
+    def _place_all(self) -> None:
+        model, data = self._model, self._data
+        positions, headings = np.zeros((len(self._driven), 3)), np.zeros(len(self._driven))
+        for actuator, number, part in self._parts:
+            kind, state = actuator.group.model, self._states[number]
+            positions[part, : len(kind.position)] = state[:, list(kind.position)]
+            if kind.heading is not None:
+                headings[part] = state[:, kind.heading]
+            if kind.velocities:
+                self._velocity[part, : len(kind.velocities)] = state[:, list(kind.velocities)]
+        self._write(self._positions_at, data.qpos, np.column_stack([positions, headings]))
+        self._write(self._velocities_at, data.qvel, self._velocity)
+        for row, name in enumerate(self._free):
+            obstacle = self.obstacles[name]
+            velocity = [*(obstacle.velocity or ()), 0.0, 0.0, 0.0][:3]
+            turned = _rotated(
+                data.qpos[self._free_positions_at[row, 3:]], np.array([0.0, 0.0, obstacle.turn_rate]), -1.0
+            )
+            data.qvel[self._free_velocities_at[row]] = [*velocity, *turned]
+        self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
+        self._follow_paths(0)
+        mujoco.mj_forward(model, data)
+        for actuator, _, part in self._parts:
+            if actuator.group.model.heading is not None:
+                places = self._velocities_at[part, 3]
+                self._inertia[part, 3] = model.dof_M0[places] / self.step_time
+        self._touching: dict[tuple[int, int], None] = {}
+
+    @staticmethod
+    def _write(places: NDArray[np.intp], into: Array, values: Array) -> None:
+        known = places >= 0
+        into[places[known]] = values[known]
+
+    def close(self) -> None:
+        """Let go of the engine's model."""
+        self.__dict__.pop("_data", None)
+        self.__dict__.pop("_model", None)
+
+    # -- agents that come and go
+
+    def _appear(self, row: int, velocity: Sequence[float]) -> None:
+        self._velocity[row, :3] = velocity
+        self._write(self._velocities_at[row], self._data.qvel, self._velocity[row])
+        self._show_present()
+
+    def _vanish(self, row: int) -> None:
+        self._velocity[row] = 0.0
+        self._write(self._velocities_at[row], self._data.qvel, self._velocity[row])
+        self._show_present()
+
+    def _show_present(self) -> None:
+        """Let the bodies of present agents collide and stop rays, and no others."""
+        model = self._model
+        for index, geometries in self._geometries.items():
+            there = self.present is None or bool(self.present[index])
+            for bits, own in zip((model.geom_contype, model.geom_conaffinity), self._bits, strict=True):
+                bits[geometries] = own[geometries] if there else 0
+            model.geom_group[geometries] = 0 if there else _HIDDEN
+
+    # -- steps
+
+    def _refresh(self) -> None:
+        self._velocity = self._read_motion()
+
+    def _read_motion(self) -> Array:
+        found: Array = np.where(self._velocities_at >= 0, self._data.qvel[self._velocities_at], 0.0)
+        return found
+
+    def _push(self, forces: Array | None) -> None:
+        """Set the velocities that the forces cause in this physics step, before contacts are solved."""
+        if forces is not None:
+            self._write(self._velocities_at, self._data.qvel, self._velocity)
+
+    def _advance(self, number: int, last: int) -> tuple[int, bool]:
+        retained = (1.0 - self.parameters.damping) ** self.step_time
+        while True:
+            self._follow_paths(number)
+            if retained != 1.0 and len(self._free):
+                self._data.qvel[self._free_velocities_at] *= retained
+            self._step_engine()
+            number += 1
+            met = self._track_contacts()
+            if met or number == last:
+                return number, met
+
+    def _step_engine(self) -> None:
+        model, data = self._model, self._data
+        if self._is_uniform:
+            mujoco.mj_step(model, data)
+            return
+        mujoco.mj_step1(model, data)
+        if data.ncon:
+            # The product of both surfaces; the engine itself would take the greater friction.
+            one, other = data.contact.geom.T
+            data.contact.friction[:, :2] = np.maximum(self._frictions[one] * self._frictions[other], 1e-5)[:, None]
+            elasticity = self._elasticities[one] * self._elasticities[other]
+            data.contact.solref[:] = [solref(each, self.step_time) for each in elasticity.tolist()]
+            mujoco.mj_makeConstraint(model, data)
+            mujoco.mj_island(model, data)
+            mujoco.mj_projectConstraint(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_step2(model, data)
+
+    def _follow_paths(self, number: int) -> None:
+        """Put entities with a path where they are at the beginning of a physics step, with their velocities."""
+        data = self._data
+        for name, positions, velocities in zip(self._moving, *self._path_at, strict=True):
+            course, obstacle = self._course(name, number), self.obstacles[name]
+            x, y, z, w = attitude(obstacle.roll, obstacle.pitch, course.heading).tolist()
+            place = data.qpos[positions]
+            height = course.position[2] if len(course.position) == 3 else place[2]
+            data.qpos[positions] = [*course.position[:2], height, w, x, y, z]
+            turned = _rotated(data.qpos[positions[3:]], np.array([0.0, 0.0, course.turn_rate]), -1.0)
+            data.qvel[velocities] = [*[*course.velocity, 0.0][:3], *turned]
+
+    def _track_contacts(self) -> bool:
+        """Report what the last physics step brought together or apart; return whether an agent touches something."""
+        data, tracker = self._data, self._tracker
+        near = self._nearest()
+        touching = {
+            bodies: number
+            for bodies, number in near.items()
+            if bodies in self._touching or not data.contact.exclude[number]
+        }
+        for bodies in sorted(touching.keys() - self._touching.keys()):
+            number = touching[bodies]
+            depth = max(0.0, -float(data.contact.dist[number]))
+            tracker.begin(bodies, tuple(data.contact.pos[number].tolist()), depth)
+        if tracker.fresh:
+            force = np.zeros(6)
+            for number, (one, other) in enumerate(self._owners[data.contact.geom].tolist() if data.ncon else ()):
+                bodies = pair(one, other)
+                if bodies in tracker.fresh:
+                    mujoco.mj_contactForce(self._model, data, number, force)
+                    tracker.add_impulse(bodies, float(force[0]) * self.step_time)
+        for bodies in sorted(self._touching.keys() - touching.keys()):
+            tracker.end(bodies)
+        self._touching = dict.fromkeys(sorted(touching))
+        return tracker.agents > 0
+
+    def _nearest(self) -> dict[tuple[int, int], int]:
+        """The engine's nearest contact of each two bodies that are near each other."""
+        data = self._data
+        nearest: dict[tuple[int, int], int] = {}
+        if data.ncon:
+            distances = data.contact.dist.tolist()
+            for number, (one, other) in enumerate(self._owners[data.contact.geom].tolist()):
+                bodies = pair(one, other)
+                if bodies not in nearest or distances[number] < distances[nearest[bodies]]:
+                    nearest[bodies] = number
+        return nearest
+
+    def _find_overlaps(self) -> None:
+        self._show_present()
+        mujoco.mj_forward(self._model, self._data)
+        contacts = self._data.contact
+        for bodies, number in sorted(self._nearest().items()):
+            depth, point = -float(contacts.dist[number]), tuple(contacts.pos[number].tolist())
+            if depth > _TINY:
+                self._tracker.start(bodies, point, depth)
+            elif not contacts.exclude[number]:
+                self._tracker.begin_resting(bodies, point)
+                self._touching[bodies] = None
+
+    # -- states read from bodies
+
+    def _read_driven(self) -> BodyStates:
+        coordinates = np.where(self._positions_at >= 0, self._data.qpos[self._positions_at], 0.0)
+        planar = self._positions_at[:, 2] < 0
+        coordinates[planar, 2] = self._heights[planar]
+        return BodyStates(coordinates[:, :3], coordinates[:, 3], self._read_motion())
+
+    def _read_free(self) -> BodyStates:
+        poses, motion = self._data.qpos[self._free_positions_at], self._data.qvel[self._free_velocities_at]
+        orientations = np.roll(poses[:, 3:], -1, axis=1)  # (w, x, y, z) to (x, y, z, w)
+        headings = continued(self._free_headings, yaws(orientations)) if len(poses) else np.empty(0)
+        rates = [_rotated(pose[3:], turned, 1.0)[2] for pose, turned in zip(poses, motion[:, 3:], strict=True)]
+        return BodyStates(
+            poses[:, :3], headings, np.column_stack([motion[:, :3], rates]) if rates else np.empty((0, 4)), orientations
+        )
+
+    def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
+        data = self._data
+        for places, into, change in (
+            (self._positions_at[row], data.qpos, [*moved.tolist(), turned]),
+            (self._velocities_at[row], data.qvel, [*faster.tolist(), 0.0]),
+        ):
+            known = places >= 0
+            into[places[known]] += np.array(change)[known]
+
+    def _placement(self) -> Mapping[str, Array]:
+        return {"bodies": self._data.qpos.copy()}
+
+    def _place(self, placement: Mapping[str, Array]) -> None:
+        self._data.qpos[:] = placement["bodies"]
+        mujoco.mj_forward(self._model, self._data)
+
+    def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
+        """Measure horizontal rays against the bodies of the engine, from the heights of those that cast them."""
+        model, data = self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        distances = np.full(directions.shape[:2], np.inf)
+        visible = np.array([1, 1, 1, 1, 1, 0], np.uint8)
+        count = directions.shape[1]
+        bodies, found, normals = np.empty(count, np.int32), np.empty(count), np.empty((3 * count, 1))
+        levels = self.body_positions([self.roster.ids[sender] for sender in senders.tolist()])[:, 2]
+        for row, sender in enumerate(senders.tolist()):
+            start = np.array([*origins[row, :2].tolist(), levels[row] + height])
+            towards = np.zeros((count, 3))
+            towards[:, :2] = directions[row]
+            own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, self.roster.ids[sender])
+            mujoco.mj_multiRay(
+                model, data, start, towards.ravel(), visible, True, own, bodies, found, normals, count, reach
+            )
+            distances[row] = np.where(found < 0.0, np.inf, found)
+        return distances
+
+    def body_positions(self, names: Sequence[str]) -> Array:
+        """Return the positions of bodies in space."""
+        places = super().body_positions(names)
+        for row, name in enumerate(names):
+            body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, name)
+            if body >= 0:
+                places[row, 2] = self._height_of(name, body)
+        return places
+
+    def _height_of(self, name: str, body: int) -> float:
+        index = self.roster.index(name) if name in self.roster else -1
+        if index >= 0:
+            row = int(np.flatnonzero(self._driven == index)[0])
+            place = self._positions_at[row, 2]
+            return float(self._heights[row] if place < 0 else self._data.qpos[place])
+        row = self._free_rows.get(name, -1)
+        if row >= 0:
+            return float(self._data.qpos[self._free_positions_at[row, 2]])
+        return float(self._model.body_pos[body, 2])
+
+    def articulations(self) -> Mapping[str, Articulation]:
+        """Return what bodies look like that turn in space."""
+        return self._articulations
+
+    def body_poses(self, name: str) -> Array | None:
+        """Return the pose of a free entity; None for all others, which stay upright."""
+        row = self._free_rows.get(name)
+        if row is None:
+            return None
+        pose = self._data.qpos[self._free_positions_at[row]]
+        return np.concatenate([pose[:3], np.roll(pose[3:], -1)])[None]
+
+    # -- the state of a run
+
+    def captured(self) -> Any:
+        """Return the engine's state; all else follows from attributes."""
+        state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
+        mujoco.mj_getState(self._model, self._data, state, _STATE)
+        return state
+
+    def restored(self, state: Any) -> None:
+        """Put the engine into a state."""
+        mujoco.mj_setState(self._model, self._data, state, _STATE)
+        self._show_present()
+        mujoco.mj_forward(self._model, self._data)
+        # What the solver begins with is part of the state, and was just replaced.
+        mujoco.mj_setState(self._model, self._data, state, _STATE)
+
+
+def _rotated(quaternion: Array, vector: Array, direction: float) -> Array:
+    """Rotate a vector by a quaternion (w, x, y, z), or back if the direction is -1."""
+    turned, given = np.empty(3), np.array(quaternion, float)
+    given[1:] *= direction
+    mujoco.mju_rotVecQuat(turned, vector, given)
+    return turned

@@ -1,0 +1,261 @@
+"""Rigid bodies in MuJoCo: closed forms, contacts, exact repeats, and states that are taken and put back."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from symaware_mujoco.bounce import damping_ratio, rebound
+from symaware_mujoco.world import MujocoEnvironment
+
+import symaware_cli as sa
+from symaware_cli.core import AgentGroup, Entity, Obstacle
+from symaware_cli.log.digest import digest
+from symaware_cli.testing import check_environment
+
+pytestmark = pytest.mark.filterwarnings("ignore::symaware_cli.ProcessorWarning")
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+BALL = {"circle": {"radius": 0.1}}
+CRATE = {"box": {"length": 0.4, "width": 0.4, "height": 0.4}}
+FREE: dict[str, Any] = {"gravity": (0.0, 0.0, 0.0), "ground": None}
+
+
+URDF = """<robot name="r"><link name="l"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+
+
+def world(
+    entities: dict[str, Obstacle] | None = None,
+    groups: list[AgentGroup] | None = None,
+    folder: Path = Path(),
+    **given: Any,
+) -> MujocoEnvironment:
+    parameters = {"time_step": 0.02, "substeps": 20, **given}
+    environment = MujocoEnvironment(MujocoEnvironment.Parameters.model_validate(parameters))
+    environment.folder = folder
+    environment.initialise(groups or [robots([[99.0, 99.0]])], entities or {}, 1)
+    return environment
+
+
+def robots(states: Any, **entity: Any) -> AgentGroup:
+    from symaware_cli.engine.models.integrator import SingleIntegrator
+
+    rows = np.array(states, float)
+    ids = [f"robot.{row}" for row in range(len(rows))]
+    body = Entity(**{"shape": BALL, **entity})
+    return AgentGroup("robot", ids, SingleIntegrator(SingleIntegrator.Parameters(max_speed=100.0)), body, rows)
+
+
+def after(environment: MujocoEnvironment, seconds: float) -> MujocoEnvironment:
+    for _ in range(round(seconds / 0.02)):
+        environment.step()
+    return environment
+
+
+# -- closed forms
+
+
+@pytest.mark.parametrize("elasticity", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
+def test_the_damping_of_a_contact_leaves_what_its_elasticity_says(elasticity: float) -> None:
+    assert rebound(damping_ratio(elasticity)) == pytest.approx(elasticity, abs=0.03)
+
+
+@pytest.mark.parametrize("elasticity", [0.0, 0.2, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("height", [0.3, 1.0, 3.0])
+def test_a_ball_bounces_as_high_as_its_elasticity_squared(elasticity: float, height: float) -> None:
+    ball = Obstacle(shape=BALL, position=[0, 0, height + 0.1], mass=1.0, elasticity=elasticity)
+    environment, heights = world({"ball": ball}), []
+    fall = np.sqrt(2 * height / 9.81)
+    for _ in range(round(2.2 * fall / 0.02)):
+        environment.step()
+        heights.append(environment.pose("ball").position[2] - 0.1)
+    peak = max(heights[round(1.1 * fall / 0.02) :])
+    assert np.sqrt(max(peak, 0.0) / height) == pytest.approx(elasticity, abs=0.06)
+
+
+@pytest.mark.parametrize(("masses", "elasticity"), [((1.0, 1.0), 1.0), ((1.0, 3.0), 0.5), ((2.0, 1.0), 0.0)])
+def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_speed(
+    masses: tuple[float, float], elasticity: float
+) -> None:
+    surface = {"elasticity": float(np.sqrt(elasticity))}
+    one = Obstacle(shape=BALL, position=[0, 0, 0], velocity=[2.0, 0, 0], mass=masses[0], **surface)
+    other = Obstacle(shape=BALL, position=[1, 0, 0], mass=masses[1], **surface)
+    environment = after(world({"a": one, "b": other}, **FREE), 1.5)
+    first, second = (environment.pose(name).velocity[0] for name in "ab")
+    assert masses[0] * first + masses[1] * second == pytest.approx(2.0 * masses[0], abs=1e-9)
+    assert second - first == pytest.approx(2.0 * elasticity, abs=0.12)
+
+
+@pytest.mark.parametrize(("floor", "own"), [(1.0, 0.3), (0.5, 0.6), (0.2, 2.0)])
+def test_a_crate_slides_as_far_as_the_product_of_both_frictions_says(floor: float, own: float) -> None:
+    crate = Obstacle(shape=CRATE, position=[0, 0], velocity=[2.0, 0.0], mass=5.0, friction=own)
+    environment = after(world({"crate": crate}, ground={"friction": floor, "elasticity": 0.0}), 2.0)
+    # v^2 / (2 mu g)
+    assert environment.pose("crate").position[0] == pytest.approx(4.0 / (2 * floor * own * 9.81), rel=0.02)
+    assert environment.pose("crate").velocity[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_what_stands_does_not_creep_or_sink() -> None:
+    stack = {
+        name: Obstacle(shape=CRATE, position=[0, 0, 0.2 + 0.4 * number], mass=1.0, elasticity=0.0)
+        for number, name in enumerate("abc")
+    }
+    environment = after(world(stack), 5.0)
+    for number, name in enumerate("abc"):
+        assert environment.pose(name).position == pytest.approx((0, 0, 0.2 + 0.4 * number), abs=2e-3)
+
+
+def test_what_flies_is_where_galilei_has_it_and_damping_takes_its_part() -> None:
+    ball = Obstacle(shape=BALL, position=[0, 0, 10], velocity=[1.0, 0.0, 2.0], mass=1.0)
+    x, _, z = after(world({"ball": ball}), 1.0).pose("ball").position
+    assert (x, z) == pytest.approx((1.0, 10 + 2.0 - 0.5 * 9.81), abs=0.006)
+    slower = after(world({"ball": ball}, damping=0.3, **FREE), 1.0)
+    assert slower.pose("ball").velocity[0] == pytest.approx(0.7, abs=1e-9)
+
+
+def test_a_torque_free_body_keeps_its_turn_rate_and_counts_as_free() -> None:
+    crate = Obstacle(shape=CRATE, position=[0, 0, 5], turn_rate=1.5, mass=1.0)
+    environment = after(world({"crate": crate}, **FREE), 2.0)
+    assert environment.pose("crate").turn_rate == pytest.approx(1.5, abs=1e-9)
+    assert environment.pose("crate").heading == pytest.approx(3.0, abs=1e-6)
+    assert environment.moves("crate")
+
+
+# -- agents
+
+
+def test_an_agent_goes_where_its_model_goes_until_something_is_in_its_way() -> None:
+    group = robots([[0.0, 0.0]], max_force=2000.0)
+    wall = Obstacle(shape={"wall": {"points": [[1, -1], [1, 1]], "thickness": 0.1}}, position=[0, 0])
+    environment = world({"wall": wall}, [group])
+    group.control_input = np.array([[1.0, 0.5]])
+    after(environment, 0.4)
+    assert environment.state(group)[0] == pytest.approx([0.4, 0.2], abs=0.005)
+    after(environment, 1.6)
+    x, y = environment.state(group)[0]
+    assert x == pytest.approx(0.85, abs=0.01)
+    assert y > 0.2
+
+
+def test_a_robot_pushes_what_its_force_can_push() -> None:
+    result = sa.load(SCENARIOS / "pushing.yaml").run(record=False)
+    assert [each.verdict for each in result.summary.specifications] == ["satisfied", "satisfied"]
+
+
+def test_contacts_begin_once_and_have_the_impulse_that_stopped_the_body(tmp_path: Path) -> None:
+    ball = Obstacle(shape=BALL, position=[0, 0, 1.1], mass=2.0, elasticity=0.0)
+    environment = world({"ball": ball})
+    contacts: list[sa.Contact] = []
+    for _ in range(100):
+        environment.step()
+        contacts += environment.contacts()
+    (contact,) = contacts
+    assert (contact.first, contact.second, contact.begins) == ("ball", "ground", True)
+    assert contact.impulse == pytest.approx(2.0 * np.sqrt(2 * 9.81), rel=0.15)
+
+
+def test_what_stands_at_the_start_is_no_contact_and_an_overlap_is_one() -> None:
+    standing = world({"crate": Obstacle(shape=CRATE, position=[0, 0], mass=1.0)})
+    assert standing.contacts() == []
+    assert after(standing, 0.5).contacts() == []
+    overlapping = world(
+        {name: Obstacle(shape=BALL, position=[0.05 * n, 0, 1], mass=1.0) for n, name in enumerate("ab")}
+    )
+    (contact,) = overlapping.contacts()
+    assert (contact.first, contact.second) == ("a", "b")
+    assert contact.depth == pytest.approx(0.15, abs=1e-6)
+
+
+def test_an_absent_agent_stops_nobody() -> None:
+    scenario = yaml.safe_load((SCENARIOS / "pushing.yaml").read_text())
+    robot = scenario["agents"]["robot"]
+    scenario["agents"]["ghost"] = {
+        **robot,
+        "count": 1,
+        "state": [0.6, 2.0],
+        "knowledge": {"goal": [0, 0]},
+        "present": {"from": 5.0},
+    }
+    scenario["agents"]["ghost"]["state"] = [[0.6, 2.0]]
+    scenario["agents"]["ghost"]["knowledge"] = {"goal": {"all": [0.6, 2.0]}}
+    result = sa.scenario(scenario).run(record=False)
+    assert result.summary.specifications[0].verdict == "satisfied"
+
+
+def test_rays_end_at_bodies_and_pass_through_the_one_that_casts_them() -> None:
+    group = robots([[0.0, 0.0], [2.0, 0.0]])
+    environment = world({"crate": Obstacle(shape=CRATE, position=[0.0, 3.0])}, [group])
+    directions = np.array([[[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]]])
+    (found,) = environment.ray_cast(np.array([0]), np.zeros((1, 2)), directions, 10.0)
+    assert found[:2] == pytest.approx([1.9, 2.8], abs=1e-3)
+    assert np.isinf(found[2])
+
+
+def test_a_mesh_stands_on_the_ground_and_is_as_heavy_as_it_says(tmp_path: Path) -> None:
+    (tmp_path / "tent.obj").write_text("v 0 0 2\nv 1 0 2\nv 0 1 2\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
+    tent = Obstacle(shape={"mesh": {"file": "tent.obj", "radius": 1.0, "scale": 0.5}}, position=[0, 0], mass=3.0)
+    environment = world({"tent": tent}, folder=tmp_path)
+    assert environment.pose("tent").position == pytest.approx((0, 0, -1.0))
+    after(environment, 1.0)
+    assert environment.pose("tent").position == pytest.approx((0, 0, -1.0), abs=1e-3)
+
+
+# -- repeats and states
+
+
+def test_a_run_repeats_to_the_byte_and_its_log_verifies(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        sa.load(SCENARIOS / "pushing.yaml").run(output=tmp_path / f"{name}.mcap")
+    one, two = (digest(sa.open_log(tmp_path / f"{name}.mcap")) for name in ("one", "two"))
+    assert one.combined == two.combined
+    assert sa.verify_log(str(tmp_path / "one.mcap")).is_equal
+
+
+@pytest.mark.parametrize("step", [0, 1, 17, 40, 77])
+def test_a_run_goes_on_from_its_state_to_the_same_bytes(step: int, tmp_path: Path) -> None:
+    scenario = sa.load(SCENARIOS / "pushing.yaml")
+    with scenario.start(output=tmp_path / "whole.mcap") as simulation:
+        simulation.step(step + 20)
+    with scenario.start(output=tmp_path / "again.mcap") as simulation:
+        if step:
+            simulation.step(step)
+        state = sa.SimulationState.from_bytes(simulation.capture().to_bytes())
+        simulation.step(9)
+        simulation.restore(state)
+        simulation.step(20)
+    one, two = (digest(sa.open_log(tmp_path / f"{name}.mcap")).channels for name in ("whole", "again"))
+    assert one == two
+
+
+def test_a_branch_of_a_physics_world_begins_from_a_captured_state(tmp_path: Path) -> None:
+    sa.load(SCENARIOS / "pushing.yaml").run(output=tmp_path / "log.mcap")
+    change = {"agents.robot[2].state": [0.0, 4.0]}
+    (result,) = sa.branches(tmp_path / "log.mcap", 2.0, [change], tmp_path / "out", way="capture")
+    assert result.way == "capture"
+
+
+# -- what it does not have
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("environment.entities.light.shape={mesh: {file: flat.obj, radius: 1}}", "flat"),
+        ("environment.entities.light.shape={urdf: {file: a.urdf, radius: 1}}", "no bodies from URDF files yet"),
+        ("environment.entities={ground: {shape: {circle: {radius: 1}}, position: [9, 9]}}", "names the ground"),
+    ],
+)
+def test_what_it_does_not_have_is_refused_at_its_place(change: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n")
+    (tmp_path / "a.urdf").write_text(URDF)
+    scenario = yaml.safe_load((SCENARIOS / "pushing.yaml").read_text())
+    scenario["agents"]["robot"]["state"] = {"circle": {"radius": 3}}
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump({**scenario, "specifications": {}}))
+    with pytest.raises(sa.ScenarioError, match=said):
+        sa.load(tmp_path / "s.yaml", [change])
+
+
+def test_the_kit_finds_nothing() -> None:
+    check_environment(MujocoEnvironment)
