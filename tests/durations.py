@@ -100,7 +100,10 @@ class Durations:
     def _exceed_again(self, session: pytest.Session) -> bool:
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", ""]
         again = [*command, "--limit", str(self._limit), "--once", *self.exceeding]
-        return subprocess.run(again, cwd=session.config.rootpath).returncode != pytest.ExitCode.OK
+        # Options of this call are not for that one.
+        environment = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
+        done = subprocess.run(again, cwd=session.config.rootpath, env=environment)
+        return done.returncode != pytest.ExitCode.OK
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         if self._limit is None and not self._record:
