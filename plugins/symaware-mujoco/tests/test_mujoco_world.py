@@ -22,8 +22,22 @@ CRATE = {"box": {"length": 0.4, "width": 0.4, "height": 0.4}}
 FREE: dict[str, Any] = {"gravity": (0.0, 0.0, 0.0), "ground": None}
 
 
-URDF = """<robot name="r"><link name="l"><inertial><mass value="1"/>
-<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+#: A rod on a base: a pendulum of 1 kg whose middle is 0.3 m below its hinge.
+URDF = """<robot name="pendulum">
+<link name="base"><inertial><mass value="2"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size=".2 .2 .2"/></geometry></collision></link>
+<link name="rod"><inertial><origin xyz="0 0 -.3"/><mass value="1"/>
+<inertia ixx=".01" iyy=".01" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0 0 -.3"/><geometry><mesh filename="rod.obj"/></geometry></collision></link>
+<joint name="hinge" type="{kind}"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="10" velocity="50"/></joint></robot>"""
+TENT = "v -.02 0 -.2\nv .02 0 -.2\nv 0 .02 -.2\nv 0 0 .2\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+def robot_file(folder: Path, kind: str = "continuous") -> dict[str, Any]:
+    (folder / "pendulum.urdf").write_text(URDF.format(kind=kind))
+    (folder / "rod.obj").write_text(TENT)
+    return {"urdf": {"file": "pendulum.urdf", "radius": 1.0}}
 
 
 def world(
@@ -62,7 +76,7 @@ def test_the_damping_of_a_contact_leaves_what_its_elasticity_says(elasticity: fl
     assert rebound(damping_ratio(elasticity)) == pytest.approx(elasticity, abs=0.03)
 
 
-@pytest.mark.parametrize("elasticity", [0.0, 0.2, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("elasticity", [0.0, 0.2, 0.3, 0.5, 0.8, 1.0])
 @pytest.mark.parametrize("height", [0.3, 1.0, 3.0])
 def test_a_ball_bounces_as_high_as_its_elasticity_squared(elasticity: float, height: float) -> None:
     ball = Obstacle(shape=BALL, position=[0, 0, height + 0.1], mass=1.0, elasticity=elasticity)
@@ -144,7 +158,7 @@ def test_a_robot_pushes_what_its_force_can_push() -> None:
     assert [each.verdict for each in result.summary.specifications] == ["satisfied", "satisfied"]
 
 
-def test_contacts_begin_once_and_have_the_impulse_that_stopped_the_body(tmp_path: Path) -> None:
+def test_contacts_begin_once_and_have_the_impulse_that_stopped_the_body() -> None:
     ball = Obstacle(shape=BALL, position=[0, 0, 1.1], mass=2.0, elasticity=0.0)
     environment = world({"ball": ball})
     contacts: list[sa.Contact] = []
@@ -154,6 +168,19 @@ def test_contacts_begin_once_and_have_the_impulse_that_stopped_the_body(tmp_path
     (contact,) = contacts
     assert (contact.first, contact.second, contact.begins) == ("ball", "ground", True)
     assert contact.impulse == pytest.approx(2.0 * np.sqrt(2 * 9.81), rel=0.15)
+
+
+def test_an_entity_may_be_called_as_the_engine_calls_its_own() -> None:
+    environment = world({"world": Obstacle(shape=CRATE, position=[0, 0], mass=1.0)})
+    assert after(environment, 0.2).pose("world").position[2] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
+    flat = {"mesh": {"file": "none.obj", "radius": 1.0}}
+    entities = {name: Obstacle(shape=flat, position=[0, 0]) for name in ("one", "two")}
+    with pytest.raises(sa.WorldError) as caught:
+        world(entities, folder=tmp_path)
+    assert len(caught.value.others) == 1
 
 
 def test_what_stands_at_the_start_is_no_contact_and_an_overlap_is_one() -> None:
@@ -174,12 +201,10 @@ def test_an_absent_agent_stops_nobody() -> None:
     scenario["agents"]["ghost"] = {
         **robot,
         "count": 1,
-        "state": [0.6, 2.0],
-        "knowledge": {"goal": [0, 0]},
+        "state": [[0.6, 2.0]],
+        "knowledge": {"goal": {"all": [0.6, 2.0]}},
         "present": {"from": 5.0},
     }
-    scenario["agents"]["ghost"]["state"] = [[0.6, 2.0]]
-    scenario["agents"]["ghost"]["knowledge"] = {"goal": {"all": [0.6, 2.0]}}
     result = sa.scenario(scenario).run(record=False)
     assert result.summary.specifications[0].verdict == "satisfied"
 
@@ -193,13 +218,59 @@ def test_rays_end_at_bodies_and_pass_through_the_one_that_casts_them() -> None:
     assert np.isinf(found[2])
 
 
-def test_a_mesh_stands_on_the_ground_and_is_as_heavy_as_it_says(tmp_path: Path) -> None:
+def test_a_mesh_stands_on_the_ground(tmp_path: Path) -> None:
     (tmp_path / "tent.obj").write_text("v 0 0 2\nv 1 0 2\nv 0 1 2\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
     tent = Obstacle(shape={"mesh": {"file": "tent.obj", "radius": 1.0, "scale": 0.5}}, position=[0, 0], mass=3.0)
     environment = world({"tent": tent}, folder=tmp_path)
     assert environment.pose("tent").position == pytest.approx((0, 0, -1.0))
     after(environment, 1.0)
     assert environment.pose("tent").position == pytest.approx((0, 0, -1.0), abs=1e-3)
+
+
+def test_a_pendulum_from_a_file_swings_with_the_period_of_the_formula(tmp_path: Path) -> None:
+    pendulum = Obstacle(shape=robot_file(tmp_path), position=[0, 0, 2.0], pitch=0.1)
+    environment, angles = world({"pendulum": pendulum}, folder=tmp_path), []
+    for _ in range(200):
+        environment.step()
+        joints = environment.joint_positions("pendulum")
+        assert joints is not None
+        angles.append(float(joints[0, 0]) + 0.1)
+    crossings = np.flatnonzero(np.diff(np.sign(angles)))
+    period = 2 * np.mean(np.diff(crossings)) * 0.02
+    # 2 pi sqrt(I / (m g l)), with I about the hinge
+    assert period == pytest.approx(2 * np.pi * np.sqrt((0.01 + 0.09) / (9.81 * 0.3)), rel=0.02)
+
+
+def test_a_free_robot_stands_on_the_ground_and_its_links_pass_through_each_other(tmp_path: Path) -> None:
+    robot = Obstacle(shape=robot_file(tmp_path), position=[1, 2], mass=1.0)
+    environment = world({"mobile": robot}, folder=tmp_path)
+    assert environment.pose("mobile").position == pytest.approx((1, 2, 0.5))
+    after(environment, 3.0)
+    poses = environment.body_poses("mobile")
+    assert poses is not None
+    assert np.isfinite(poses).all()
+    assert 0.0 < poses[0, 2] < 0.5
+
+
+def test_joints_are_in_the_log_which_repeats_without_the_files(tmp_path: Path) -> None:
+    scenario = {
+        "symaware": 1,
+        "name": "pendulum",
+        "run": {"duration": 1.0},
+        "environment": {
+            "use": "mujoco",
+            "with": {"time_step": 0.05},
+            "entities": {"pendulum": {"shape": robot_file(tmp_path), "position": [0, 0, 2.0], "pitch": 0.5}},
+        },
+        "agents": {"robot": {"model": {"use": "single-integrator"}, "state": [5, 5]}},
+    }
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(scenario))
+    sa.load(tmp_path / "s.yaml").run(output=tmp_path / "log.mcap")
+    for name in ("pendulum.urdf", "rod.obj"):
+        (tmp_path / name).unlink()
+    assert sa.verify_log(str(tmp_path / "log.mcap")).is_equal
+    topics = [topic for topic in sa.open_log(tmp_path / "log.mcap").channels if "joint" in topic]
+    assert len(topics) == 1
 
 
 # -- repeats and states
@@ -243,13 +314,22 @@ def test_a_branch_of_a_physics_world_begins_from_a_captured_state(tmp_path: Path
     ("change", "said"),
     [
         ("environment.entities.light.shape={mesh: {file: flat.obj, radius: 1}}", "flat"),
-        ("environment.entities.light.shape={urdf: {file: a.urdf, radius: 1}}", "no bodies from URDF files yet"),
+        (
+            "environment.entities.light.shape={urdf: {file: pendulum.urdf, radius: 1, scale: 2}}",
+            "in the size of their files",
+        ),
+        (
+            "environment.entities.light.shape={urdf: {file: floating.urdf, radius: 1}}",
+            "the joint `hinge` is `floating`",
+        ),
+        ("agents.robot.entity.shape={urdf: {file: pendulum.urdf, radius: 1}}", "no agents from URDF files yet"),
         ("environment.entities={ground: {shape: {circle: {radius: 1}}, position: [9, 9]}}", "names the ground"),
     ],
 )
 def test_what_it_does_not_have_is_refused_at_its_place(change: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n")
-    (tmp_path / "a.urdf").write_text(URDF)
+    robot_file(tmp_path)
+    (tmp_path / "floating.urdf").write_text(URDF.format(kind="floating"))
     scenario = yaml.safe_load((SCENARIOS / "pushing.yaml").read_text())
     scenario["agents"]["robot"]["state"] = {"circle": {"radius": 3}}
     (tmp_path / "s.yaml").write_text(yaml.safe_dump({**scenario, "specifications": {}}))

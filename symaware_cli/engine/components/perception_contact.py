@@ -76,4 +76,4 @@ class ContactSensor(Sensor):
             errors = parameters.noise * self.random.standard_normal(1, "noise")[:, 0]
             hits = np.where(hits > 0.0, np.maximum(hits + errors, 0.0), 0.0)
         values = np.stack([np.array([len(others) for others in self._touching], float), hits], axis=1)
-        return self._with_dropouts(values)
+        return self.with_dropouts(values)

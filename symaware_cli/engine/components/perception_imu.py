@@ -83,7 +83,7 @@ class InertialUnit(Sensor):
         if parameters.acceleration_noise or parameters.rate_noise:
             deviations = np.repeat([parameters.acceleration_noise, parameters.rate_noise], 3)
             values += deviations * self.random.standard_normal(6, "noise")
-        return self._with_dropouts(values)
+        return self.with_dropouts(values)
 
     def _gravity_vector(self) -> Sequence[float]:
         """Return the acceleration of gravity [x, y, z] [m/s^2]."""

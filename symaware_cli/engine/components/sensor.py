@@ -61,7 +61,7 @@ class Sensor(GroupComponent):
         heading, state = self._group.model.heading, self.environment.snapshot().states[self._number]
         return np.zeros(len(state)) if heading is None else state[:, heading]
 
-    def _with_dropouts(self, values: Array) -> Array:
+    def with_dropouts(self, values: Array) -> Array:
         """Return measurements (n, k) as a read-only array, with NaN in the rows of those that are missed."""
         if self.parameters.dropout:
             values[self.random.uniform(1, "dropout")[:, 0] < self.parameters.dropout] = np.nan

@@ -13,6 +13,8 @@ import numpy as np
 from symaware_cli.assets import AssetError, AssetFolders, asset, read_mesh
 from symaware_cli.core import Entity, Mesh, Obstacle, Shape, WorldError
 from symaware_cli.geometry import Array, attitude
+from symaware_mujoco.bounce import IMPEDANCE
+from symaware_mujoco.robot import lowest, read_robot
 
 #: Bits of collisions: two geometries collide if one has a bit as its type that the other has as its affinity.
 GROUND, BODY, FIXED, ON_PATH = 1, 2, 4, 8
@@ -49,6 +51,7 @@ class Scene:
 
     Attributes:
         surfaces: The surface of each geometry, by its name.
+        levels: The height of each entity, by its name [m].
     """
 
     def __init__(
@@ -80,6 +83,7 @@ class Scene:
         self._height, self._floor, self._folders = height, floor, folders
         self._meshes: dict[tuple[str, float], Sequence[Array]] = {}
         self.surfaces: dict[str, Surface] = {}
+        self.levels: dict[str, float] = {}
 
     def add_ground(self, height: float, surface: Surface) -> None:
         """Add the plane that everything falls on."""
@@ -97,7 +101,7 @@ class Scene:
         """Return the height of the origin of a body that stands on the ground [m]; `where` is its path."""
         if self._floor is None:
             return 0.0
-        if shape is None or shape.urdf:
+        if shape is None:
             return self._floor
         if shape.mesh:
             return self._floor - min(float(each[:, 2].min()) for each in self._parts(shape.mesh, *where))
@@ -107,7 +111,9 @@ class Scene:
             return self._floor + 0.5 * shape.box.upright
         return self._floor + 0.5 * (shape.cylinder.height if shape.cylinder else self._height)
 
-    def add_agent(self, name: str, entity: Entity, height: float | None, turns: bool, surface: Surface) -> None:
+    def add_agent(
+        self, name: str, entity: Entity, height: float | None, turns: bool, surface: Surface, *where: str
+    ) -> None:
         """Add an upright body, which forces of its own move and gravity does not.
 
         Args:
@@ -116,36 +122,62 @@ class Scene:
             height: Its height, if it moves in a plane [m].
             turns: Whether it turns about the vertical.
             surface: Its surface.
+            where: The path of the body, for messages.
         """
-        body = self._spec.worldbody.add_body(name=name, pos=[0.0, 0.0, height or 0.0], gravcomp=1.0)
+        body = self._spec.worldbody.add_body(name=body_name(name), pos=[0.0, 0.0, height or 0.0], gravcomp=1.0)
         for axis, letter in enumerate("xyz" if height is None else "xy"):
             body.add_joint(name=f"{name}/{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=_unit(axis))
         if turns:
             body.add_joint(name=f"{name}/heading", type=mujoco.mjtJoint.mjJNT_HINGE, axis=_unit(2))
         affinity = BODY | FIXED | ON_PATH | (GROUND if height is None else 0)
-        self._add_shape(
-            body, entity.shape, entity.mass, surface, BODY, affinity, ("agents", name.partition(".")[0], "entity")
-        )
+        self._add_shape(body, entity.shape, entity.mass, surface, BODY, affinity, where)
 
     def add_obstacle(self, name: str, obstacle: Obstacle, surface: Surface) -> None:
         """Add an entity: free, on a path, or fixed."""
-        pose = obstacle.pose()
+        pose, where = obstacle.pose(), ("environment", "entities", name)
         x, y, *rest = pose.position
-        where = ("environment", "entities", name)
-        height = rest[0] if rest else self.level(obstacle.shape, *where)
         qx, qy, qz, qw = attitude(obstacle.roll, obstacle.pitch, pose.heading).tolist()
-        body = self._spec.worldbody.add_body(name=name, pos=[x, y, height], quat=[qw, qx, qy, qz])
+        if obstacle.shape.urdf:
+            self._add_robot(name, obstacle, (x, y, *rest), [qw, qx, qy, qz], surface)
+            return
+        height = rest[0] if rest else self.level(obstacle.shape, *where)
+        self.levels[name] = height
+        body = self._spec.worldbody.add_body(name=body_name(name), pos=[x, y, height], quat=[qw, qx, qy, qz])
+        everything = GROUND | BODY | FIXED | ON_PATH
         if obstacle.is_free:
             body.add_freejoint(name=f"{name}/free")
-            self._add_shape(
-                body, obstacle.shape, obstacle.mass or 0.0, surface, BODY, GROUND | BODY | FIXED | ON_PATH, where
-            )
+            self._add_shape(body, obstacle.shape, obstacle.mass or 0.0, surface, BODY, everything, where)
         elif obstacle.path:
             body.gravcomp = 1.0
             body.add_freejoint(name=f"{name}/free")
             self._add_shape(body, obstacle.shape, IMMOVABLE, surface, ON_PATH, 0, where)
         else:
             self._add_shape(body, obstacle.shape, 0.0, surface, FIXED, 0, where)
+
+    def _add_robot(
+        self, name: str, obstacle: Obstacle, position: Sequence[float], quaternion: Sequence[float], surface: Surface
+    ) -> None:
+        where, urdf = ("environment", "entities", name, "shape"), obstacle.shape.urdf
+        assert urdf is not None
+        if obstacle.path:
+            raise WorldError("this world has no robots from files on paths", *where[:-1], "path")
+        robot = read_robot(urdf, self._folders, *where)
+        x, y, *rest = position
+        height = rest[0] if rest else (self._floor or 0.0) - lowest(robot, np.array(quaternion))
+        self.levels[name] = height
+        frame = self._spec.worldbody.add_frame(pos=[x, y, height], quat=list(quaternion))
+        base = frame.attach_body(robot.worldbody.first_body(), f"{name}/", "")
+        if obstacle.is_free:
+            base.add_freejoint(name=f"{name}/free")
+        bodies = [base, *base.find_all(mujoco.mjtObj.mjOBJ_BODY)]
+        for number, body in enumerate(bodies):
+            # Links of one robot pass through each other.
+            for other in bodies[:number]:
+                self._spec.add_exclude(bodyname1=other.name, bodyname2=body.name)
+            moves = obstacle.is_free or body is not base
+            kind, affinity = (BODY, GROUND | BODY | FIXED | ON_PATH) if moves else (FIXED, 0)
+            for geometry in body.geoms:
+                self._register(geometry, surface, kind, affinity)
 
     def _add_shape(
         self,
@@ -189,7 +221,7 @@ class Scene:
         elif shape.wall:
             self._add_wall(body, shape, mass, surface, kind, affinity)
         else:
-            said = "this world has no bodies from URDF files yet; `pybullet` has them"
+            said = "this world has no agents from URDF files yet; `pybullet` has them"
             raise WorldError(said, *where, "shape", shape.kind)
 
     def _add_hull(self, body: Any, surface: Surface, kind: int, affinity: int, corners: Array, mass: float) -> None:
@@ -244,12 +276,14 @@ class Scene:
             )
 
     def _add(self, body: Any, surface: Surface, kind: int, affinity: int, **options: Any) -> None:
-        name = f"{surface.owner}/{len(self.surfaces)}"
-        self.surfaces[name] = surface
-        solimp = [0.99, 0.99, 0.001, 0.5, 2.0]
-        body.add_geom(
-            name=name, contype=kind, conaffinity=affinity, margin=0.5 * MARGIN, gap=0.5 * NEAR, solimp=solimp, **options
-        )
+        self._register(body.add_geom(**options), surface, kind, affinity)
+
+    def _register(self, geometry: Any, surface: Surface, kind: int, affinity: int) -> None:
+        geometry.name = f"{surface.owner}/{len(self.surfaces)}"
+        self.surfaces[geometry.name] = surface
+        geometry.contype, geometry.conaffinity = kind, affinity
+        geometry.margin, geometry.gap = 0.5 * MARGIN, 0.5 * NEAR
+        geometry.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
 
     def compile(self) -> Any:
         """Return the model.
@@ -261,6 +295,11 @@ class Scene:
             return self._spec.compile()
         except ValueError as error:
             raise WorldError(f"MuJoCo refuses the scene: {' '.join(str(error).split())}", "environment") from error
+
+
+def body_name(name: str) -> str:
+    """Return what a body is called in the engine, where `world` has a meaning of its own."""
+    return f"{name}/body"
 
 
 def _unit(axis: int) -> list[float]:

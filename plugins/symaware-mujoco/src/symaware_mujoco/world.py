@@ -1,4 +1,7 @@
-"""The world of MuJoCo: rigid bodies in space, whose state can be captured and restored exactly."""
+"""The world of MuJoCo: rigid bodies in space, whose state can be captured and restored exactly.
+
+Reasons: docs/decisions/0079-mujoco.md
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.assets import AssetFolders
-from symaware_cli.core import WorldError
+from symaware_cli.core import EntityGroup, ErrorCollector, WorldError
 from symaware_cli.engine import appearances
 from symaware_cli.geometry import Array, Articulation, Indices, attitude, continued, yaws
 from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair
 from symaware_mujoco.bounce import solref
-from symaware_mujoco.scene import Scene, Surface
+from symaware_mujoco.scene import Scene, Surface, body_name
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
@@ -35,7 +38,7 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     The z axis points upwards. Agents stay upright; those of models that move in a plane keep their height, and the
     ground does not touch them. Contacts are springs with dampers: while bodies push each other, they overlap by about
-    their speed times two physics steps.
+    their speed times four physics steps.
     """
 
     dimensions = 3
@@ -45,6 +48,7 @@ class MujocoEnvironment(PhysicsEnvironment):
         *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
         "_articulations",
+        "_levels",
     )
 
     class Parameters(PhysicsEnvironment.Parameters):
@@ -84,28 +88,35 @@ class MujocoEnvironment(PhysicsEnvironment):
             surface = Surface(ground, parameters.ground.friction, parameters.ground.elasticity)
             scene.add_ground(parameters.ground.height, surface)
         self._heights = np.zeros(len(self._driven))
+        errors = ErrorCollector()
         for actuator, _, part in self._parts:
-            group = actuator.group
-            if group.model.vehicle() is not None:
-                said = "this world has no vehicles from files yet; `pybullet` has them"
-                raise WorldError(said, "agents", group.name, "model")
-            entity, planar = group.entity, len(group.model.position) == 2
-            height = scene.level(entity.shape, "agents", group.name, "entity") if planar else None
-            for row in range(part.start, part.stop):
-                index = int(self._driven[row])
-                self._heights[row] = height or 0.0
-                surface = Surface(index, entity.friction, entity.elasticity)
-                scene.add_agent(self.roster.ids[index], entity, height, group.model.heading is not None, surface)
+            with errors.catch():
+                self._add_group(scene, actuator.group, part)
         for number, (name, obstacle) in enumerate(self.obstacles.items()):
-            scene.add_obstacle(name, obstacle, Surface(count + number, obstacle.friction, obstacle.elasticity))
+            with errors.catch():
+                scene.add_obstacle(name, obstacle, Surface(count + number, obstacle.friction, obstacle.elasticity))
+        errors.raise_first()
+        self._levels = scene.levels
         model = self._model = scene.compile()
         self._data = mujoco.MjData(model)
-        self._retained = 1.0
-        self._lag = 0.0
         self._index_bodies()
         self._index_surfaces(scene)
         self._articulations = appearances(self.groups, self.obstacles, {}, folders, parameters.height)
         self._place_all()
+
+    def _add_group(self, scene: Scene, group: EntityGroup, part: slice) -> None:
+        if group.model.vehicle() is not None:
+            raise WorldError(
+                "this world has no vehicles from files yet; `pybullet` has them", "agents", group.name, "model"
+            )
+        entity, turns = group.entity, group.model.heading is not None
+        planar = len(group.model.position) == 2
+        height = scene.level(entity.shape, "agents", group.name, "entity") if planar else None
+        for row in range(part.start, part.stop):
+            index = int(self._driven[row])
+            self._heights[row] = height or 0.0
+            surface = Surface(index, entity.friction, entity.elasticity)
+            scene.add_agent(self.roster.ids[index], entity, height, turns, surface, "agents", group.name, "entity")
 
     def _index_bodies(self) -> None:
         """Find where the coordinates of bodies are in those of the engine."""
@@ -350,15 +361,15 @@ class MujocoEnvironment(PhysicsEnvironment):
         distances = np.full(directions.shape[:2], np.inf)
         visible = np.array([1, 1, 1, 1, 1, 0], np.uint8)
         count = directions.shape[1]
-        bodies, found, normals = np.empty(count, np.int32), np.empty(count), np.empty((3 * count, 1))
+        geometries, found, normals = np.empty(count, np.int32), np.empty(count), np.empty((3 * count, 1))
         levels = self.body_positions([self.roster.ids[sender] for sender in senders.tolist()])[:, 2]
         for row, sender in enumerate(senders.tolist()):
             start = np.array([*origins[row, :2].tolist(), levels[row] + height])
             towards = np.zeros((count, 3))
             towards[:, :2] = directions[row]
-            own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, self.roster.ids[sender])
+            own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body_name(self.roster.ids[sender]))
             mujoco.mj_multiRay(
-                model, data, start, towards.ravel(), visible, True, own, bodies, found, normals, count, reach
+                model, data, start, towards.ravel(), visible, True, own, geometries, found, normals, count, reach
             )
             distances[row] = np.where(found < 0.0, np.inf, found)
         return distances
@@ -367,21 +378,16 @@ class MujocoEnvironment(PhysicsEnvironment):
         """Return the positions of bodies in space."""
         places = super().body_positions(names)
         for row, name in enumerate(names):
-            body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, name)
-            if body >= 0:
-                places[row, 2] = self._height_of(name, body)
+            places[row, 2] = self._height_of(name)
         return places
 
-    def _height_of(self, name: str, body: int) -> float:
-        index = self.roster.index(name) if name in self.roster else -1
-        if index >= 0:
-            row = int(np.flatnonzero(self._driven == index)[0])
+    def _height_of(self, name: str) -> float:
+        if name in self.roster:
+            row = int(np.flatnonzero(self._driven == self.roster.index(name))[0])
             place = self._positions_at[row, 2]
             return float(self._heights[row] if place < 0 else self._data.qpos[place])
-        row = self._free_rows.get(name, -1)
-        if row >= 0:
-            return float(self._data.qpos[self._free_positions_at[row, 2]])
-        return float(self._model.body_pos[body, 2])
+        free = self._free_rows.get(name)
+        return self._levels[name] if free is None else float(self._data.qpos[self._free_positions_at[free, 2]])
 
     def articulations(self) -> Mapping[str, Articulation]:
         """Return what bodies look like that turn in space."""
@@ -394,6 +400,17 @@ class MujocoEnvironment(PhysicsEnvironment):
             return None
         pose = self._data.qpos[self._free_positions_at[row]]
         return np.concatenate([pose[:3], np.roll(pose[3:], -1)])[None]
+
+    def joint_positions(self, name: str) -> Array | None:
+        """Return the positions of the joints of a robot from a file [rad] or [m]; shape (1, joints)."""
+        described = self._articulations.get(name)
+        if described is None or not described.joints:
+            return None
+        joints = [
+            mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{each}") for each in described.joints
+        ]
+        found: Array = self._data.qpos[self._model.jnt_qposadr[joints]][None]
+        return found
 
     # -- the state of a run
 
