@@ -102,7 +102,7 @@ class Composer:
         components = list(self._draft.group()["components"].values())
         if components:
             component = self._draft.chance.choice(components)
-            component.update(self._values.options("ComponentUse", 1, without=("use", "with")))
+            component.update(self._values.options("ComponentUse", 1, without=("use", "with", "own")))
 
     def _add_options(self) -> None:
         """Add an option of a plugin or a body that is there."""
