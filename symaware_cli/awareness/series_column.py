@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,22 +16,6 @@ from symaware_cli.world import SECOND, frozen, said_of
 
 #: The series of a column: the common times and values, and the series of single rows.
 HeldSeries: TypeAlias = tuple[NDArray[np.int64] | None, Array, dict[int, TimeSeries]]
-
-
-class SeriesSnapshot(NamedTuple):
-    """The series of some rows at an instant.
-
-    Attributes:
-        series: The series, by row.
-        own: Those that the rows have for themselves, by row; None for a row that has that of the arrays.
-        times: The common times of all rows, and
-        values: the values, as the column held them.
-    """
-
-    series: Mapping[int, TimeSeries]
-    own: Mapping[int, TimeSeries | None]
-    times: NDArray[np.int64] | None
-    values: Array | None
 
 
 class SeriesColumn:
@@ -202,10 +186,13 @@ class SeriesColumn:
         return self._times, self._values, dict(self._rows)
 
     def put_back(self, rows: Sequence[int], held: HeldSeries) -> None:
-        """Put back the values that some rows had."""
+        """Put back the series that some rows had, where they were written since; deferred series stay deferred."""
         times, values, own = held
+        untouched = self._deferred is None and self._times is times and self._values is values
         for row in rows:
             series = own.get(row)
+            if untouched and self._rows.get(row) is series:
+                continue
             if series is None:
                 series = TimeSeries() if times is None else TimeSeries.sampled(times, values[row])
             self._rows[row] = series
@@ -215,23 +202,6 @@ class SeriesColumn:
     def is_unwritten(self) -> bool:
         """Whether no series was ever written."""
         return self._times is None and self._deferred is None and not self._rows
-
-    def snapshot(self, rows: Sequence[int]) -> SeriesSnapshot:
-        """Read the series of some rows, for `restore`."""
-        if self.is_unwritten:
-            return SeriesSnapshot(dict.fromkeys(rows, TimeSeries()), {}, None, None)
-        series = {row: self.row(row) for row in rows}
-        return SeriesSnapshot(series, {row: self._rows.get(row) for row in rows}, self._times, self._values)
-
-    def restore(self, before: SeriesSnapshot) -> None:
-        """Restore the series of some rows, where they were written since; deferred series stay deferred."""
-        untouched = self._deferred is None and self._times is before.times
-        untouched = untouched and (self._times is None or self._values is before.values)
-        for index, own in before.series.items():
-            if untouched and self._rows.get(index) is before.own.get(index):
-                continue
-            self._rows[index] = own
-            self._changed.add(index)
 
     @property
     def shared(self) -> tuple[NDArray[np.int64], Array] | None:

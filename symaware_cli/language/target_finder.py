@@ -38,7 +38,7 @@ class TargetFinder:
             ComponentSelection(entry, rows)
             for entry in self._entries
             if fnmatch.fnmatchcase(entry.name, name)
-            and (rows := [row for row in _rows(entry.group, agents) if row not in entry.others])
+            and (rows := [row for row in _rows(entry.group, agents) if entry.rows is None or row in entry.rows])
         ]
         if not found:
             owners = [(owner, entry.name) for entry in self._entries for owner in (entry.group.name, *entry.group.ids)]

@@ -128,6 +128,16 @@ def test_parameters_of_ones_own_that_are_those_of_all_change_no_value(kind: str,
     assert told(one, *omitted) == told(other, *omitted)
 
 
+@pytest.mark.parametrize("kind", ["go-to-goal", "mpc", "gaussian"])
+def test_so_it_is_in_worker_processes(kind: str, tmp_path: Path) -> None:
+    common = chain(kind, {"run_in": "process"})
+    name, _, _, own = COMPONENTS[kind]
+    some = {**common, name: {**common[name], "own": {"0": own, "2": own}}}
+    one, other = ran(tmp_path, "one", document(common)), ran(tmp_path, "other", document(some))
+    # As for `latency`, an overdue group component is told of once.
+    assert told(one, "/events") == told(other, "/events")
+
+
 @pytest.mark.parametrize("kind", ["range", "velocity-obstacle", "mpc", "collision"])
 def test_so_it_is_where_components_fail_to_be_there_and_are_replaced_for_a_while(kind: str, tmp_path: Path) -> None:
     name, _, _, own = COMPONENTS[kind]

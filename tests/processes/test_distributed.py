@@ -191,6 +191,19 @@ def test_members_have_workers_of_their_own(spread: Callable[..., Spread], double
 
 
 @pytest.mark.slow
+def test_agents_have_parameters_of_their_own_in_every_process(
+    spread: Callable[..., Spread], scenarios: Path, tmp_path: Path
+) -> None:
+    own = ("see.with.range=4", "avoid.with.speed=0.7")
+    changes = [*SHORT, *(word for each in own for word in ("--set", f"agents.robot[2].components.{each}"))]
+    run = spread(scenarios / "crossing.yaml", *changes)
+    run.host("--only", "robot.[0-3]")
+    run.member("others", "robot.[4-9],robot.1?")
+    run.finish()
+    assert differences(alone(tmp_path, run.scenario, *changes), run.merged()) == {}
+
+
+@pytest.mark.slow
 def test_a_convoy_is_led_by_radio_from_another_process(
     spread: Callable[..., Spread], scenarios: Path, tmp_path: Path
 ) -> None:

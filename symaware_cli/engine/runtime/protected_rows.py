@@ -42,10 +42,10 @@ class ProtectedRows:
         self._before: tuple[Any, ...] = ()
 
     def __enter__(self) -> None:
-        chosen, awareness = self._chosen, self._awareness
+        awareness = self._awareness
         self._before = (
             [column.values for column in self._columns],
-            [column.snapshot(chosen) for column in self._series],
+            [column.held() for column in self._series],
             [column.tables for column in self._tables],
             awareness.seen,
             awareness.received,
@@ -60,7 +60,7 @@ class ProtectedRows:
             if column.values is not values:
                 column.restore(self._index, values)
         for series_column, before in zip(self._series, series, strict=True):
-            series_column.restore(before)
+            series_column.put_back(chosen, before)
         for table_column, entries in zip(self._tables, tables, strict=True):
             for row in chosen:
                 if table_column.row(row) is not entries[row]:
