@@ -1,11 +1,11 @@
 """Runs every scenario and checks what became of it, on this processor and on emulated ones.
 
-    .venv/bin/python .ci/scenarios.py [--quick] FOLDER...
+    .venv/bin/python .ci/scenarios.py [--quick] [--python INTERPRETER]... FOLDER...
 
 Each scenario must be sound, run to its end with updates in its log and no failures, and give the same digest as on an
-emulated processor of level x86-64-v3. On one of level x86-64-v2, of which less is promised, true positions of some of
-them must agree within a tolerance, at least until the motion amplifies rounding (docs/repeatability.md). With --quick
-nothing is emulated.
+emulated processor of level x86-64-v3, and as with other interpreters; those that need PyBullet run with this one alone.
+On a processor of level x86-64-v2, of which less is promised, true positions of some of them must agree within a
+tolerance, at least until the motion amplifies rounding (docs/repeatability.md). With --quick nothing is emulated.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -48,6 +49,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--python", action="append", default=[], metavar="INTERPRETER")
     arguments = parser.parse_args()
     found = [path for folder in arguments.folders for path in folder.rglob("*") if path.suffix in (".yaml", ".toml")]
     # A name with an underscore before it belongs to a base that others extend.
@@ -55,7 +57,9 @@ def main() -> None:
     failures = 0
     # As many at a time as there are cores: most of a short run is Python that starts.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for scenario, attempt in [(each, pool.submit(tried, each, arguments.quick)) for each in scenarios]:
+        for scenario, attempt in [
+            (each, pool.submit(tried, each, arguments.quick, arguments.python)) for each in scenarios
+        ]:
             try:
                 print(f"{scenario}: {attempt.result()}", flush=True)
             except (FailedError, ScenarioError) as failure:
@@ -65,10 +69,10 @@ def main() -> None:
     sys.exit(bool(failures) or not scenarios)
 
 
-def tried(scenario: Path, quick: bool) -> str:
+def tried(scenario: Path, quick: bool, interpreters: Sequence[str]) -> str:
     """Run a scenario and say what came of it."""
     with tempfile.TemporaryDirectory() as folder:
-        here, alike, other = (Path(folder) / f"{name}.mcap" for name in ("here", "alike", "other"))
+        here, other = (Path(folder) / f"{name}.mcap" for name in ("here", "other"))
         steps = Scenario(scenario).validate().steps
         summary = ran(scenario, here, {"PYTHONHASHSEED": "1"})
         if summary["steps"] != steps and not ends_itself(here):
@@ -76,25 +80,35 @@ def tried(scenario: Path, quick: bool) -> str:
         said = f"{summary['steps']} steps, {summary['updates']} updates"
         if quick:
             return said
+        if needs_pybullet(here):
+            interpreters = ()
         # The order of sets and the addresses of objects differ as well.
-        ran(scenario, alike, {"PYTHONHASHSEED": "2", "PYTHONMALLOC": "malloc", **processor.emulated("x86-64-v3")})
-        differing = digest(open_log(here)).differences(digest(open_log(alike)))
-        if differing:
-            raise FailedError(f"differs on a processor of level x86-64-v3 in {', '.join(differing)}")
+        emulated = {"PYTHONHASHSEED": "2", "PYTHONMALLOC": "malloc", **processor.emulated("x86-64-v3")}
+        for number, interpreter in enumerate(interpreters or [sys.executable]):
+            alike = Path(folder) / f"alike-{number}.mcap"
+            # One of them as on such a processor.
+            ran(scenario, alike, {"PYTHONHASHSEED": "3"} if number else emulated, interpreter)
+            if differing := digest(open_log(here)).differences(digest(open_log(alike))):
+                where = f"with {interpreter}" if number else f"on a processor of level x86-64-v3, with {interpreter}"
+                raise FailedError(f"differs {where} in {', '.join(differing)}")
+        said += "; the same on x86-64-v3"
+        if interpreters:
+            said += f" and with {len(interpreters)} other interpreters"
         if scenario.name not in LESSER:
-            return f"{said}; the same on x86-64-v3"
+            return said
         ran(scenario, other, processor.emulated("x86-64-v2"))
         apart, since = distance(here, other, AMPLIFIED.get(scenario.name, np.inf))
         if apart > TOLERANCE:
             raise FailedError(
                 f"positions differ by {apart:.2g} m on a processor of level x86-64-v2, from {since:g} s on"
             )
-        return f"{said}; the same on x86-64-v3, {f'off by {apart:.1g} m' if apart else 'and'} on x86-64-v2"
+        return f"{said}; {f'off by {apart:.1g} m' if apart else 'the same'} on x86-64-v2"
 
 
-def ran(scenario: Path, log: Path, variables: dict[str, str]) -> dict[str, object]:
+def ran(scenario: Path, log: Path, variables: dict[str, str], interpreter: str = sys.executable) -> dict[str, object]:
     """Run a scenario as on some processor, and return its summary, which must be that of a sound run."""
-    summary: dict[str, object] = json.loads(symaware("run", scenario, "--json", "--output", log, variables=variables))
+    told = symaware("run", scenario, "--json", "--output", log, variables=variables, interpreter=interpreter)
+    summary: dict[str, object] = json.loads(told)
     for name, right in (("status", "finished"), ("failure", None), ("failures", 0)):
         if summary[name] != right:
             raise FailedError(f"{name} is {summary[name]!r} and not {right!r}")
@@ -112,12 +126,18 @@ def ends_itself(log: Path) -> bool:
     return resolved["run"].get("until") is not None
 
 
-def symaware(*arguments: object, variables: dict[str, str] | None = None) -> str:
+def needs_pybullet(log: Path) -> bool:
+    """Whether the world of a run is that of PyBullet."""
+    resolved = yaml.safe_load(open_log(log).attachments["resolved.yaml"])
+    return bool(resolved["environment"]["use"] == "pybullet")
+
+
+def symaware(*arguments: object, variables: dict[str, str], interpreter: str) -> str:
     """Run the program with no kernels chosen but those given, and return what it printed."""
     clean = {name: value for name, value in os.environ.items() if name not in processor.VARIABLES}
-    line = [sys.executable, "-P", "-m", "symaware_cli", *map(str, arguments)]
+    line = [interpreter, "-P", "-m", "symaware_cli", *map(str, arguments)]
     done = subprocess.run(
-        line, env=clean | (variables or {}), stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+        line, env=clean | variables, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
     )
     # A run in which a specification is violated has come to its end as well.
     violated = done.returncode == 3 and any(Path(each).name in VIOLATED for each in line)

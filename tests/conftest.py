@@ -11,7 +11,14 @@ from typing import Any
 import changed
 import durations
 import pytest
-from features import item_uses_missing, missing, module_uses_missing
+from features import (
+    item_needs_pybullet,
+    item_uses_missing,
+    missing,
+    module_needs_pybullet,
+    module_uses_missing,
+    without_pybullet,
+)
 from hypothesis import HealthCheck, settings
 from simulating import COMMAND, Command
 from symaware_doubles import COMPONENTS, ENVIRONMENTS, SUBSCRIBERS
@@ -32,6 +39,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """Leave out what does not concern a change and, in a copy of the package without a feature, what uses it."""
     if changed.leaves_out(config, collection_path):
         return True
+    if without_pybullet() and collection_path.match("test_*.py") and module_needs_pybullet(collection_path):
+        return True
     if missing() and collection_path.match("test_*.py"):
         return module_uses_missing(collection_path) or None
     return None
@@ -41,6 +50,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave out, in such a copy, what is about scenarios that use it."""
     if missing():
         items[:] = [item for item in items if not item_uses_missing(item)]
+    if without_pybullet():
+        items[:] = [item for item in items if not item_needs_pybullet(item)]
 
 
 # How long an example takes says more about the machine than about the code.

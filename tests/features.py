@@ -1,4 +1,7 @@
-"""Which features a test uses, so that copies without some of them run the tests of all others (`.ci/removals`)."""
+"""Which features a test uses, so that copies without some of them run the tests of all others (`.ci/removals`).
+
+PyBullet is one more: from Python 3.12 on it has no wheels, so the tests that need it are left out there.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ import inspect
 import os
 import re
 import tomllib
+from collections.abc import Callable
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -94,6 +99,34 @@ def module_uses_missing(path: Path) -> bool:
 
 def item_uses_missing(item: pytest.Item) -> bool:
     """Whether a test is about scenario files that name something that is missing."""
+    _, files = _subject(item)
+    return any(map(uses_missing, files))
+
+
+#: Modules of tests that import PyBullet, or what needs it.
+_ON_PYBULLET = re.compile(r"^\s*import pybullet|^from symaware_cli\.worlds\.(spatial|bullet|body_)", re.MULTILINE)
+
+
+@cache
+def without_pybullet() -> bool:
+    """Whether PyBullet is not installed."""
+    return find_spec("pybullet") is None
+
+
+def module_needs_pybullet(path: Path) -> bool:
+    """Whether a module of tests cannot be imported without PyBullet."""
+    return _ON_PYBULLET.search(path.read_text(encoding="utf-8")) is not None
+
+
+def item_needs_pybullet(item: pytest.Item) -> bool:
+    """Whether a test names PyBullet or models that move there alone, or is about scenario files that do."""
+    source, files = _subject(item)
+    named: Callable[[str], object] = re.compile(r"pybullet|racecar|quadrotor").search
+    return any(map(named, (source, item.nodeid, *files)))
+
+
+def _subject(item: pytest.Item) -> tuple[str, list[str]]:
+    """The source of a test, and the texts of the scenario files that it names or is given."""
     function = getattr(item, "function", None)
     source = inspect.getsource(function) if function is not None else ""
     named = set(re.findall(r"[\w-]+\.(?:yaml|toml)", source))
@@ -101,6 +134,5 @@ def item_uses_missing(item: pytest.Item) -> bool:
     named |= {str(each) for each in given if isinstance(each, str | Path)}
     folders = (CHECKOUT / "scenarios", CHECKOUT / "tests" / "scenarios" / "bad")
     files = [folder / name for name in named for folder in folders]
-    return any(
-        os.path.isfile(file) and uses_missing(file.read_text(encoding="utf-8", errors="replace")) for file in files
-    )
+    found = [file.read_text(encoding="utf-8", errors="replace") for file in files if os.path.isfile(file)]
+    return source, found

@@ -22,7 +22,7 @@ MAX_NODES = 100_000
 # long texts that are repeated by aliases or parameters.
 _CHARACTERS_PER_NODE = 64
 
-_LINE_BREAK = re.compile(r"\r\n|\n|\r")
+LINE_BREAK = re.compile(r"\r\n|\n|\r")
 # The characters that YAML forbids, and separators that only some editors treat as line breaks.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 
@@ -123,7 +123,7 @@ class Source:
         self.name = name
         self.raw = raw
         self.text = text
-        self.lines = _LINE_BREAK.split(text)
+        self.lines = LINE_BREAK.split(text)
         self.problems: list[Problem] = []
         self.root: SourceNode | None = None
 
@@ -156,7 +156,7 @@ class Source:
 
     def at(self, index: int) -> TextSpan:
         """Returns the span of the character at an index of the text."""
-        before = _LINE_BREAK.split(self.text[:index])
+        before = LINE_BREAK.split(self.text[:index])
         column = len(before[-1]) + 1
         return TextSpan(self.name, len(before), column, column + 1)
 
@@ -183,7 +183,7 @@ def decode(name: str, raw: bytes) -> Source:
     except UnicodeDecodeError as error:
         source = Source(name, raw, raw.decode("utf-8", errors="replace").removeprefix("\ufeff"))
         # Everything before the offset is valid, so its lines and columns are those that an editor shows.
-        before = _LINE_BREAK.split(raw[: error.start].decode("utf-8").removeprefix("\ufeff"))
+        before = LINE_BREAK.split(raw[: error.start].decode("utf-8").removeprefix("\ufeff"))
         line, column = len(before), len(before[-1]) + 1
         source.report(
             "not-utf-8",

@@ -1,17 +1,17 @@
-"""Parses TOML into nodes: tomllib determines validity and values, tree-sitter the positions."""
+"""Parses TOML into nodes: tomllib determines validity and values, a walk over the text their positions.
+
+Reasons: docs/decisions/0002-dependencies.md
+"""
 
 import re
 import tomllib
 from bisect import bisect_right
-from itertools import accumulate
 from typing import Any, Final
-
-import tree_sitter
-import tree_sitter_toml
 
 from symaware_cli.language.problem import MAX_PROBLEMS, TextSpan, quoted
 from symaware_cli.language.source import (
     LARGE_NUMBER,
+    LINE_BREAK,
     MAX_DEPTH,
     MAX_NODES,
     MappingEntry,
@@ -22,9 +22,15 @@ from symaware_cli.language.source import (
     report_nodes,
     scalar_fault,
 )
-from symaware_cli.language.toml_syntax import excessive_nesting, report_syntax_error
+from symaware_cli.language.toml_syntax import excessive_nesting, report_syntax_error, text_end
 
-_DATED: Final = {"local_date", "local_time", "local_date_time", "offset_date_time"}
+# Possessive quantifiers, so that no text causes backtracking.
+_SPACE: Final = re.compile(r"[ \t]*+")
+_BLANK: Final = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+)*+")
+_LINE: Final = re.compile(r"[^\n]*+")
+_BARE: Final = re.compile(r"[A-Za-z0-9_-]++")
+# A time may follow a date after a space.
+_SCALAR: Final = re.compile(r"[^\s,\]}#]++(?:(?<=\d\d\d\d-\d\d-\d\d) \d[^\s,\]}#]*+)?+")
 
 
 def parse_toml(source: Source) -> None:
@@ -115,8 +121,19 @@ class _TomlNodeBuilder:
         return SourceNode(entries, span)
 
 
+class _UnreadableError(Exception):
+    """What follows is not TOML."""
+
+    def __init__(self, index: int) -> None:
+        super().__init__()
+        self.index = index
+
+
 class _SpanTable:
     """The spans of all keys and values of a TOML document.
+
+    tomllib has no positions. This walks over texts that it accepts, or rejects for a key that is given twice; what is
+    not TOML is passed over, to the end of its line.
 
     Attributes:
         keys: The span of the key of each path.
@@ -129,44 +146,49 @@ class _SpanTable:
         self.values: dict[Path, TextSpan] = {}
         self.duplicates: list[tuple[Path, TextSpan, TextSpan]] = []
         self._source = source
+        self._text = source.text
+        self._starts = [0, *(found.end() for found in LINE_BREAK.finditer(source.text))]
         # The number of tables so far in each array of tables.
         self._arrays: dict[Path, int] = {}
         # Paths that must not be defined again: values, headers and tables created by dotted keys.
         self._final: dict[Path, TextSpan] = {}
-        self._leaves: list[tuple[Path, str, tree_sitter.Node]] = []
-        self._columns: dict[int, list[int]] = {}
+        self._leaves: list[tuple[Path, int, int]] = []
 
     def walk(self) -> None:
-        """Collects the spans from tree-sitter's tree."""
-        language = tree_sitter.Language(tree_sitter_toml.language())
-        # Bound to a name, because nodes do not keep their tree alive.
-        tree = tree_sitter.Parser(language).parse(self._source.text.encode())
-        for node in tree.root_node.named_children:
-            if node.type == "pair":
-                self._pair((), node)
-            elif node.type == "table":
-                self._table(node, is_array=False)
-            elif node.type == "table_array_element":
-                self._table(node, is_array=True)
+        """Collects the spans."""
+        # The table that pairs belong to; None if it is given twice.
+        table: Path | None = ()
+        position = self._after(_BLANK, 0)
+        while position < len(self._text):
+            try:
+                if self._text[position] == "[":
+                    table, position = self._header(position)
+                else:
+                    position = self._pair(table, position)
+            except _UnreadableError as unreadable:
+                position = self._after(_LINE, unreadable.index)
+            position = self._after(_BLANK, position)
 
     def report_leaves(self) -> None:
         """Reports bad numbers and dates of a document that tomllib rejects."""
-        for path, kind, node in self._leaves:
+        for path, start, end in self._leaves:
             if len(self._source.problems) >= MAX_PROBLEMS:
                 return
+            text = self._text[start:end]
             try:
-                text = (node.text or b"").decode()
-                fault = scalar_fault(object() if kind in _DATED else tomllib.loads(f"x={text}")["x"])
+                fault = scalar_fault(tomllib.loads(f"x={text}")["x"])
+            except tomllib.TOMLDecodeError:
+                fault = None
             except ValueError:
-                fault = LARGE_NUMBER if kind == "integer" else None
+                fault = LARGE_NUMBER
             if fault:
-                self._source.report(fault.code, fault.message, self._span(node), path, expected=fault.expected)
+                self._source.report(fault.code, fault.message, self._span(start, end), path, expected=fault.expected)
 
-    def _table(self, node: tree_sitter.Node, *, is_array: bool) -> None:
-        children = node.named_children
-        names = self._names(children[0]) if children else []
-        if not names:
-            return
+    def _header(self, position: int) -> tuple[Path | None, int]:
+        """Reads `[table]` or `[[table]]`; returns the table's path, or None if it is given twice."""
+        is_array = self._text.startswith("[[", position)
+        names, position = self._names(self._after(_SPACE, position + 1 + is_array))
+        position = self._expect("]]" if is_array else "]", position)
         path: Path = ()
         for name, span in names[:-1]:
             path = self._current((*path, name))
@@ -176,7 +198,7 @@ class _SpanTable:
         path = (*path, name)
         if path in self._final and not (is_array and path in self._arrays):
             self.duplicates.append((path, span, self._final[path]))
-            return
+            return None, position
         self._final.setdefault(path, span)
         if is_array:
             self._add_span(path, span)
@@ -185,9 +207,7 @@ class _SpanTable:
             path = (*path, index)
         # A header of its own is a better place than being named on the way to an inner table.
         self.keys[path] = self.values[path] = span
-        for child in children[1:]:
-            if child.type == "pair":
-                self._pair(path, child)
+        return path, position
 
     def _current(self, path: Path) -> Path:
         """Returns the path of the table that a name means now: in an array of tables, the last one."""
@@ -197,11 +217,12 @@ class _SpanTable:
         self.keys.setdefault(path, span)
         self.values.setdefault(path, span)
 
-    def _pair(self, table: Path, node: tree_sitter.Node) -> None:
-        children = [child for child in node.named_children if child.type != "comment"]
-        names = self._names(children[0]) if len(children) == 2 else []
-        if not names or len(table) > MAX_DEPTH:
-            return
+    def _pair(self, table: Path | None, position: int) -> int:
+        """Reads `key = value` and returns the index behind it; records nothing where the table is None."""
+        names, position = self._names(position)
+        position = self._after(_SPACE, self._expect("=", position))
+        if table is None or len(table) > MAX_DEPTH:
+            return self._value(None, position)
         path = table
         for name, span in names[:-1]:
             path = (*path, name)
@@ -211,54 +232,86 @@ class _SpanTable:
         path = (*path, name)
         if path in self.keys:
             self.duplicates.append((path, span, self.keys[path]))
-            return
+            return self._value(None, position)
         self.keys[path] = self._final[path] = span
-        self._value(path, children[1])
+        return self._value(path, position)
 
-    def _value(self, path: Path, node: tree_sitter.Node) -> None:
-        self.values[path] = self._span(node)
-        if len(path) > MAX_DEPTH:
-            return
-        if node.type == "array":
-            items = [child for child in node.named_children if child.type != "comment"]
-            for index, child in enumerate(items):
-                self._value((*path, index), child)
-        elif node.type == "inline_table":
-            for child in node.named_children:
-                if child.type == "pair":
-                    self._pair(path, child)
-        elif node.type in ("integer", "float") or node.type in _DATED:
-            self._leaves.append((path, node.type, node))
+    def _value(self, path: Path | None, start: int) -> int:
+        """Reads a value and returns the index behind it; records it and what is in it where the path is not None."""
+        inner = None if path is None or len(path) > MAX_DEPTH else path
+        opening = self._text[start : start + 1]
+        if opening == "[":
+            end = self._items(inner, start)
+        elif opening == "{":
+            end = self._inline_table(inner, start)
+        elif opening in ("'", '"'):
+            end = text_end(self._text, start) or -1
+        else:
+            end = self._after(_SCALAR, start)
+            if inner is not None and opening not in ("t", "f"):
+                self._leaves.append((inner, start, end))
+        if end <= start:
+            raise _UnreadableError(start)
+        if path is not None:
+            self.values[path] = self._span(start, end)
+        return end
 
-    def _names(self, node: tree_sitter.Node) -> list[tuple[str, TextSpan]]:
-        """Returns the parts of a key with their spans; empty if it is not a key."""
-        if node.type == "dotted_key":
-            return [part for child in node.named_children for part in self._names(child)]
-        text = (node.text or b"").decode()
-        if node.type == "bare_key":
-            return [(text, self._span(node))]
-        if node.type == "quoted_key":
-            if "\\" not in text:
-                return [(text[1:-1], self._span(node))]
-            try:
-                return [(next(iter(tomllib.loads(f"{text}=0"))), self._span(node))]
-            except (ValueError, StopIteration):
-                return []
-        return []
+    def _items(self, path: Path | None, position: int) -> int:
+        position = self._after(_BLANK, position + 1)
+        index = 0
+        while not self._text.startswith("]", position):
+            position = self._after(_BLANK, self._value(None if path is None else (*path, index), position))
+            index += 1
+            if self._text.startswith(",", position):
+                position = self._after(_BLANK, position + 1)
+            elif not self._text.startswith("]", position):
+                raise _UnreadableError(position)
+        return position + 1
 
-    def _span(self, node: tree_sitter.Node) -> TextSpan:
-        start, end = node.start_point, node.end_point
+    def _inline_table(self, path: Path | None, position: int) -> int:
+        position = self._after(_SPACE, position + 1)
+        while not self._text.startswith("}", position):
+            position = self._after(_SPACE, self._pair(path, position))
+            if self._text.startswith(",", position):
+                position = self._after(_SPACE, position + 1)
+            elif not self._text.startswith("}", position):
+                raise _UnreadableError(position)
+        return position + 1
+
+    def _names(self, position: int) -> tuple[list[tuple[str, TextSpan]], int]:
+        """Reads the parts of a key with their spans; returns them and the index behind the space after them."""
+        names = []
+        while True:
+            quoted = text_end(self._text, position)
+            end = quoted or self._after(_BARE, position)
+            name = self._text[position:end]
+            if quoted and "\\" in name:
+                try:
+                    name = next(iter(tomllib.loads(f"{name}=0")))
+                except (ValueError, StopIteration):
+                    raise _UnreadableError(end) from None
+            elif quoted:
+                name = name[1:-1]
+            elif not name:
+                raise _UnreadableError(position)
+            names.append((name, self._span(position, end)))
+            position = self._after(_SPACE, end)
+            if not self._text.startswith(".", position):
+                return names, position
+            position = self._after(_SPACE, position + 1)
+
+    def _expect(self, mark: str, position: int) -> int:
+        if not self._text.startswith(mark, position):
+            raise _UnreadableError(position)
+        return position + len(mark)
+
+    def _after(self, pattern: re.Pattern[str], position: int) -> int:
+        """Returns the index behind what a pattern matches, which may be nothing."""
+        found = pattern.match(self._text, position)
+        return found.end() if found else position
+
+    def _span(self, start: int, end: int) -> TextSpan:
+        line, end_line = (bisect_right(self._starts, index) for index in (start, end))
         return self._source.text_span(
-            start.row + 1, self._column(start.row, start.column), end.row + 1, self._column(end.row, end.column)
+            line, start - self._starts[line - 1] + 1, end_line, end - self._starts[end_line - 1] + 1
         )
-
-    def _column(self, row: int, byte: int) -> int:
-        """Returns the column in characters, from 1, of a byte offset in a line."""
-        text = self._source.line_text(row + 1) or ""
-        if text.isascii():
-            return byte + 1
-        starts = self._columns.get(row)
-        if starts is None:
-            # Cached for each line, for long lines with many values.
-            starts = self._columns[row] = list(accumulate((len(character.encode()) for character in text), initial=0))
-        return bisect_right(starts, byte)

@@ -42,6 +42,14 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
 )
 
 
+def text_end(text: str, index: int) -> int | None:
+    """Returns the index behind the quoted text that begins at an index; None if none does, or if it is never closed."""
+    mark = text[index : index + 3]
+    mark = mark if mark in _CLOSED else mark[:1]
+    closed = _CLOSED[mark].match(text, index + len(mark)) if mark in _CLOSED else None
+    return closed.end() if closed else None
+
+
 def _marks(text: str) -> Iterator[tuple[str, int]]:
     """Yields the marks outside texts and comments with their indices; finally, a quote that is never closed."""
     position = 0

@@ -525,8 +525,8 @@ def test_a_parser_is_imported_only_when_its_format_is_read(folder: Folder) -> No
         "import sys, pathlib\n"
         "from symaware_cli.language.compose import compose\n"
         "compose(pathlib.Path(sys.argv[1]))\n"
-        "print(*(name for name in ('yaml', 'tree_sitter') if name in sys.modules))"
+        "print(*(name for name in ('yaml', 'tomllib') if name in sys.modules))"
     )
-    for name, parser in (("top.yaml", "yaml"), ("top.toml", "tree_sitter")):
+    for name, parser in (("top.yaml", "yaml"), ("top.toml", "tomllib")):
         command = [sys.executable, "-c", code, str(folder.path / name)]
         assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == [parser]

@@ -306,3 +306,20 @@ def _check_places(source: Source, value: Any, path: tuple[str | int, ...]) -> No
         assert read_back == value
         assert not isinstance(read_back, datetime.date)
         assert not isinstance(read_back, float) or math.isfinite(read_back)
+
+
+_PIECES = st.sampled_from(
+    ["a", "b.c", "'d'", r'"\u00e9"', "[a]", "[[b]]", "[a.b]", " = ", "1", "0x1F", "1979-05-27 07:32:00", "true", "'x'"]
+    + ['"""y\n', '"""', "[", "]", "{", "}", ", ", "\n", "\r\n", " # c\n", "\f", "é", '"'],
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(pieces=st.lists(_PIECES, max_size=30))
+def test_any_text_is_read_or_refused_with_a_place(tmp_path: Path, pieces: list[str]) -> None:
+    text = "a = 1\na = 2\n" + "".join(pieces)
+    reported = problems(tmp_path, text)
+    assert reported
+    for problem in reported:
+        assert problem.span is not None
+        assert 1 <= problem.span.line <= text.count("\n") + 1

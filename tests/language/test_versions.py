@@ -29,7 +29,7 @@ def test_the_versions_of_everything_installed_are_known_and_in_order() -> None:
     packages = {name: version for name, version in found.items() if name not in FACTS}
     assert list(packages) == sorted(packages)
     # As they say themselves, but for the spelling of their names.
-    for name in ("symaware-cli", "numpy", "pydantic", "pyyaml", "tree-sitter-toml"):
+    for name in ("symaware-cli", "numpy", "pydantic", "pyyaml", "typing-extensions"):
         assert packages[name] == metadata.version(name)
     path = [each for each in sys.path if not each.endswith("thirdparty_files")]  # Ray adds what it brings along
     distributions = metadata.distributions(path=path)

@@ -21,7 +21,7 @@ class ParzenTree(SearchMethod):
     """
 
     module = "optuna"
-    install = "pip install 'symaware-cli[falsify]'"
+    install = "pip install 'symaware-cli[tpe]'"
 
     def minimise(self, look: Look, names: Sequence[str], most: int, seed: int) -> None:
         """Evaluate the points that the sampler proposes."""
