@@ -60,8 +60,8 @@ settings.load_profile("symaware")
 
 
 @pytest.fixture
-def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    """Run `symaware ARGUMENTS` to its end, in an empty folder that becomes the present one."""
+def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    """Run `symaware ARGUMENTS` to its end in a process of its own, in an empty folder that becomes the present one."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -81,6 +81,12 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
         return done
 
     return run
+
+
+@pytest.fixture
+def command(process: Command) -> Command:
+    """The same; tests of the command line run it within their process (`tests/cli/conftest.py`)."""
+    return process
 
 
 @pytest.fixture

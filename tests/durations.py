@@ -1,6 +1,6 @@
 """How long tests take, and which of them are `long`: those that `durations.tsv` lists.
 
-    pytest -n auto -m 'not slow' --record-durations    write the list anew, after a run of all tests
+    pytest -n auto -m 'not slow' --record-durations    write the list anew, for the files whose tests ran
     pytest --limit SECONDS                             fail if a test that is not listed takes longer
 
 A duration is the processor time that a test and the processes that it waited for used, so that a busy machine does not
@@ -92,7 +92,10 @@ class Durations:
         if hasattr(session.config, "workerinput"):
             return
         if self._record:
-            lines = [f"{value:.1f}\t{name}" for name, value in sorted(self.seconds.items()) if value > LONG]
+            ran = {name.partition("::")[0] for name in self.seconds}
+            known = {name: value for name, value in self._long.items() if name.partition("::")[0] not in ran}
+            known |= {name: value for name, value in self.seconds.items() if value > LONG}
+            lines = [f"{value:.1f}\t{name}" for name, value in sorted(known.items())]
             LIST.write_text("\n".join(lines) + "\n", encoding="utf-8")
         if self.exceeding and session.exitstatus == pytest.ExitCode.OK and (self._once or self._exceed_again(session)):
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
@@ -119,7 +122,7 @@ class Durations:
 def add_options(parser: pytest.Parser) -> None:
     """The options of `Durations`."""
     group = parser.getgroup("durations")
-    group.addoption("--record-durations", action="store_true", help=f"write {LIST.name} anew")
+    group.addoption("--record-durations", action="store_true", help=f"write {LIST.name} anew for the files that ran")
     group.addoption("--limit", type=float, metavar="SECONDS", help="the longest that a test may take that is not long")
     group.addoption("--once", action="store_true", help="believe the first measurement")
 

@@ -27,7 +27,7 @@ def test_one_kind_may_be_listed_alone(command: Command) -> None:
 
 
 def test_listing_imports_no_plugin_and_a_broken_one_breaks_nothing_else(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    process: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     information = tmp_path / "installed" / "broken-1.0.dist-info"
     information.mkdir(parents=True)
@@ -35,13 +35,13 @@ def test_listing_imports_no_plugin_and_a_broken_one_breaks_nothing_else(
     (information / "entry_points.txt").write_text("[symaware.components]\nbroken.one = broken_plugin:One\n")
     (tmp_path / "installed" / "broken_plugin.py").write_text("raise RuntimeError('broken on purpose')\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "installed"))
-    listed = command("list", "components")
+    listed = process("list", "components")
     assert listed.returncode == 0
     assert "broken.one" in listed.stdout
-    shown = command("show", "broken.one")
+    shown = process("show", "broken.one")
     assert shown.returncode == 2
     assert "RuntimeError: broken on purpose" in shown.stderr
-    schema = command("schema")
+    schema = process("schema")
     assert schema.returncode == 0
     assert "left out: the component `broken.one`" in schema.stderr
     assert "component:control.go-to-goal" in json.loads(schema.stdout)["$defs"]

@@ -167,8 +167,8 @@ def test_every_verb_of_this_package_is_declared_and_in_a_group_of_the_help() -> 
         assert place_of(getattr(sys.modules[module], name)).group in GROUPS, target
 
 
-def test_the_help_lists_the_verbs_of_plugins_in_their_groups(command: Command, sound: None) -> None:
-    listed = sections(command("--help").stdout)
+def test_the_help_lists_the_verbs_of_plugins_in_their_groups(process: Command, sound: None) -> None:
+    listed = sections(process("--help").stdout)
     assert list(listed)[1:] == [*GROUPS.values(), "weather", "Other commands"]
     assert [line.split()[0] for line in listed["Check"]][:3] == ["validate", "plan", "speed"]
     assert "speed Check speeds." in listed["Check"]
@@ -176,66 +176,66 @@ def test_the_help_lists_the_verbs_of_plugins_in_their_groups(command: Command, s
     assert listed["Other commands"] == ["plain Be in no group."]
 
 
-def test_the_help_is_grouped_on_terminals_too(command: Command, sound: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_help_is_grouped_on_terminals_too(process: Command, sound: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR")
-    text = command("--help").stdout
+    text = process("--help").stdout
     titles = [line.split("─ ")[1].split(" ─")[0] for line in text.splitlines() if line.startswith("╭")]
     assert titles == ["Options", *GROUPS.values(), "weather", "Other commands"]
 
 
-def test_the_verb_of_a_plugin_is_like_any_other(command: Command, sound: None, log: Path) -> None:
-    done = command("speed", log, "--most", "2")
+def test_the_verb_of_a_plugin_is_like_any_other(process: Command, sound: None, log: Path) -> None:
+    done = process("speed", log, "--most", "2")
     assert (done.returncode, done.stdout) == (0, f"{log} 2.0 {log}\n")
-    described = command("speed", "--help").stdout
+    described = process("speed", "--help").stdout
     assert "A log of a run." in described
     assert "Of speedy 1.0." in described
-    assert command("weather", "wind", "2").stdout == "blownblown\n"
-    assert sections(command("weather", "-h").stdout)["Commands"] == ["wind Blow.", "rain Fall."]
+    assert process("weather", "wind", "2").stdout == "blownblown\n"
+    assert sections(process("weather", "-h").stdout)["Commands"] == ["wind Blow.", "rain Fall."]
     assert completed("sp") == ["speed"]
     assert completed("speed", "--mo") == ["--most"]
     assert completed("weather", "w") == ["wind"]
-    misspelt = command("speeed")
+    misspelt = process("speeed")
     assert misspelt.returncode == 2
     assert "No such command 'speeed'. Did you mean 'speed'" in misspelt.stderr
-    assert command("speed").returncode == 2
+    assert process("speed").returncode == 2
 
 
-def test_errors_of_logs_and_scenarios_are_reported_for_the_verb_of_a_plugin(command: Command, sound: None) -> None:
-    done = command("speed", "missing.mcap")
+def test_errors_of_logs_and_scenarios_are_reported_for_the_verb_of_a_plugin(process: Command, sound: None) -> None:
+    done = process("speed", "missing.mcap")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "symaware: there is no file missing.mcap\n"
 
 
-def test_a_verb_that_cannot_be_used_breaks_no_other(command: Command, site: Path, log: Path) -> None:
+def test_a_verb_that_cannot_be_used_breaks_no_other(process: Command, site: Path, log: Path) -> None:
     install(
         site,
         "faulty-verbs",
         {name: code for name, (code, _) in FAULTS.items()},
         {name: f"{name}:{name}" for name in FAULTS},
     )
-    listed = command("--help")
+    listed = process("--help")
     assert listed.returncode == 0
     shown = sections(listed.stdout)
     unusable = {line.split()[0]: line for line in shown.pop("Cannot be used")}
     assert unusable.keys() == FAULTS.keys()
     assert set(DECLARED) <= {line.split()[0] for lines in shown.values() for line in lines}
-    assert command("inspect", log).returncode == 0
+    assert process("inspect", log).returncode == 0
     for name, (_, reason) in FAULTS.items():
         said = f"the command `{name}` of faulty-verbs 1.0 {reason}"
         assert said[:60] in unusable[name]
         for line in ([name], [name, "--help"], [name, "some", "--thing", "3"]):
-            done = command(*line)
+            done = process(*line)
             assert (done.returncode, done.stdout) == (2, "")
             assert done.stderr.startswith(f"symaware: {said}")
             assert "Traceback" not in done.stderr
-    assert "no licence" in json.loads(command("raising", "--json").stdout)["error"]
+    assert "no licence" in json.loads(process("raising", "--json").stdout)["error"]
     assert completed("rais") == []
 
 
-def test_a_verb_of_this_package_cannot_be_replaced(command: Command, site: Path, log: Path) -> None:
+def test_a_verb_of_this_package_cannot_be_replaced(process: Command, site: Path, log: Path) -> None:
     install(site, "impostor", {"impostor": "def inspect() -> None: print('mine')\n"}, {"inspect": "impostor:inspect"})
-    assert "finished" in command("inspect", log).stdout
-    listed = sections(command("--help").stdout)
+    assert "finished" in process("inspect", log).stdout
+    listed = sections(process("--help").stdout)
     assert "inspect" in [line.split()[0] for line in listed["Look at results"]]
     assert listed["Cannot be used"] == [
         "inspect the command `inspect` of impostor 1.0 is ignored: `symaware inspect` is built in"
@@ -243,13 +243,13 @@ def test_a_verb_of_this_package_cannot_be_replaced(command: Command, site: Path,
     assert completed("insp") == ["inspect"]
 
 
-def test_a_verb_that_two_packages_register_belongs_to_neither(command: Command, site: Path) -> None:
+def test_a_verb_that_two_packages_register_belongs_to_neither(process: Command, site: Path) -> None:
     for package in ("first", "second"):
         install(site, package, {package: "def twice() -> None: print('run')\n"}, {"twice": f"{package}:twice"})
-    done = command("twice")
+    done = process("twice")
     said = "the command `twice` is registered by first and second; uninstall one of them"
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"symaware: {said}\n")
-    assert sections(command("--help").stdout)["Cannot be used"] == [f"twice {said}"]
+    assert sections(process("--help").stdout)["Cannot be used"] == [f"twice {said}"]
 
 
 @pytest.mark.parametrize("verb", ["validate", "speed"])
