@@ -14,6 +14,7 @@ import json
 import re
 import sqlite3
 import sys
+from contextlib import closing
 from decimal import Decimal
 from hashlib import sha256
 from math import asin, comb, exp, fsum, isclose, isfinite, log, sin, sqrt
@@ -145,7 +146,8 @@ epsilon, alpha = (round(1 - claim[name], 12) for name in ("probability", "confid
 plan, identity = (folder / "sweep.yaml").read_text(), json.loads((folder / "identity.json").read_bytes())
 names = ("identity", *FIELDS)
 query = 'SELECT "{}" FROM runs ORDER BY "index"'.format('", "'.join(names)).replace('"seed"', "CAST(seed AS TEXT)")
-texts = sqlite3.connect(folder / "journal.sqlite").execute(query)
+with closing(sqlite3.connect(folder / "journal.sqlite")) as journal:
+    texts = journal.execute(query).fetchall()
 rows = [dict(zip(names, (*row[:7], *map(json.loads, row[7:])), strict=True)) for row in texts]
 print("the claim: P({}) > {} with confidence {}, {}; stated {}".format(*numbers, claim["stated"]))
 checks = [each for part in (of_statement, of_files, of_rows, of_combinations) for each in derived(part)]

@@ -39,8 +39,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """Leave out what does not concern a change and, in a copy of the package without a feature, what uses it."""
     if changed.leaves_out(config, collection_path):
         return True
-    if without_pybullet() and collection_path.match("test_*.py") and module_needs_pybullet(collection_path):
-        return True
+    if without_pybullet():
+        file = collection_path / "conftest.py" if collection_path.is_dir() else collection_path
+        if file.is_file() and file.suffix == ".py" and file != Path(__file__) and module_needs_pybullet(file):
+            return True
     if missing() and collection_path.match("test_*.py"):
         return module_uses_missing(collection_path) or None
     return None

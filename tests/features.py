@@ -10,7 +10,6 @@ import inspect
 import os
 import re
 import tomllib
-from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -89,12 +88,7 @@ def module_uses_missing(path: Path) -> bool:
     text = path.read_text(encoding="utf-8")
     if uses_missing(text):
         return True
-    beside = (path.parent, CHECKOUT / "tests")
-    named = {
-        each for line in re.findall(r"^\s*(?:from (\w+) import|import (\w+))", text, re.MULTILINE) for each in line
-    }
-    helpers = [folder / f"{name}.py" for name in named if name for folder in beside]
-    return any(module_uses_missing(helper) for helper in helpers if helper.is_file() and helper != path)
+    return any(module_uses_missing(helper) for helper in _helpers(path, text))
 
 
 def item_uses_missing(item: pytest.Item) -> bool:
@@ -103,8 +97,7 @@ def item_uses_missing(item: pytest.Item) -> bool:
     return any(map(uses_missing, files))
 
 
-#: Modules of tests that import PyBullet, or what needs it.
-_ON_PYBULLET = re.compile(r"^\s*import pybullet|^from symaware_cli\.worlds\.(spatial|bullet|body_)", re.MULTILINE)
+_NEEDS_PYBULLET = re.compile(r"pybullet|racecar|quadrotor|worlds\.(spatial|bullet|body_)")
 
 
 @cache
@@ -113,16 +106,28 @@ def without_pybullet() -> bool:
     return find_spec("pybullet") is None
 
 
+@cache
 def module_needs_pybullet(path: Path) -> bool:
-    """Whether a module of tests cannot be imported without PyBullet."""
-    return _ON_PYBULLET.search(path.read_text(encoding="utf-8")) is not None
+    """Whether a module of tests, or one of their own that it imports, names PyBullet or what moves there alone."""
+    text = path.read_text(encoding="utf-8")
+    if _NEEDS_PYBULLET.search(text):
+        return True
+    return any(module_needs_pybullet(helper) for helper in _helpers(path, text))
 
 
 def item_needs_pybullet(item: pytest.Item) -> bool:
-    """Whether a test names PyBullet or models that move there alone, or is about scenario files that do."""
+    """Whether a test is about scenario files that name PyBullet or what moves there alone."""
     source, files = _subject(item)
-    named: Callable[[str], object] = re.compile(r"pybullet|racecar|quadrotor").search
-    return any(map(named, (source, item.nodeid, *files)))
+    return any(map(_NEEDS_PYBULLET.search, (source, item.nodeid, *files)))
+
+
+def _helpers(path: Path, text: str) -> list[Path]:
+    """The modules beside a module of tests, or in `tests`, that it imports."""
+    named = {
+        each for line in re.findall(r"^\s*(?:from (\w+) import|import (\w+))", text, re.MULTILINE) for each in line
+    }
+    helpers = [folder / f"{name}.py" for name in named if name for folder in (path.parent, CHECKOUT / "tests")]
+    return [helper for helper in helpers if helper.is_file() and helper != path]
 
 
 def _subject(item: pytest.Item) -> tuple[str, list[str]]:
@@ -132,6 +137,7 @@ def _subject(item: pytest.Item) -> tuple[str, list[str]]:
     named = set(re.findall(r"[\w-]+\.(?:yaml|toml)", source))
     given = getattr(getattr(item, "callspec", None), "params", {}).values()
     named |= {str(each) for each in given if isinstance(each, str | Path)}
+    named |= {f"{each}.yaml" for each in given if isinstance(each, str) and re.fullmatch(r"[\w-]+", each)}
     folders = (CHECKOUT / "scenarios", CHECKOUT / "tests" / "scenarios" / "bad")
     files = [folder / name for name in named for folder in folders]
     found = [file.read_text(encoding="utf-8", errors="replace") for file in files if os.path.isfile(file)]

@@ -1,4 +1,4 @@
-"""What a test may leave behind in its process: descriptors, threads, memory, worlds of PyBullet.
+"""What a test may leave behind in its process: descriptors, threads, memory.
 
 What an earlier test left may vanish between two counts, so a test asserts that there is no more than before.
 """
@@ -26,10 +26,3 @@ def threads() -> list[str]:
 def resident() -> int:
     """How much memory this process has [bytes]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
-def pybullet_clients() -> set[int]:
-    """The numbers of the worlds of PyBullet that are open in this process."""
-    import pybullet
-
-    return {number for number in range(1024) if pybullet.getConnectionInfo(number)["isConnected"]}

@@ -68,5 +68,6 @@ def _in_folder(folder: str) -> Iterator[tuple[str, str]]:
 
 def _from_metadata(distribution: metadata.Distribution) -> Iterator[tuple[str, str]]:
     """The name and version in a distribution's metadata."""
-    if distribution.metadata["Name"]:
-        yield distribution.metadata["Name"], distribution.metadata["Version"] or ""
+    known = distribution.metadata
+    if "Name" in known:
+        yield known["Name"], known["Version"] if "Version" in known else ""  # noqa: SIM401 (it has no `get`)

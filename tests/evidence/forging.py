@@ -6,6 +6,7 @@ import json
 import random
 import sqlite3
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ class Forger:
     def __init__(self, folder: Path, chance: random.Random) -> None:
         self._folder = SweepFolder.opened(folder)
         self._chance = chance
-        with sqlite3.connect(folder / JOURNAL) as database:
+        with closing(sqlite3.connect(folder / JOURNAL)) as database, database:
             database.row_factory = sqlite3.Row
             self._rows = [dict(each) for each in database.execute('SELECT * FROM runs ORDER BY "index"')]
         self._row = chance.choice(self._rows)
@@ -73,7 +74,7 @@ class Forger:
         """Apply a change of a kind; see `KINDS`."""
         KINDS[kind](self)
         assignments = ", ".join(f'"{name}" = :{name}' for name in self._row if name != "index")
-        with sqlite3.connect(self._folder.path / JOURNAL) as database:
+        with closing(sqlite3.connect(self._folder.path / JOURNAL)) as database, database:
             database.executemany(f'UPDATE runs SET {assignments} WHERE "index" = :index', self._rows)
         with SweepJournal(self._folder.path / JOURNAL) as journal:
             write_table(self._folder, journal)

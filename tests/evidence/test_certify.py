@@ -256,7 +256,7 @@ def test_a_changed_statement_is_detected(certified: Path) -> None:
     [("verdicts", '{"near": "violated"}'), ("digest", "00"), ("seed", 5), ("metrics", "{}"), ("state", "failed")],
 )
 def test_a_changed_row_is_located(certified: Path, column: str, value: object) -> None:
-    with sqlite3.connect(certified / "journal.sqlite") as journal:
+    with closing(sqlite3.connect(certified / "journal.sqlite")) as journal, journal:
         journal.execute(f'UPDATE runs SET {column} = ? WHERE "index" = 5', (value,))
     found = findings(certified)
     assert (5, "row") in found

@@ -3,6 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ def folder(tmp_path: Path) -> SweepFolder:
 
 def changed(folder: SweepFolder, statement: str, *values: Any) -> None:
     """Change the journal, and rewrite the table from it, as a careful forger would."""
-    with sqlite3.connect(folder.path / JOURNAL) as database:
+    with closing(sqlite3.connect(folder.path / JOURNAL)) as database, database:
         assert database.execute(statement, values).rowcount > 0
     with SweepJournal(folder.path / JOURNAL) as journal:
         write_table(folder, journal)
@@ -73,7 +74,7 @@ def test_a_sweep_is_sound_at_all_levels(folder: SweepFolder) -> None:
 
 
 def metrics(folder: SweepFolder, index: int) -> dict[str, Any]:
-    with sqlite3.connect(folder.path / JOURNAL) as database:
+    with closing(sqlite3.connect(folder.path / JOURNAL)) as database, database:
         found = database.execute('SELECT metrics FROM runs WHERE "index" = ?', (index,)).fetchone()[0]
     said: dict[str, Any] = json.loads(found)
     return said
@@ -84,7 +85,7 @@ def a_seed(folder: SweepFolder) -> None:
 
 
 def a_verdict_alone(folder: SweepFolder) -> None:
-    with sqlite3.connect(folder.path / JOURNAL) as database:
+    with closing(sqlite3.connect(folder.path / JOURNAL)) as database, database:
         found = json.loads(database.execute('SELECT verdicts FROM runs WHERE "index" = 5').fetchone()[0])
     other = "violated" if found["apart"] == "satisfied" else "satisfied"
     changed(folder, 'UPDATE runs SET verdicts = ? WHERE "index" = 5', json.dumps({"apart": other}))

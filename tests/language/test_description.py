@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from features import without_pybullet
 from typer.testing import CliRunner
 
 from symaware_cli.cli.application import application
@@ -37,6 +38,7 @@ def test_a_model_is_described_with_its_state_and_control_input() -> None:
     assert description.control_input == {"speed": "m/s", "turn_rate": "rad/s"}
 
 
+@pytest.mark.skipif(without_pybullet(), reason="PyBullet is not installed here")
 def test_every_built_in_plugin_is_described_with_the_meaning_of_each_parameter() -> None:
     catalogue = Catalogue()
     for kind in catalogue.kinds:

@@ -7,6 +7,7 @@ from typing import Any
 import jsonschema
 import pytest
 from checkout import CHECKOUT
+from features import without_pybullet
 
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.json_schema import scenario_schema
@@ -129,6 +130,7 @@ def test_the_schema_has_the_parameters_of_every_plugin_that_can_be_loaded() -> N
     assert watch["range"]["description"] == "How far it sees [m]."
 
 
+@pytest.mark.skipif(without_pybullet(), reason="PyBullet is not installed here")
 def test_the_built_in_schema_knows_no_other_plugins() -> None:
     schema, broken = scenario_schema(built_in_only=True)
     assert broken == []
@@ -136,6 +138,7 @@ def test_the_built_in_schema_knows_no_other_plugins() -> None:
     assert "component:perception.self" in schema["$defs"]
 
 
+@pytest.mark.skipif(without_pybullet(), reason="PyBullet is not installed here")
 def test_the_schema_in_the_repository_is_fresh() -> None:
     written = (ROOT / "schemas" / "scenario.schema.json").read_text(encoding="utf-8")
     fresh = json.dumps(scenario_schema(built_in_only=True)[0], indent=2, ensure_ascii=False) + "\n"

@@ -7,6 +7,7 @@ import json
 import sqlite3
 import weakref
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -164,7 +165,7 @@ def test_the_logs_of_the_worst_runs_are_kept_and_named_by_their_digests(tmp_path
     out = tmp_path / "out"
     symaware("sweep", scenario, "-o", out, "--runs", 8, "--with", "keep=worst:2", "--jobs", 0)
     worst = sorted(rows(out), key=lambda row: row["robustness.near"])[:2]
-    with sqlite3.connect(out / "journal.sqlite") as journal:
+    with closing(sqlite3.connect(out / "journal.sqlite")) as journal, journal:
         kept = dict(journal.execute('SELECT "index", log FROM runs WHERE log IS NOT NULL').fetchall())
     assert {*kept} == {row["index"] for row in worst}
     for row in worst:

@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -108,7 +109,7 @@ def test_a_picture_of_paths_is_reproducible_byte_for_byte(swept: Path, tmp_path:
 def test_a_repeated_run_that_differs_is_not_drawn(tmp_path: Path) -> None:
     folder = tmp_path / "swept"
     symaware("sweep", tiny(tmp_path), "-o", folder, "--runs", 3, "-j", 0, "-q")
-    with sqlite3.connect(folder / "journal.sqlite") as journal:
+    with closing(sqlite3.connect(folder / "journal.sqlite")) as journal, journal:
         journal.execute("""UPDATE runs SET digest = 'another' WHERE "index" = 1""")
     with pytest.raises(SweepError, match=r"run 1 of .* came out otherwise when it was made again"):
         gathered(SweepFolder.opened(folder))

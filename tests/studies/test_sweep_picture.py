@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def test_runs_are_read_up_to_the_first_missing_one(tmp_path: Path) -> None:
     assert (whole.intervals.is_final, whole.indices.tolist(), whole.shape) == (True, [0, 1, 2, 3, 4, 5], (2, 1))
     assert [axis.name for axis in whole.axes] == ["agents.robot.count"]
     # Runs 0, 2 and 4 belong to the first count.
-    with sqlite3.connect(folder / "journal.sqlite") as journal:
+    with closing(sqlite3.connect(folder / "journal.sqlite")) as journal, journal:
         journal.execute('DELETE FROM runs WHERE "index" = 2')
         journal.execute("""UPDATE runs SET state = 'failed', verdicts = '{}', metrics = '{}' WHERE "index" = 1""")
         journal.execute("""UPDATE runs SET state = 'lost', verdicts = '{}', metrics = '{}' WHERE "index" = 3""")

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from checkout import CHECKOUT
-from leftovers import pybullet_clients, resident
+from engine_clients import pybullet_clients
+from leftovers import resident
 from numpy.typing import ArrayLike, NDArray
 from simulating import Team, made, moved, simulate
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from leftovers import pybullet_clients
+from engine_clients import pybullet_clients
 from simulating import made, moved, present, untyped
 
 from symaware_cli import Contact, open_log
