@@ -335,11 +335,11 @@ class MjcfDescription:
             known = {"compiler", "default", "asset", "worldbody", "equality", "tendon", "actuator", *_OF_OTHERS}
             if each.tag not in known:
                 each.refuse(f"`{each.tag}` is no section of a robot that is read here")
-        for each in self.root.iter():
-            assert isinstance(each, XmlElement)
-            for key in each.attrib:
-                if "file" in key and (each.tag, key) != ("mesh", "file"):
-                    each.refuse(f"`{key}` of `{each.tag}` names a file, and only meshes may")
+        for part in self.root.iter():
+            assert isinstance(part, XmlElement)
+            for key in part.attrib:
+                if "file" in key and (part.tag, key) != ("mesh", "file"):
+                    part.refuse(f"`{key}` of `{part.tag}` names a file, and only meshes may")
 
     def _read_actuators(self, whole: XmlElement) -> dict[str, float]:
         """Return the greatest force or torque of each joint that has an actuator with a limit [N] or [N m]."""
@@ -470,7 +470,7 @@ class MjcfDescription:
         if kind == "box":
             return Visual(kind="box", size=tuple(2.0 * each for each in sizes[:3]), position=place, **common)
         if kind in ("capsule", "cylinder"):
-            return Visual(kind=kind, size=(sizes[0], 2.0 * sizes[1]), position=place, **common)  # type: ignore[arg-type]
+            return Visual(kind=kind, size=(sizes[0], 2.0 * sizes[1]), position=place, **common)
         # An ellipsoid is drawn as the ball around it.
         return Visual(
             kind="sphere", size=(max(sizes[:3]) if kind == "ellipsoid" else sizes[0],), position=place, **common

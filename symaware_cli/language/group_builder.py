@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.assets import asset
 from symaware_cli.core import AgentGroup, Entity, Model, Quantity, WorldError
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.engine import ComponentEntry, faults_of
@@ -246,8 +247,14 @@ class GroupBuilder:
         """Let a model receive the body of its agents, and report it if that does not suit."""
         if self._document is None:
             return True
+        entity, folders = self._document.agents[name].entity, asset_folders(self._document, self._folder)
         try:
-            model.fit(self._document.agents[name].entity, asset_folders(self._document, self._folder), "agents", name)
+            if entity.shape and entity.shape.robot:
+                asset.check(entity.shape.robot.file, folders)
+        except WorldError:
+            return False  # `check_assets` reports the file, whatever the model is
+        try:
+            model.fit(entity, folders, "agents", name)
         except WorldError as error:
             self._report("unsuitable", str(error), error.path)
             return False

@@ -102,7 +102,7 @@ class ArticulatedRobot(Model):
         self.control_input = tuple(map(Quantity, names, wanted[self.parameters.drive]))
         self.position = (0, 1, 2)
         self.heading = 5 if base is _FREE else 3
-        self.angles = (3, 4, 5) if base is _FREE else (3,)
+        self.angles = tuple(number for number, quantity in enumerate(self.state) if quantity.unit == "rad")
 
     def fit(self, entity: Entity, folders: Any, *where: str) -> None:
         """Read the joints and their limits from the file of the body."""
