@@ -69,7 +69,10 @@ def rod(folder: Path, **parameters: Any) -> tuple[MujocoEnvironment, AgentGroup]
 
 ARM = (-360 * DEGREE, 360 * DEGREE)
 GO1 = {"hip": (-0.863, 0.863, 23.7, 30.1), "thigh": (-0.686, 4.501, 23.7, 30.1), "calf": (-2.818, -0.888, 35.55, 20.06)}
-PANDA = [2.8973, 1.7628, 2.8973, (-3.0718, -0.0698), 2.8973, (-0.0175, 3.7525), 2.8973]
+PANDA = [
+    *((-2.8973, 2.8973), (-1.7628, 1.7628), (-2.8973, 2.8973), (-3.0718, -0.0698)),
+    *((-2.8973, 2.8973), (-0.0175, 3.7525), (-2.8973, 2.8973)),
+]
 GEN3 = [INF, 128.9 * DEGREE, INF, 147.8 * DEGREE, INF, 120.3 * DEGREE, INF]
 UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
@@ -101,13 +104,7 @@ SHEETS: dict[str, tuple[float, dict[str, tuple[float, float, float, float]]]] = 
     ),
     "panda.xml": (
         18.0,
-        {
-            f"joint{number + 1}": (
-                *(most if isinstance(most, tuple) else (-most, most)),
-                *(87.0 if number < 4 else 12.0, INF),
-            )
-            for number, most in enumerate(PANDA)
-        },
+        {f"joint{number + 1}": (*most, 87.0 if number < 4 else 12.0, INF) for number, most in enumerate(PANDA)},
     ),
     "robotiq_2f85.xml": (0.9, {"left_finger_joint": (0.0, 0.0425, 235.0, INF)}),
     "crazyflie.xml": (0.027, {"rotor1_joint": (-INF, INF, INF, INF)}),
