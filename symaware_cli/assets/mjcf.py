@@ -43,6 +43,54 @@ _SIZES = {"sphere": (1, 1), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": 
 #: The kinds of actuators, which share their defaults.
 _ACTUATORS = {"general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"}
 
+#: Attributes that hold finite numbers, wherever they are, besides those that are read.
+_NUMBERS = frozenset(
+    [
+        "pos",
+        "quat",
+        "axisangle",
+        "euler",
+        "xyaxes",
+        "zaxis",
+        "axis",
+        "range",
+        "size",
+        "fromto",
+        "mass",
+        "density",
+        "inertia",
+        "diaginertia",
+        "fullinertia",
+        "damping",
+        "stiffness",
+        "armature",
+        "frictionloss",
+        "springref",
+        "springdamper",
+        "margin",
+        "gap",
+        "friction",
+        "solref",
+        "solimp",
+        "solreflimit",
+        "solimplimit",
+        "solreffriction",
+        "solimpfriction",
+        "actuatorfrcrange",
+        "polycoef",
+        "anchor",
+        "relpose",
+        "scale",
+        "vertex",
+        "normal",
+        "gravcomp",
+        "rgba",
+    ]
+)
+
+#: The greatest of these numbers.
+_GREATEST = 1e9
+
 #: Ways to write an orientation, and the number of values of each.
 _ORIENTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 
@@ -340,6 +388,10 @@ class MjcfDescription:
             for key in part.attrib:
                 if "file" in key and (part.tag, key) != ("mesh", "file"):
                     part.refuse(f"`{key}` of `{part.tag}` names a file, and only meshes may")
+                if key in _NUMBERS and (part.tag, key) != ("mesh", "inertia"):
+                    numbers = numbers_of(part, key, part.attrib[key], None)
+                    if any(abs(each) > _GREATEST for each in numbers):
+                        part.refuse(f"the `{key}` of `{part.tag}` has a number over {_GREATEST:g}")
 
     def _read_actuators(self, whole: XmlElement) -> dict[str, float]:
         """Return the greatest force or torque of each joint that has an actuator with a limit [N] or [N m]."""

@@ -218,6 +218,10 @@ def test_files_do_not_include_themselves_or_lead_out_of_the_folder(tmp_path: Pat
         ("", '<compiler coordinate="global"/>', "coordinates are `local`"),
         ("", '<compiler eulerseq="xyw"/>', "has three letters"),
         ("", "<default><default/></default>", "a nested `default` has a class"),
+        ('<geom size=".1" mass="heavy"/>', "", "`heavy` is no number"),
+        ('<geom size=".1" friction="nan"/>', "", "`nan` is no number"),
+        ('<site pos="1e300 0 0"/>', "", "has a number over 1e+09"),
+        ("", '<default><joint damping="1 x"/></default>', "`x` is no number"),
         ("", '<actuator><motor joint="absent"/></actuator>', "there is no joint `absent`"),
     ],
 )

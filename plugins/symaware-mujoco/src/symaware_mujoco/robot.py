@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from typing import Any
 from xml.etree import ElementTree
 
@@ -47,7 +48,9 @@ def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         model = spec.copy().compile()
     except ValueError as error:
-        raise WorldError(f"MuJoCo cannot load `{file.file}`: {' '.join(str(error).split())}", *place) from error
+        # The lines are those of what the engine was given.
+        told = re.sub(r",? line \d+", "", " ".join(str(error).split()))
+        raise WorldError(f"MuJoCo cannot load `{file.file}`: {told}", *place) from error
     if kind == "mjcf":
         _leave_out_looks(spec, model)
     return spec
