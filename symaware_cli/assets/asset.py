@@ -1,4 +1,4 @@
-"""Assets: finds and checks the mesh and URDF files that a scenario refers to.
+"""Assets: finds and checks the files of meshes and robots that a scenario refers to.
 
 Their readers are imported only for scenarios that refer to such files.
 
@@ -20,9 +20,14 @@ from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.core import WorldError
 
 if TYPE_CHECKING:
+    from symaware_cli.assets.mjcf import MjcfDescription
     from symaware_cli.assets.urdf import MeshReference, RobotDescription
+    from symaware_cli.assets.xml_tree import XmlElement
 
 _PACKAGE = "pybullet_data"
+
+#: How the names of files of robots end: URDF and MJCF.
+ROBOTS = (".urdf", ".xml")
 
 #: How URDF files name a file of a package, as ROS and as Gazebo write it.
 _IN_PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.+)")
@@ -56,12 +61,15 @@ class Robot:
     Attributes:
         description: The description.
         paths: The files of its meshes, by the names that it uses.
-        stored: The names of these files in a log, relative to its folder, by the names that the description uses.
+        stored: The names of these files in a log, relative to its folder, by the names that the description uses; also
+            those of the files that it includes.
+        includes: The files that it includes, by the names that it uses.
     """
 
-    description: RobotDescription
+    description: RobotDescription | MjcfDescription
     paths: dict[str, Path]
     stored: dict[str, str]
+    includes: dict[str, Path]
 
 
 def find(file: str, folders: AssetFolders, *where: str) -> Path:
@@ -116,13 +124,13 @@ def needed(file: str, folders: AssetFolders) -> dict[str, bytes]:
     except WorldError:
         return {}
     found = {str(PurePosixPath(file)): path}
-    if path.suffix.lower() == ".urdf":
+    if path.suffix.lower() in ROBOTS:
         try:
             robot = described(file, folders)
         except WorldError:
             pass
         else:
-            found |= {robot.stored[name]: each for name, each in robot.paths.items()}
+            found |= {robot.stored[name]: each for name, each in (robot.paths | robot.includes).items()}
     looks = {
         os.path.normpath(PurePosixPath(name).parent / look): at.parent / look
         for name, at in found.items()
@@ -137,7 +145,7 @@ def needed(file: str, folders: AssetFolders) -> dict[str, bytes]:
 
 
 def check(file: str, folders: AssetFolders, *where: str) -> None:
-    """Check that a mesh or a URDF file can be used, with everything that it refers to.
+    """Check that the file of a mesh or a robot can be used, with everything that it refers to.
 
     Args:
         file: Its name in the scenario.
@@ -150,7 +158,7 @@ def check(file: str, folders: AssetFolders, *where: str) -> None:
     from symaware_cli.assets.mesh_file import check_mesh
 
     path, home = _located(file, folders, *where)
-    if path.suffix.lower() == ".urdf":
+    if path.suffix.lower() in ROBOTS:
         described(file, folders, *where)
         return
     try:
@@ -161,7 +169,7 @@ def check(file: str, folders: AssetFolders, *where: str) -> None:
 
 
 def described(file: str, folders: AssetFolders, *where: str) -> Robot:
-    """Read a URDF file, and find and check all its meshes.
+    """Read the file of a robot, URDF or MJCF, and find and check all its meshes.
 
     Args:
         file: Its name in the scenario.
@@ -171,17 +179,22 @@ def described(file: str, folders: AssetFolders, *where: str) -> Robot:
     Raises:
         WorldError: It is damaged, or refers to a file that is missing, damaged, or outside of the folders.
     """
+    from symaware_cli.assets.mjcf import MjcfDescription
     from symaware_cli.assets.urdf import RobotDescription
 
     path, home = _located(file, folders, *where)
+    description: RobotDescription | MjcfDescription
     try:
-        description = RobotDescription.read(path)
         search = _Search(path, home, (home, *(each for each in folders.roots if each != home)))
+        if path.suffix.lower() == ".urdf":
+            description = RobotDescription.read(path)
+        else:
+            description = MjcfDescription.read(path, search.included)
         for reference in description.meshes:
             search.find(reference)
     except AssetError as error:
         raise WorldError(error.located(file), *where) from error
-    return Robot(description, search.paths, search.stored)
+    return Robot(description, search.paths, search.stored, search.includes)
 
 
 def installed(path: Path, *where: str) -> Robot:
@@ -204,6 +217,7 @@ class _Search:
     def __init__(self, path: Path, home: Path, roots: tuple[Path, ...]) -> None:
         self.paths: dict[str, Path] = {}
         self.stored: dict[str, str] = {}
+        self.includes: dict[str, Path] = {}
         self._path, self._home, self._roots = path, home, roots
 
     def find(self, reference: MeshReference) -> None:
@@ -235,6 +249,22 @@ class _Search:
             _check_looks(at, self._roots)
         except AssetError as error:
             element.refuse(f"it names the mesh {error.located(name)}")
+
+    def included(self, element: XmlElement, name: str) -> Path:
+        """Return the path of a file that the description includes, relative to it.
+
+        Raises:
+            AssetError: It is missing, or outside of the folders.
+        """
+        if "\\" in name or "\0" in name or len(name) > 1_000 or "://" in name or name.startswith("/"):
+            element.refuse(f"it includes `{name[:60]}`, which is no relative path with `/` between plain names")
+        at = Path(os.path.normpath(self._path.parent / name))
+        if not at.is_relative_to(self._home) or not any(at.resolve().is_relative_to(root) for root in self._roots):
+            element.refuse(f"it includes `{name}`, which leads out of its folder")
+        if not at.is_file():
+            element.refuse(f"it includes `{name}`, which is not there")
+        self.includes[name], self.stored[name] = at, str(at.relative_to(self._home))
+        return at
 
     def _places(self, reference: MeshReference) -> list[tuple[Path, str]]:
         """Return where a mesh may be, the nearest place first, each with its name in a log."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.assets.mesh_file import content
+from symaware_cli.assets.robot_joint import RobotJoint
 from symaware_cli.assets.xml_tree import XmlElement, xml_tree
 from symaware_cli.geometry import Articulation, Link, Visual, attitude
 
@@ -156,6 +157,32 @@ class RobotDescription:
             waiting += [(child, len(links), each) for child, each in self._carried[link]]
             links.append(Link(name=link, parent=parent, visuals=drawn, **placed))
         return Articulation(name=self.name or name, links=tuple(links))
+
+    def joints(self) -> dict[str, RobotJoint]:
+        """Return the joints that move, by their names, in the order of the file."""
+        found = {}
+        for name, joint in self._joints.items():
+            kind = joint.get("type") or ""
+            if kind not in _MOTIONS:
+                continue
+            limits = {"lower": -math.inf, "upper": math.inf, "effort": math.inf, "velocity": math.inf}
+            for limit in _all(joint, "limit")[:1]:
+                limits |= {key: _numbers(limit, key, 1)[0] for key in limits if limit.get(key)}
+                if kind != "continuous":
+                    limits |= {key: 0.0 for key in ("lower", "upper") if not limit.get(key)}
+            if kind == "continuous":
+                limits |= {"lower": -math.inf, "upper": math.inf}
+            found[name] = RobotJoint(name, _MOTIONS[kind] == "turn", element=joint, **limits)
+        return found
+
+    def rolling_radius(self, joint: str) -> float | None:
+        """Return the radius of the round shape that a joint carries, as a wheel [m]; None without one."""
+        _, child = self._ends(self._joints[joint])
+        for collision in _all(self._links[child], "collision"):
+            for shape in (each for geometry in _all(collision, "geometry") for each in _shapes(geometry)):
+                if shape.tag in ("cylinder", "sphere", "capsule"):
+                    return _numbers(shape, "radius", 1)[0]
+        return None
 
     def collision_shapes(self) -> Mapping[str, int]:
         """Return the number of collision shapes that each link declares, by its name."""
@@ -390,7 +417,22 @@ def _required(element: XmlElement, key: str, count: int) -> tuple[float, ...]:
 
 def _numbers(element: XmlElement, key: str, count: int, finite: bool = True) -> tuple[float, ...]:
     """Return the numbers of an attribute, which are as many as are expected."""
-    text = element.get(key) or ""
+    return numbers_of(element, key, element.get(key) or "", count, finite)
+
+
+def numbers_of(element: XmlElement, key: str, text: str, count: int | None, finite: bool = True) -> tuple[float, ...]:
+    """Return the numbers in the text of an attribute, which may be one that the element has by default.
+
+    Args:
+        element: The element, for messages.
+        key: The name of the attribute.
+        text: Its value.
+        count: How many numbers it has; None for any number.
+        finite: Whether infinity and NaN are refused.
+
+    Raises:
+        AssetError: It has other numbers.
+    """
     # Engines accept a comma in front of a blank; one in front of a digit would be a decimal comma.
     words = re.sub(r",(?=\s)", " ", text).split()
     shown = f"`{key}` of `{element.tag}`"
@@ -402,7 +444,7 @@ def _numbers(element: XmlElement, key: str, count: int, finite: bool = True) -> 
         if not _NUMBER.fullmatch(word):
             hint = "; numbers are written with a point, and blanks between them" if "," in word else ""
             element.refuse(f"the {shown} is `{text[:60]}`, and `{word[:40]}` is no number{hint}")
-    if len(words) != count:
+    if count is not None and len(words) != count:
         wanted = "1 number" if count == 1 else f"{count} numbers"
         element.refuse(f"the {shown} is `{text[:60]}`, which has {len(words)} numbers; it has {wanted}")
     numbers = tuple(map(float, words))

@@ -19,10 +19,12 @@ class XmlElement(Element):
     Attributes:
         line: The line of its start, from 1.
         column: The column of its start, from 1.
+        file: The file, if it is one that another includes.
     """
 
     line: int
     column: int
+    file: str = ""
 
     def refuse(self, message: str) -> NoReturn:
         """Refuse the file for a problem with this element.
@@ -30,7 +32,7 @@ class XmlElement(Element):
         Raises:
             AssetError: Always.
         """
-        raise AssetError(message, self.line, self.column)
+        raise AssetError(message, self.line, self.column, self.file)
 
 
 class _TreeReader:

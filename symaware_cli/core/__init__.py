@@ -30,7 +30,20 @@ from symaware_cli.core.links import Links
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.core.metric import Metric
 from symaware_cli.core.scenario_view import EntryView, ScenarioView
-from symaware_cli.geometry import Box, Circle, Cylinder, Mesh, Polygon, Pose, Scenery, ScriptedPath, Shape, Urdf, Wall
+from symaware_cli.geometry import (
+    Box,
+    Circle,
+    Cylinder,
+    Mesh,
+    Mjcf,
+    Polygon,
+    Pose,
+    Scenery,
+    ScriptedPath,
+    Shape,
+    Urdf,
+    Wall,
+)
 from symaware_cli.world import (
     Clock,
     Contact,
@@ -94,6 +107,7 @@ __all__ = [
     "Message",
     "MessageBatch",
     "Metric",
+    "Mjcf",
     "Model",
     "Observation",
     "Obstacle",

@@ -70,7 +70,8 @@ class Environment(Plugin, ABC):
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
         provides: Optional features of this world: ``images``, if it renders camera images; ``vehicles``, if it moves
-            bodies by `Model.vehicle`; ``tilt``, if entities may have a roll and a pitch.
+            bodies by `Model.vehicle`; ``mechanisms``, if it moves joints by `Model.mechanism`; ``tilt``, if entities
+            may have a roll and a pitch.
         proximity: Finds the pairs of agents that are near each other, with results shared by all callers.
         roster: The ids and indices of all agents.
         is_open: Whether agents can enter and leave this world, by `admit` and `dismiss`.
@@ -125,6 +126,9 @@ class Environment(Plugin, ABC):
                         "this world has no third dimension to tilt anything in; `pybullet` has one",
                         *("environment", "entities", name, "roll" if obstacle.roll else "pitch"),
                     )
+        for group in self.groups:
+            with errors.catch():
+                self._check_features(group)
         errors.raise_first()
         self._scenery = Scenery(self.obstacles)
         self.proximity = Proximity()
@@ -140,6 +144,15 @@ class Environment(Plugin, ABC):
         for group in self.groups:
             group.set_roster(self.roster)
         self._count_present()
+
+    def _check_features(self, group: EntityGroup) -> None:
+        missing = [each for each in group.model.needs if each not in self.provides]
+        if missing:
+            hint = "; `mujoco`, of the package symaware-mujoco, has them" if missing[0] == "mechanisms" else ""
+            raise WorldError(
+                f"the model needs a world with {missing[0]}, and this one has none{hint}",
+                *("agents", group.name, "model"),
+            )
 
     def _count_present(self) -> None:
         """Update which agents are present from the groups."""

@@ -46,6 +46,7 @@ from .shape import Circle as Circle
 from .shape import Cylinder as Cylinder
 from .shape import Length as Length
 from .shape import Mesh as Mesh
+from .shape import Mjcf as Mjcf
 from .shape import Number as Number
 from .shape import Polygon as Polygon
 from .shape import Position as Position

@@ -182,8 +182,27 @@ class Urdf(StrictModel):
         return file
 
 
-Kind = Literal["circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf"]
-KINDS: tuple[Kind, ...] = ("circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf")
+class Mjcf(StrictModel):
+    """A body of links and joints from a file in the format of MuJoCo, with the masses of the file."""
+
+    file: AssetPath = Field(description=f"An .xml file {_ASSET}.")
+    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+
+    @field_validator("file")
+    @classmethod
+    def _is_a_model(cls, file: str) -> str:
+        if not file.lower().endswith(".xml"):
+            raise ValueError("it is an .xml file")
+        return file
+
+    @property
+    def scale(self) -> float:
+        """By how much everything in it is enlarged; always 1."""
+        return 1.0
+
+
+Kind = Literal["circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf", "mjcf"]
+KINDS: tuple[Kind, ...] = ("circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf", "mjcf")
 
 
 class Shape(StrictModel):
@@ -198,6 +217,7 @@ class Shape(StrictModel):
     wall: Wall | None = Field(None, description="A chain of segments with a thickness; for entities of the world only.")
     mesh: Mesh | None = Field(None, description="A surface from a file, for worlds of space; a disc elsewhere.")
     urdf: Urdf | None = Field(None, description="Links and joints from a file, for worlds of space; a disc elsewhere.")
+    mjcf: Mjcf | None = Field(None, description="The same from an MJCF file, for the world `mujoco`; a disc elsewhere.")
 
     @model_validator(mode="after")
     def _exactly_one_kind(self) -> Shape:
@@ -215,6 +235,11 @@ class Shape(StrictModel):
     def kind(self) -> Kind:
         """The kind of the shape."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @property
+    def robot(self) -> Urdf | Mjcf | None:
+        """The file of links and joints, if it is one."""
+        return self.urdf or self.mjcf
 
     @property
     def radius(self) -> float:
@@ -237,7 +262,7 @@ class Shape(StrictModel):
         Each has a core (one point, two points or a counter-clockwise convex polygon) and a radius by which the core is
         rounded, both in metres: a disc is a rounded point, a segment of a wall a rounded line.
         """
-        for round_ in (self.circle, self.cylinder, self.mesh, self.urdf):
+        for round_ in (self.circle, self.cylinder, self.mesh, self.robot):
             if round_:
                 return [([(0.0, 0.0)], round_.radius)]
         if self.box:
@@ -283,7 +308,7 @@ def footprint(shape: Shape, roll: float, pitch: float) -> Shape:
 
     Returns:
         An outline in the coordinates of the body, before its heading turns it. That of a ball does not change, nor do
-        those of meshes and URDF files, which count as balls.
+        those of meshes and robots from files, which count as balls.
     """
     if not (roll or pitch) or not (shape.box or shape.cylinder):
         return shape

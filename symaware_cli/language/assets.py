@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from symaware_cli.assets import asset
-from symaware_cli.core import Entity, Environment, Mesh, Obstacle, Urdf, WorldError
+from symaware_cli.core import Entity, Environment, Mesh, Mjcf, Obstacle, Urdf, WorldError
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.problem import quoted
@@ -78,7 +78,7 @@ def assets(document: ScenarioDocument, further: Parameters, folders: asset.Asset
     return {name: content for file in files for name, content in asset.needed(file, folders).items()}
 
 
-def _named(document: ScenarioDocument, further: Parameters) -> Iterator[tuple[Path, str, Mesh | Urdf | None]]:
+def _named(document: ScenarioDocument, further: Parameters) -> Iterator[tuple[Path, str, Mesh | Urdf | Mjcf | None]]:
     """Yield the path of every name of a file, the name, and the shape that it defines, if it is one.
 
     A parameter of a plugin is a file if it is a mapping with the key ``file``.
@@ -89,7 +89,7 @@ def _named(document: ScenarioDocument, further: Parameters) -> Iterator[tuple[Pa
     bodies |= {("agents", name, "entity"): agents.entity for name, agents in document.agents.items()}
     for path, owner in bodies.items():
         shape = owner.shape
-        body = (shape.mesh or shape.urdf) if shape else None
+        body = (shape.mesh or shape.robot) if shape else None
         if shape and body:
             yield (*path, "shape", shape.kind, "file"), body.file, body
     given: dict[Path, Mapping[str, Any]] = {(*path, "with"): parameters for path, parameters in further.items()}

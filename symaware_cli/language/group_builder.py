@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Entity, Model, Quantity
+from symaware_cli.assets import asset
+from symaware_cli.core import AgentGroup, Entity, Model, Quantity, WorldError
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.engine import ComponentEntry, faults_of
+from symaware_cli.language.assets import asset_folders
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.own_parameters import OwnParameters, entries_of
@@ -158,6 +160,8 @@ class GroupBuilder:
         """Build a group and its component entries; None and no entries after a problem."""
         path: Path = ("agents", name)
         model = self._model(mapping(entry.get("model")), (*path, "model"))
+        if model is not None and not self._fits(model, name):
+            model = None
         ids, initial = self._initial(name, entry, model)
         components = mapping(entry.get("components"))
         uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
@@ -238,6 +242,23 @@ class GroupBuilder:
             self._report("broken-plugin", f"the model {quoted(entry['use'])} {fault}", (*path, "use"))
             return None
         return model
+
+    def _fits(self, model: Model, name: str) -> bool:
+        """Let a model receive the body of its agents, and report it if that does not suit."""
+        if self._document is None:
+            return True
+        entity, folders = self._document.agents[name].entity, asset_folders(self._document, self._folder)
+        try:
+            if entity.shape and entity.shape.robot:
+                asset.check(entity.shape.robot.file, folders)
+        except WorldError:
+            return False  # `check_assets` reports the file, whatever the model is
+        try:
+            model.fit(entity, folders, "agents", name)
+        except WorldError as error:
+            self._report("unsuitable", str(error), error.path)
+            return False
+        return True
 
     def _conforms(self, model: Model, use: str, state: Array, path: Path) -> bool:
         """Check that a model returns arrays of the declared shapes; done once, as checks in a run would cost time."""

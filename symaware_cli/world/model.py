@@ -66,6 +66,7 @@ class Model(Plugin, ABC):
         body: The body that belongs to the model; None if the scenario defines the body. With it, a shape in the
             scenario is only the outline that others avoid.
         needs_vehicle: The parameters that have an effect only in worlds that move bodies by `vehicle`.
+        needs: The optional features without which a world cannot move it, as `Environment.provides` names them.
     """
 
     batchable: ClassVar[bool] = False
@@ -79,6 +80,7 @@ class Model(Plugin, ABC):
     time_step: float | None = None
     body: ClassVar[Entity | None] = None
     needs_vehicle: ClassVar[Sequence[str]] = ()
+    needs: Sequence[str] = ()
 
     @abstractmethod
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
@@ -172,6 +174,25 @@ class Model(Plugin, ABC):
         None if the world's own actuators move its bodies.
         """
         return None
+
+    def mechanism(self) -> Any:
+        """Return how joints move its body in worlds that provide ``mechanisms``: a `symaware_cli.assets.Mechanism`.
+
+        None for models whose body has no joints with motors.
+        """
+        return None
+
+    def fit(self, entity: Entity, folders: Any, *where: str) -> None:
+        """Receive the body of the agents, before anything else is asked of the model.
+
+        Args:
+            entity: The body in the scenario.
+            folders: The folders to which its files are relative, `symaware_cli.assets.AssetFolders`.
+            where: The path of the group in the scenario.
+
+        Raises:
+            WorldError: The model does not suit the body; `path` is the place of the problem.
+        """
 
     def embodied(self, entity: Entity) -> Entity:
         """Return the body of an agent, given the one in the scenario."""

@@ -105,6 +105,12 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._actuators: list[Actuator | None] = []
         for group in self.groups:
             with errors.catch():
+                if group.model.mechanism() is not None and "mechanisms" not in self.provides:
+                    raise WorldError(
+                        "this world has no motors for the joints of a robot; `mujoco`, of the package "
+                        "symaware-mujoco, has them",
+                        *("agents", group.name, "model"),
+                    )
                 if len(group.model.position) > self.dimensions:
                     raise WorldError(
                         f"a model that moves in {len(group.model.position)} dimensions cannot move in a plane",
@@ -201,8 +207,8 @@ class PhysicsEnvironment(ColumnEnvironment):
         entity, name = group.entity, group.name
         if not any(actuator.group is group for actuator, _, _ in self._parts):
             raise WorldError("its vehicle moves by wheels or rotors of its own", "agents", name, "model")
-        if entity.shape and entity.shape.urdf:
-            raise WorldError("the links of a URDF file move with the body", "agents", name, "entity", "shape")
+        if entity.shape and entity.shape.robot:
+            raise WorldError("the links of a robot from a file move with the body", "agents", name, "entity", "shape")
         if self._retained != 1.0 and not (entity.max_force is None and entity.max_torque is None):
             said = f"`{'max_force' if entity.max_torque is None else 'max_torque'}` has to overcome the damping as well"
             raise WorldError(said, "environment", "with", "damping")

@@ -11,7 +11,9 @@ import pytest
 from symaware_cli.assets.asset import AssetFolders, described
 from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.assets.urdf import RobotDescription
+from symaware_cli.core import Obstacle
 from symaware_cli.geometry.articulation import Articulation
+from symaware_cli.worlds.spatial import PyBulletEnvironment
 
 DATA = pybullet_data.getDataPath()
 
@@ -181,3 +183,30 @@ def test_a_file_without_end_is_not_read(tmp_path: Path) -> None:
         file.truncate((16 << 20) + 1)
     with pytest.raises(AssetError, match="longer than 16 MiB"):
         RobotDescription.read(path)
+
+
+SHIPPED = Path(__file__).parents[2] / "plugins" / "symaware-mujoco" / "scenarios" / "robots"
+
+
+@pytest.mark.parametrize("file", sorted(path.name for path in SHIPPED.glob("*.urdf")))
+def test_shipped_robots_load_in_pybullet_with_their_masses_and_limits(file: str) -> None:
+    thing = Obstacle.model_validate(
+        {"shape": {"urdf": {"file": file, "radius": 1.0}}, "position": [0, 0, 1], "mass": 1}
+    )
+    environment = PyBulletEnvironment()
+    environment.folder = SHIPPED
+    environment.initialise([], {"thing": thing}, 1)
+    with environment:
+        joints = described(file, AssetFolders(SHIPPED)).description.joints()
+        client = environment._id
+        (body,) = (each for each in range(pybullet.getNumBodies(client)) if pybullet.getNumJoints(each, client))
+        links = range(-1, pybullet.getNumJoints(body, client))
+        described_mass = sum(
+            float(mass.get("value", 0)) for mass in RobotDescription.read(SHIPPED / file).root.iter("mass")
+        )
+        assert sum(pybullet.getDynamicsInfo(body, link, client)[0] for link in links) == pytest.approx(described_mass)
+        for link in range(pybullet.getNumJoints(body, client)):
+            info = pybullet.getJointInfo(body, link, client)
+            joint = joints.get(info[1].decode())
+            if joint is not None and np.isfinite(joint.lower):
+                assert info[8:12] == pytest.approx((joint.lower, joint.upper, joint.effort, joint.velocity))

@@ -20,7 +20,11 @@ from specimens import COUPLED
 PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "communication.consensus": {"name": "guess", "gain": 0.2},
     "control.follow": {"leader": "leader"},
+    "ackermann-drive": {"driven": ["left", "right"], "steered": ["port", "starboard"]},
+    "articulated": {"joints": ["shoulder", "elbow"]},
     "control.random": {"inputs": [[0.1, 0.0], [0.0, 0.2]]},
+    "control.schedule": {"inputs": [{"time": 0.0, "input": [0.1, 0.0]}, {"time": 0.2, "input": [0.0, 0.2]}]},
+    "differential-drive": {"left": ["left"], "right": ["right"]},
     "perception.range": {"range": 5.0, "position_noise": 0.1},
     "dubins-aircraft": {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1},
     "linear": COUPLED,

@@ -322,7 +322,10 @@ def test_a_branch_of_a_physics_world_begins_from_a_captured_state(tmp_path: Path
             "environment.entities.light.shape={urdf: {file: floating.urdf, radius: 1}}",
             "the joint `hinge` is `floating`",
         ),
-        ("agents.robot.entity.shape={urdf: {file: pendulum.urdf, radius: 1}}", "no agents from URDF files yet"),
+        (
+            "agents.robot.entity.shape={urdf: {file: pendulum.urdf, radius: 1}}",
+            "an agent of a model that drives its joints",
+        ),
         ("environment.entities={ground: {shape: {circle: {radius: 1}}, position: [9, 9]}}", "names the ground"),
     ],
 )

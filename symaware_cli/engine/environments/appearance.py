@@ -37,7 +37,7 @@ def appearances(
     shapes = {name: obstacle.shape for name, obstacle in obstacles.items()}
     for group in groups:
         shape = group.entity.shape
-        if shape and (shape.mesh or shape.urdf):
+        if shape and (shape.mesh or shape.robot):
             shapes[group.name] = shape
     of_shape: dict[Shape, Articulation] = {}
     for shape in shapes.values():
@@ -61,9 +61,9 @@ def appearance(shape: Shape, folders: AssetFolders, height: float) -> Articulati
     Raises:
         WorldError: A file that it refers to is missing or invalid.
     """
-    if shape.urdf:
-        robot = asset.described(shape.urdf.file, folders)
-        return robot.description.articulation(robot.paths, shape.urdf.scale, PurePosixPath(shape.urdf.file).stem)
+    if shape.robot:
+        robot = asset.described(shape.robot.file, folders)
+        return robot.description.articulation(robot.paths, shape.robot.scale, PurePosixPath(shape.robot.file).stem)
     return Articulation(
         name=shape.kind, links=(Link(name=shape.kind, visuals=tuple(_visuals(shape, folders, height))),)
     )

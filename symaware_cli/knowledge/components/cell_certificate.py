@@ -128,7 +128,7 @@ class CellCheck:
             if group.entity.shape is not None and (group is not own or len(group) > 1):
                 yield from group.ids
         for name, obstacle in self._environment.obstacles.items():
-            if self._environment.moves(name) or obstacle.shape.urdf:
+            if self._environment.moves(name) or obstacle.shape.robot:
                 yield name
 
     def _near(

@@ -6,12 +6,14 @@ from simulating import made
 
 from symaware_cli import Model
 from symaware_cli.engine.models.aircraft import DubinsAircraft
+from symaware_cli.engine.models.articulated import ArticulatedRobot
 from symaware_cli.engine.models.bicycle import Bicycle
 from symaware_cli.engine.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.engine.models.linear import Linear
 from symaware_cli.engine.models.quadrotor import Quadrotor
 from symaware_cli.engine.models.racecar import Racecar
 from symaware_cli.engine.models.unicycle import Unicycle
+from symaware_cli.engine.models.wheeled import AckermannDrive, DifferentialDrive
 
 #: x+ = x + u + w, the robots of the warehouse in /docs/models.md.
 WALK = {
@@ -52,7 +54,14 @@ SPECIMENS = {
 
 #: Those that have no closed form, whose velocity is part of their state, and that are told what turns their wheels or
 #: rotors.
-VEHICLES = {"racecar": made(Racecar, max_speed=1.3, min_speed=-0.4), "quadrotor": made(Quadrotor)}
+VEHICLES = {
+    "racecar": made(Racecar, max_speed=1.3, min_speed=-0.4),
+    "quadrotor": made(Quadrotor),
+    "differential-drive": made(DifferentialDrive, left=("left",), right=("right",)),
+    "ackermann-drive": made(AckermannDrive, driven=("left", "right"), steered=("port", "starboard")),
+    "articulated": made(ArticulatedRobot, joints=("shoulder", "elbow")),
+    "articulated, by positions": made(ArticulatedRobot, joints=("shoulder", "elbow"), drive="position"),
+}
 
 
 def step_of(model: Model) -> float:

@@ -138,7 +138,8 @@ def warehouse(tmp_path: Path) -> Path:
     """The scenario of the guide."""
     path = tmp_path / "warehouse.yaml"
     path.write_text(
-        present(re.search(r"(?ms)^```yaml\n(.*?)^```$", GUIDE.read_text(encoding="utf-8")))[1], encoding="utf-8"
+        present(re.search(r"(?ms)^```yaml\n(symaware: .*?)^```$", GUIDE.read_text(encoding="utf-8")))[1],
+        encoding="utf-8",
     )
     return path
 

@@ -1,68 +1,107 @@
-"""Robots from URDF files: read and checked by SymAware, and handed to MuJoCo without the files of its meshes."""
+"""Robots from URDF and MJCF files: read and checked by SymAware, and handed to MuJoCo without the files of meshes."""
 
 from __future__ import annotations
 
 import copy
+import re
 from typing import Any
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
-from symaware_cli.assets import AssetError, AssetFolders, asset, read_mesh
-from symaware_cli.core import Urdf, WorldError
+from symaware_cli.assets import AssetError, AssetFolders, MjcfDescription, Robot, asset, read_mesh
+from symaware_cli.core import Mjcf, Urdf, WorldError
 from symaware_cli.geometry import Array
 
 #: How MuJoCo reads a description: links that no joint moves stay links, and what they look like is left out.
 _COMPILER = {"fusestatic": "false", "discardvisual": "true", "strippath": "false", "balanceinertia": "true"}
 
 
-def read_robot(urdf: Urdf, folders: AssetFolders, *where: str) -> Any:
-    """Return the specification of a robot, whose first body is its base.
+def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
+    """Return the specification of a robot, whose first body is its base, with what collides alone.
 
     Args:
-        urdf: The file.
+        file: The file.
         folders: The folders to which its name is relative.
         where: The path of the shape, for messages.
 
     Raises:
         WorldError: The file is damaged, or describes something that this world does not move.
     """
-    place = (*where, "urdf", "file")
-    robot = asset.described(urdf.file, folders, *place)
+    kind = "urdf" if isinstance(file, Urdf) else "mjcf"
+    place = (*where, kind, "file")
+    robot = asset.described(file.file, folders, *place)
     unsupported = robot.description.unsupported_joint()
     if unsupported is not None:
-        raise WorldError(unsupported.located(urdf.file), *place)
-    if urdf.scale != 1.0:
-        raise WorldError("this world has robots in the size of their files only", *where, "urdf", "scale")
+        raise WorldError(unsupported.located(file.file), *place)
+    if file.scale != 1.0:
+        raise WorldError("this world has robots in the size of their files only", *where, kind, "scale")
     root = copy.deepcopy(robot.description.root)
-    for element in list(root):
-        if element.tag not in ("link", "joint"):
-            root.remove(element)
-    hulls: dict[str, Array] = {}
-    for link in root.iterfind("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
-        for mesh in link.iter("mesh"):
-            path = robot.paths[mesh.get("filename") or ""]
-            try:
-                corners = np.unique(read_mesh(path).triangles.reshape(-1, 3), axis=0)
-            except AssetError as error:
-                raise WorldError(error.located(path.name), *place) from error
-            # Names of files may be the same in several folders.
-            name = f"{len(hulls)}.obj"
-            hulls[name] = corners
-            mesh.set("filename", name)
-    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
+    hulls = _Hulls(robot, place)
+    (hulls.replace_in_urdf if isinstance(file, Urdf) else hulls.replace_in_mjcf)(root)
     try:
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         for mesh in spec.meshes:
-            mesh.uservert, mesh.file = hulls[mesh.file].ravel().tolist(), ""
+            if mesh.file:
+                mesh.uservert, mesh.file = hulls.corners[mesh.file].ravel().tolist(), ""
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        spec.copy().compile()
+        model = spec.copy().compile()
     except ValueError as error:
-        raise WorldError(f"MuJoCo cannot load `{urdf.file}`: {' '.join(str(error).split())}", *place) from error
+        # The lines are those of what the engine was given.
+        told = re.sub(r",? line \d+", "", " ".join(str(error).split()))
+        raise WorldError(f"MuJoCo cannot load `{file.file}`: {told}", *place) from error
+    if kind == "mjcf":
+        _leave_out_looks(spec, model)
     return spec
+
+
+class _Hulls:
+    """Puts short names in the place of the files of meshes, and collects the corners of these."""
+
+    def __init__(self, robot: Robot, place: tuple[str, ...]) -> None:
+        self.corners: dict[str, Array] = {}
+        self._robot, self._place = robot, place
+
+    def replace_in_urdf(self, root: ElementTree.Element) -> None:
+        for element in list(root):
+            if element.tag not in ("link", "joint"):
+                root.remove(element)
+        for link in root.iterfind("link"):
+            for visual in link.findall("visual"):
+                link.remove(visual)
+            for mesh in link.iter("mesh"):
+                mesh.set("filename", self._name(mesh.get("filename") or ""))
+        ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
+
+    def replace_in_mjcf(self, root: ElementTree.Element) -> None:
+        assert isinstance(self._robot.description, MjcfDescription)
+        for mesh in root.iterfind("asset/mesh"):
+            named = self._robot.description.mesh_file(mesh.get("name") or "")
+            if named is not None:
+                mesh.set("file", self._name(named))
+
+    def _name(self, file: str) -> str:
+        path = self._robot.paths[file]
+        try:
+            corners = np.unique(read_mesh(path).triangles.reshape(-1, 3), axis=0)
+        except AssetError as error:
+            raise WorldError(error.located(path.name), *self._place) from error
+        # Names of files may be the same in several folders.
+        name = f"{len(self.corners)}.obj"
+        self.corners[name] = corners
+        return name
+
+
+def _leave_out_looks(spec: Any, model: Any) -> None:
+    """Delete the shapes that do not collide, and give bodies the masses that they had with them."""
+    for body in spec.bodies[1:]:
+        known = model.body(body.name)
+        body.mass, body.ipos, body.iquat = float(known.mass[0]), known.ipos, known.iquat
+        body.inertia, body.explicitinertial = known.inertia, True
+    for geometry in list(spec.geoms):
+        if not geometry.contype and not geometry.conaffinity:
+            spec.delete(geometry)
 
 
 def lowest(spec: Any, quaternion: Array) -> float:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from symaware_cli.assets import AssetError, AssetFolders, asset, read_mesh
+from symaware_cli.assets import AssetError, AssetFolders, Mechanism, Posture, asset, read_mesh
 from symaware_cli.core import Entity, Mesh, Obstacle, Shape, WorldError
 from symaware_cli.geometry import Array, attitude
 from symaware_mujoco.bounce import IMPEDANCE
@@ -137,7 +137,7 @@ class Scene:
         pose, where = obstacle.pose(), ("environment", "entities", name)
         x, y, *rest = pose.position
         qx, qy, qz, qw = attitude(obstacle.roll, obstacle.pitch, pose.heading).tolist()
-        if obstacle.shape.urdf:
+        if obstacle.shape.robot:
             self._add_robot(name, obstacle, (x, y, *rest), [qw, qx, qy, qz], surface)
             return
         height = rest[0] if rest else self.level(obstacle.shape, *where)
@@ -157,24 +157,60 @@ class Scene:
     def _add_robot(
         self, name: str, obstacle: Obstacle, position: Sequence[float], quaternion: Sequence[float], surface: Surface
     ) -> None:
-        where, urdf = ("environment", "entities", name, "shape"), obstacle.shape.urdf
-        assert urdf is not None
+        where, file = ("environment", "entities", name, "shape"), obstacle.shape.robot
+        assert file is not None
         if obstacle.path:
             raise WorldError("this world has no robots from files on paths", *where[:-1], "path")
-        robot = read_robot(urdf, self._folders, *where)
+        robot = read_robot(file, self._folders, *where)
         x, y, *rest = position
         height = rest[0] if rest else (self._floor or 0.0) - lowest(robot, np.array(quaternion))
         self.levels[name] = height
-        frame = self._spec.worldbody.add_frame(pos=[x, y, height], quat=list(quaternion))
+        joint = "free" if obstacle.is_free else None
+        self._attach(name, robot, [x, y, height], quaternion, joint, surface)
+
+    def add_robot_agent(
+        self, id: str, shape: Shape, posture: Posture, mechanism: Mechanism, surface: Surface, *where: str
+    ) -> float:
+        """Add a robot from a file whose joints have motors, and return the height of its base [m].
+
+        Args:
+            id: The id of the agent.
+            shape: The shape with the file.
+            posture: Where its base is.
+            mechanism: Whether its base is free, and whether it stands on the ground.
+            surface: Its surface.
+            where: The path of the body, for messages.
+        """
+        assert shape.robot is not None
+        robot = read_robot(shape.robot, self._folders, *where, "shape")
+        x, y, z, w = posture.orientation
+        quaternion = [w, x, y, z]
+        place = [*posture.position]
+        if mechanism.stands:
+            place[2] = (self._floor or 0.0) - lowest(robot, np.array(quaternion))
+        self._attach(id, robot, place, quaternion, None if mechanism.is_fixed else "base", surface)
+        return float(place[2])
+
+    def _attach(
+        self,
+        name: str,
+        robot: Any,
+        position: Sequence[float],
+        quaternion: Sequence[float],
+        joint: str | None,
+        surface: Surface,
+    ) -> None:
+        """Put a robot into the scene, with a free base if `joint` names the joint for that."""
+        frame = self._spec.worldbody.add_frame(pos=list(position), quat=list(quaternion))
         base = frame.attach_body(robot.worldbody.first_body(), f"{name}/", "")
-        if obstacle.is_free:
-            base.add_freejoint(name=f"{name}/free")
+        if joint is not None:
+            base.add_freejoint(name=f"{name}/{joint}")
         bodies = [base, *base.find_all(mujoco.mjtObj.mjOBJ_BODY)]
         for number, body in enumerate(bodies):
             # Links of one robot pass through each other.
             for other in bodies[:number]:
                 self._spec.add_exclude(bodyname1=other.name, bodyname2=body.name)
-            moves = obstacle.is_free or body is not base
+            moves = joint is not None or body is not base
             kind, affinity = (BODY, GROUND | BODY | FIXED | ON_PATH) if moves else (FIXED, 0)
             for geometry in body.geoms:
                 self._register(geometry, surface, kind, affinity)
@@ -221,7 +257,7 @@ class Scene:
         elif shape.wall:
             self._add_wall(body, shape, mass, surface, kind, affinity)
         else:
-            said = "this world has no agents from URDF files yet; `pybullet` has them"
+            said = "a robot from a file is an agent of a model that drives its joints, such as `articulated`"
             raise WorldError(said, *where, "shape", shape.kind)
 
     def _add_hull(self, body: Any, surface: Surface, kind: int, affinity: int, corners: Array, mass: float) -> None:

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.assets import AssetFolders
+from symaware_cli.assets import AssetFolders, Mechanism
 from symaware_cli.core import EntityGroup, ErrorCollector, WorldError
-from symaware_cli.engine import appearances
-from symaware_cli.geometry import Array, Articulation, Indices, attitude, continued, yaws
+from symaware_cli.engine import Actuator, appearances
+from symaware_cli.geometry import Array, Articulation, Indices, attitude, attitude_columns, continued, yaws
 from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair
 from symaware_mujoco.bounce import solref
+from symaware_mujoco.motors import Motors
 from symaware_mujoco.scene import Scene, Surface, body_name
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -42,13 +43,14 @@ class MujocoEnvironment(PhysicsEnvironment):
     """
 
     dimensions = 3
-    provides = ("tilt",)
+    provides = ("mechanisms", "tilt")
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
         "_articulations",
         "_levels",
+        "_machines",
     )
 
     class Parameters(PhysicsEnvironment.Parameters):
@@ -73,6 +75,9 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     # -- the model
 
+    def _actuator(self, group: EntityGroup, seed: int) -> Actuator | None:
+        return super()._actuator(group, seed) if group.model.mechanism() is None else None
+
     def _build(self) -> None:
         """Create bodies in a fixed order: the ground, agents, and entities by name."""
         parameters, count = self.parameters, len(self.roster)
@@ -92,12 +97,22 @@ class MujocoEnvironment(PhysicsEnvironment):
         for actuator, _, part in self._parts:
             with errors.catch():
                 self._add_group(scene, actuator.group, part)
+        mechanisms: dict[int, Mechanism] = {}
+        for number, group in enumerate(self.groups):
+            if (mechanism := group.model.mechanism()) is not None:
+                with errors.catch():
+                    self._add_robots(scene, group, number, mechanism)
+                    mechanisms[number] = mechanism
         for number, (name, obstacle) in enumerate(self.obstacles.items()):
             with errors.catch():
                 scene.add_obstacle(name, obstacle, Surface(count + number, obstacle.friction, obstacle.elasticity))
         errors.raise_first()
         self._levels = scene.levels
         model = self._model = scene.compile()
+        self._machines = [
+            Motors(model, self.groups[number], number, mechanism, self.step_time)
+            for number, mechanism in mechanisms.items()
+        ]
         self._data = mujoco.MjData(model)
         self._index_bodies()
         self._index_surfaces(scene)
@@ -117,6 +132,20 @@ class MujocoEnvironment(PhysicsEnvironment):
             self._heights[row] = height or 0.0
             surface = Surface(index, entity.friction, entity.elasticity)
             scene.add_agent(self.roster.ids[index], entity, height, turns, surface, "agents", group.name, "entity")
+
+    def _add_robots(self, scene: Scene, group: EntityGroup, number: int, mechanism: Mechanism) -> None:
+        where, shape = ("agents", group.name), group.entity.shape
+        if group.present is not None:
+            raise WorldError("robots with motors cannot enter or leave this world", *where, "present")
+        if mechanism.stands and self.ground is None:
+            said = f"the robots of `{group.name}` drive on the ground, and there is none"
+            raise WorldError(said, "environment", "with", "ground")
+        assert shape is not None
+        start = self.roster.start(group.name)
+        for row, (id, state) in enumerate(zip(group.ids, self._states[number], strict=True)):
+            surface = Surface(start + row, group.entity.friction, group.entity.elasticity)
+            posture = mechanism.posture(state)
+            scene.levels[id] = scene.add_robot_agent(id, shape, posture, mechanism, surface, *where, "entity")
 
     def _index_bodies(self) -> None:
         """Find where the coordinates of bodies are in those of the engine."""
@@ -150,7 +179,7 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._elasticities = np.array([each.elasticity for each in surfaces])
         #: The bits of collisions of each geometry, as they are if its agent is present.
         self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
-        self._geometries = {index: np.flatnonzero(self._owners == index) for index in self._driven.tolist()}
+        self._geometries = {index: np.flatnonzero(self._owners == index) for index in range(len(self.roster))}
         # With one surface for all, the engine's rule for pairs gives what two of it make.
         self._is_uniform = len({(each.friction, each.elasticity) for each in surfaces}) <= 1
         for number, each in enumerate(surfaces):
@@ -178,6 +207,8 @@ class MujocoEnvironment(PhysicsEnvironment):
             data.qvel[self._free_velocities_at[row]] = [*velocity, *turned]
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
         self._follow_paths(0)
+        for machine in self._machines:
+            machine.place(data, self._states[machine.number])
         mujoco.mj_forward(model, data)
         for actuator, _, part in self._parts:
             if actuator.group.model.heading is not None:
@@ -244,11 +275,11 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _step_engine(self) -> None:
         model, data = self._model, self._data
-        if self._is_uniform:
+        if self._is_uniform and not self._machines:
             mujoco.mj_step(model, data)
             return
         mujoco.mj_step1(model, data)
-        if data.ncon:
+        if data.ncon and not self._is_uniform:
             # The product of both surfaces; the engine itself would take the greater friction.
             one, other = data.contact.geom.T
             data.contact.friction[:, :2] = np.maximum(self._frictions[one] * self._frictions[other], 1e-5)[:, None]
@@ -258,7 +289,14 @@ class MujocoEnvironment(PhysicsEnvironment):
             mujoco.mj_island(model, data)
             mujoco.mj_projectConstraint(model, data)
             mujoco.mj_fwdVelocity(model, data)
+        for machine in self._machines:
+            machine.apply(data)
         mujoco.mj_step2(model, data)
+
+    def _plan_velocities(self) -> None:
+        super()._plan_velocities()
+        for machine in self._machines:
+            machine.command(self._applied[machine.number])
 
     def _follow_paths(self, number: int) -> None:
         """Put entities with a path where they are at the beginning of a physics step, with their velocities."""
@@ -338,6 +376,21 @@ class MujocoEnvironment(PhysicsEnvironment):
             poses[:, :3], headings, np.column_stack([motion[:, :3], rates]) if rates else np.empty((0, 4)), orientations
         )
 
+    def _read_others(self, velocities: Array) -> None:
+        for machine in self._machines:
+            number = machine.number
+            state, velocity = machine.states(self._data, self._states[number])
+            state.flags.writeable = False
+            self._states[number] = state
+            start, dimensions = self.roster.starts[number], len(machine.group.model.position)
+            velocities[start : start + len(state), :dimensions] = velocity[:, :dimensions]
+
+    def _machine_of(self, name: str) -> Motors | None:
+        return next((each for each in self._machines if each.group.name == name), None)
+
+    def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
+        raise NotImplementedError("robots with motors cannot be displaced")
+
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
         data = self._data
         for places, into, change in (
@@ -368,9 +421,13 @@ class MujocoEnvironment(PhysicsEnvironment):
             towards = np.zeros((count, 3))
             towards[:, :2] = directions[row]
             own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body_name(self.roster.ids[sender]))
+            # A robot from a file has several bodies.
+            groups = model.geom_group[self._geometries[sender]].copy()
+            model.geom_group[self._geometries[sender]] = _HIDDEN
             mujoco.mj_multiRay(
                 model, data, start, towards.ravel(), visible, True, own, geometries, found, normals, count, reach
             )
+            model.geom_group[self._geometries[sender]] = groups
             distances[row] = np.where(found < 0.0, np.inf, found)
         return distances
 
@@ -383,6 +440,9 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _height_of(self, name: str) -> float:
         if name in self.roster:
+            if self.roster.index(name) not in self._driven:
+                base = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/base")
+                return self._levels[name] if base < 0 else float(self._data.qpos[self._model.jnt_qposadr[base] + 2])
             row = int(np.flatnonzero(self._driven == self.roster.index(name))[0])
             place = self._positions_at[row, 2]
             return float(self._heights[row] if place < 0 else self._data.qpos[place])
@@ -394,7 +454,11 @@ class MujocoEnvironment(PhysicsEnvironment):
         return self._articulations
 
     def body_poses(self, name: str) -> Array | None:
-        """Return the pose of a free entity; None for all others, which stay upright."""
+        """Return the poses of a free entity or of robots with a free base; None for others, which stay upright."""
+        machine = self._machine_of(name)
+        if machine is not None:
+            in_state = attitude_columns([element for element, _ in machine.group.model.state])
+            return None if in_state else machine.poses(self._data)
         row = self._free_rows.get(name)
         if row is None:
             return None
@@ -402,10 +466,13 @@ class MujocoEnvironment(PhysicsEnvironment):
         return np.concatenate([pose[:3], np.roll(pose[3:], -1)])[None]
 
     def joint_positions(self, name: str) -> Array | None:
-        """Return the positions of the joints of a robot from a file [rad] or [m]; shape (1, joints)."""
+        """Return the positions of the joints of robots from files [rad] or [m]; shape (n, joints)."""
         described = self._articulations.get(name)
         if described is None or not described.joints:
             return None
+        machine = self._machine_of(name)
+        if machine is not None:
+            return machine.joint_positions(self._model, self._data, list(described.joints))
         joints = [
             mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{each}") for each in described.joints
         ]

@@ -1,0 +1,121 @@
+"""Mechanisms: robots from files whose joints have motors, as worlds with joints move them.
+
+Reasons: docs/decisions/0080-robots-as-agents.md
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from symaware_cli.geometry import Array
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor of a joint, with gear.
+
+    Attributes:
+        joint: The name of the joint.
+        drive: What it is given: a velocity, a position or a torque (a force for a joint that slides).
+        effort: Its greatest torque [N m] or force [N].
+        velocity: The greatest velocity with which it approaches a position [rad/s] or [m/s].
+        gain: The velocity for each radian or metre that is left to a position [1/s].
+    """
+
+    joint: str
+    drive: Literal["velocity", "position", "torque"]
+    effort: float
+    velocity: float = float("inf")
+    gain: float = 10.0
+
+
+class Posture(NamedTuple):
+    """Where a robot and its joints are at the start.
+
+    Attributes:
+        position: The origin of its base [m]; shape (3,). The height is that at which it stands on the ground where
+            `Mechanism.stands`.
+        orientation: That of its base, a quaternion (x, y, z, w).
+        velocity: Of the origin of its base [m/s]; shape (3,).
+        rate: Its angular velocity in the world's coordinates [rad/s]; shape (3,).
+        joints: The positions of the joints, in the order of `Mechanism.joints` [rad] or [m].
+        joint_velocities: [rad/s] or [m/s].
+    """
+
+    position: Sequence[float]
+    orientation: Sequence[float]
+    velocity: Sequence[float]
+    rate: Sequence[float]
+    joints: Sequence[float]
+    joint_velocities: Sequence[float]
+
+
+class Postures(NamedTuple):
+    """Where the robots of a group and their joints are, a row for each; see `Posture`.
+
+    Attributes:
+        positions: Shape (n, 3).
+        orientations: Shape (n, 4).
+        velocities: Shape (n, 3).
+        rates: Shape (n, 3).
+        joints: Shape (n, joints).
+        joint_velocities: Shape (n, joints).
+    """
+
+    positions: Array
+    orientations: Array
+    velocities: Array
+    rates: Array
+    joints: Array
+    joint_velocities: Array
+
+
+class Mechanism(ABC):
+    """Connects the states and control inputs of a model with the base, joints and motors of a robot.
+
+    `Model.mechanism` creates one for a group. A world with ``mechanisms`` loads a robot for each agent, with the file
+    of its body, in the posture of its state; gives the motors what `commands` returns at the beginning of each time
+    step; and calls `states` at its end. Motors give a joint its velocity in each physics step, within their effort.
+    Those with a position approach it at a velocity in proportion to what is left of the way.
+
+    Attributes:
+        joints: The joints that it reads and sets.
+        motors: The motors.
+        is_fixed: Whether the base cannot move.
+        stands: Whether the robot stands on the ground at the start; a world without one is refused.
+    """
+
+    joints: Sequence[str]
+    motors: Sequence[Motor]
+    is_fixed: bool = False
+    stands: bool = False
+
+    @abstractmethod
+    def posture(self, state: Array) -> Posture:
+        """Return the posture in which an agent begins, from its state; shape (nx,)."""
+
+    @abstractmethod
+    def commands(self, control_input: Array) -> Array:
+        """Return what each motor is given [rad/s, rad, N m or m/s, m, N] for saturated control inputs.
+
+        Args:
+            control_input: Shape (n, nu).
+
+        Returns:
+            Shape (n, motors).
+        """
+
+    @abstractmethod
+    def states(self, postures: Postures, before: Array) -> Array:
+        """Return the states of agents.
+
+        Args:
+            postures: Of their robots.
+            before: The states before the step, for what counts turns; shape (n, nx).
+
+        Returns:
+            Shape (n, nx).
+        """
