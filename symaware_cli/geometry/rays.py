@@ -144,7 +144,8 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
 
 def _least(values: Array) -> Array:
     """Return the least of each row; column by column, which is faster for a few columns."""
-    return np.minimum.reduce([values[:, column] for column in range(values.shape[1])])
+    least: Array = np.minimum.reduce([values[:, column] for column in range(values.shape[1])])
+    return least
 
 
 def _beside(x: Array, y: Array, edge_x: Array, edge_y: Array) -> Mask:

@@ -47,6 +47,8 @@ class SectionBuilder:
         self._agents = agents
         self._sections: dict[str, ScenarioSection] = {}
         self._parameters: dict[Path, Mapping[str, Any]] = {}
+        #: The keys of sections of which a step failed.
+        self._failed: list[str] = []
         self.built: dict[str, Any] = {}
         self.files: dict[str, bytes] = {}
         self.drawn: list[str] = []
@@ -68,14 +70,12 @@ class SectionBuilder:
                 continue
             for _, place, entry in kind.plugins_in(data[key]):
                 self._parameters[key, *place] = mapping(mapping(entry).get("with"))
-            section = self._attempt(key, document, lambda context, kind=kind: kind())
+            section = self._attempt(key, document, kind)
             if section is None:
                 continue
             sections[key] = section
             if document is not None:
-                found = self._attempt(
-                    key, document, lambda context, section=section, key=key: section.additions(data[key], context)
-                )
+                found = self._attempt(key, document, section.additions, data[key])
                 if found is None:
                     del sections[key]
                 else:
@@ -83,22 +83,22 @@ class SectionBuilder:
         # In the order of keys, so that the order of sections in the file does not matter.
         document = document and self._extended(document, {key: added[key] for key in sorted(added)})
         for key, section in sections.items():
-            done = self._attempt(
-                key, document, lambda context, section=section, key=key: (section.build(data[key], context),)
-            )
-            if done is not None:
-                (self.built[key],) = done
+            failures = len(self._failed)
+            built = self._attempt(key, document, section.build, data[key])
+            if len(self._failed) == failures:
+                self.built[key] = built
                 self._sections[key] = section
         return document
 
-    def _attempt(self, key: str, document: ScenarioDocument | None, step: Callable[[SectionContext], Any]) -> Any:
-        """Call a step of the building of a section; None if it fails, which is reported."""
+    def _attempt(self, key: str, document: ScenarioDocument | None, step: Callable[..., Any], *given: Any) -> Any:
+        """Call a step of the building of a section, with its context if it takes more; None if it fails."""
         context = _Context(key, document, self._folders, self._factory, self._diagnosis, self._agents)
         try:
-            return step(context)
+            return step(*given, context) if given else step()
         except KeyboardInterrupt:
             raise
         except BaseException as error:
+            self._failed.append(key)
             if document is not None:
                 context.report(f"the section {quoted(key)} fails: {words(error)}", key=True, code="broken-plugin")
             return None

@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symaware_cli.core import Obstacle
 from symaware_cli.geometry import Array, Region, RegionShape
 from symaware_cli.geometry.shape import Box, Polygon, Shape
 from symaware_cli.maps.map_error import MapError
-from symaware_cli.maps.raster import OCCUPIED, UNKNOWN, Raster
+from symaware_cli.maps.raster import FREE, OCCUPIED, UNKNOWN, Raster
 from symaware_cli.maps.rectangles import Rectangles, merged
 
 #: The greatest number of bodies of a map: each is tested at each step.
@@ -36,67 +35,104 @@ class Floor:
     raster: Raster | None = None
 
 
-def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> Floor:
-    """Return the floor of a raster.
+@dataclass(frozen=True)
+class Part:
+    """What one file, or one field of obstacles, contributes to a floor.
+
+    Attributes:
+        bodies: Its bodies.
+        occupied: The areas that they occupy.
+        unknown: Areas of which nothing is known.
+        whole: The area that it describes; None if it has no bounds.
+        bounds: See `Floor`.
+        raster: See `Floor`.
+    """
+
+    bodies: Mapping[str, Obstacle]
+    occupied: Sequence[RegionShape]
+    unknown: Sequence[RegionShape] = ()
+    whole: RegionShape | None = None
+    bounds: tuple[float, float, float, float] | None = None
+    raster: Raster | None = None
+
+
+def floor_of(parts: Sequence[Part]) -> Floor:
+    """Put a floor together.
+
+    The region `free` is what lies in the map, and neither in an occupied nor in an unknown area.
+
+    Raises:
+        MapError: It has too many bodies.
+    """
+    bodies = {name: body for part in parts for name, body in part.bodies.items()}
+    if len(bodies) > MOST_BODIES:
+        raise MapError(f"it consists of {len(bodies):,} convex bodies, and a map may have {MOST_BODIES:,}")
+    regions: dict[str, Region] = {}
+    free: list[str | RegionShape] = [part.whole for part in parts if part.whole is not None]
+    areas = {
+        "occupied": [area for part in parts for area in part.occupied],
+        "unknown": [area for part in parts for area in part.unknown],
+    }
+    for name, found in areas.items():
+        if found:
+            regions[name] = Region(union=tuple(found))
+            free.append(RegionShape(complement=name))
+    if free:
+        regions["free"] = Region(intersection=tuple(free))
+    raster = next((part.raster for part in parts if part.raster is not None), None)
+    every = [part.bounds for part in parts if part.bounds is not None]
+    if not every:
+        return Floor(bodies, regions)
+    west, east, south, north = zip(*every, strict=True)
+    return Floor(bodies, regions, (min(west), max(east), min(south), max(north)), raster)
+
+
+def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> Part:
+    """Return the part of a floor that a raster describes.
 
     Args:
         raster: The map.
         height: The height of its bodies [m].
         is_unknown_solid: Whether unknown cells are bodies as well.
-
-    Raises:
-        MapError: It has too many bodies.
     """
     cells = raster.cells
     occupied, unknown = merged(cells == OCCUPIED), merged(cells == UNKNOWN)
-    solid = merged(cells != 0) if is_unknown_solid else occupied
+    solid = merged(cells != FREE) if is_unknown_solid else occupied
     if len(solid) > MOST_BODIES:
         raise MapError(
             f"its cells make {len(solid):,} rectangles, and a map may have {MOST_BODIES:,}; "
             "remove single pixels from its picture, or reduce its resolution"
         )
     rows, columns = cells.shape
-    whole = np.array([[0, 0, columns, rows]], np.intp)
     corners = raster.placed(np.array([0.0, columns, columns, 0.0]), np.array([0.0, 0.0, rows, rows]))
     (low_x, low_y), (high_x, high_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    regions: dict[str, Region] = {}
-    outside: list[str | RegionShape] = []
-    for name, found in (("occupied", occupied), ("unknown", unknown)):
-        if len(found):
-            regions[name] = Region(union=tuple(_areas(raster, found)))
-            outside.append(RegionShape(complement=name))
-    (everything,) = _areas(raster, whole)
-    free: Sequence[str | RegionShape] = (everything, *outside)
-    regions["free"] = Region(intersection=tuple(free))
+    (whole,) = _areas(raster, np.array([[0, 0, columns, rows]], np.intp))
     boxes = _boxes(raster, solid, height)
-    bodies = {f"map_{number}": body for number, body in enumerate(boxes)}
-    return Floor(bodies, regions, (low_x, high_x, low_y, high_y), raster)
+    return Part(
+        bodies={f"map_{number}": body for number, body in enumerate(boxes)},
+        occupied=_areas(raster, occupied),
+        unknown=_areas(raster, unknown),
+        whole=whole,
+        bounds=(low_x, high_x, low_y, high_y),
+        raster=raster,
+    )
 
 
-def of_polygons(polygons: Sequence[NDArray[np.float64]], height: float) -> Floor:
-    """Return the floor of convex polygons, which has no bounds.
+def of_polygons(polygons: Sequence[Array]) -> Part:
+    """Return the part of a floor that convex polygons occupy; it has no bounds, and as much height as the world gives.
 
     Args:
         polygons: The corners of each, counter-clockwise [m]; shape (k, 2).
-        height: Their height [m]; worlds in space cannot extrude polygons of another height than their own.
-
-    Raises:
-        MapError: There are too many.
     """
-    if len(polygons) > MOST_BODIES:
-        raise MapError(f"they consist of {len(polygons):,} convex pieces, and a map may have {MOST_BODIES:,}")
-    bodies, areas = {}, []
+    bodies = {}
     for number, corners in enumerate(polygons):
         middle = corners.mean(axis=0)
         shape = Shape(polygon=Polygon(vertices=_points(corners - middle)))
         bodies[f"map_{number}"] = Obstacle(shape=shape, position=tuple(middle.tolist()))
-        areas.append(RegionShape(polygon=_points(corners)))
-    if not areas:
-        return Floor()
-    regions = {"occupied": Region(union=tuple(areas)), "free": Region(complement="occupied")}
     every = np.concatenate(polygons)
     (low_x, low_y), (high_x, high_y) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
-    return Floor(bodies, regions, (low_x, high_x, low_y, high_y))
+    areas = [RegionShape(polygon=_points(corners)) for corners in polygons]
+    return Part(bodies, areas, bounds=(low_x, high_x, low_y, high_y))
 
 
 def _points(corners: Array) -> tuple[tuple[float, ...], ...]:

@@ -1,5 +1,7 @@
 """Only the rays that may meet a piece are tested against it, and that changes no distance."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ def every_pair(origins: Array, directions: Array, pieces: Pieces) -> Array:
 
 def drawn(random: np.random.Generator, count: int) -> Pieces:
     """Discs, walls and polygons of many sizes."""
-    cores: list[tuple[list[tuple[float, ...]], float]] = []
+    cores: list[tuple[list[Any], float]] = []
     for _ in range(count):
         x, y = random.normal(size=2) * random.choice([1.0, 10.0])
         kind = random.integers(3)
@@ -35,7 +37,7 @@ def drawn(random: np.random.Generator, count: int) -> Pieces:
 @pytest.mark.parametrize("seed", range(20))
 def test_distances_are_those_of_all_rays_against_all_pieces(seed: int) -> None:
     random = np.random.default_rng(seed)
-    count, width = random.integers(1, 6), random.integers(1, 60)
+    count, width = int(random.integers(1, 6)), int(random.integers(1, 60))
     pieces = drawn(random, int(random.integers(1, 40)))
     # Some origins are within pieces, and some directions at the ends of the range of angles.
     origins = np.concatenate([random.normal(size=(count, 2)) * 4.0, pieces.vertices[:1, 0]])

@@ -24,7 +24,8 @@ def clearances(built: Built, points: list[tuple[float, float]]) -> list[float]:
 
 def depth(built: Built, name: str, *points: tuple[float, float]) -> list[float]:
     regions = built.simulation.groups[0].regions
-    return PlacedRegion(name, regions, lambda _: (np.full(2, np.nan), None)).robustness(np.array(points)).tolist()
+    placed = PlacedRegion(name, regions, lambda _: (np.full(2, np.nan), None))
+    return [float(each) for each in placed.robustness(np.array(points))]
 
 
 def test_occupied_cells_become_few_boxes_where_they_are(building: Callable[..., Built]) -> None:
