@@ -7,6 +7,7 @@ both formats say.
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -247,7 +248,7 @@ class _Tokens:
     @property
     def span(self) -> TextSpan:
         """Where the present one is."""
-        line = int(np.searchsorted(self._lines, self._start, "right"))
+        line = bisect_right(self._lines, self._start)
         column = self._start - self._lines[line - 1] + 1
         return self._source.text_span(line, column, line, column + max(1, len(self.text)))
 
