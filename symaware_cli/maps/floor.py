@@ -75,7 +75,9 @@ def floor_of(parts: Sequence[Part]) -> Floor:
     }
     for name, found in areas.items():
         if found:
-            regions[name] = Region(union=tuple(found))
+            area = RegionShape(union=tuple(found))
+            # Pictures draw unions as areas; what is occupied is drawn as bodies already.
+            regions[name] = Region(intersection=(area,)) if name == "occupied" else Region(union=area.union)
             free.append(RegionShape(complement=name))
     if free:
         regions["free"] = Region(intersection=tuple(free))

@@ -60,7 +60,8 @@ class GridPlanner(GroupComponent):
     An agent plans in its first turn, and again when its goal changes or the regions that it knows to be ``closed``.
     The waypoints begin where it is and end at the goal. If no path exists, or none is found within the greatest number
     of cells, it is to stay where it is: its waypoints are its own position (of a model with a heading, then a point
-    1 cm ahead), its ``path_cost`` is -1, and ``goal-unreachable`` is fired.
+    1 cm ahead), its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a path again, it does not count
+    among the agents that reached their goals.
     """
 
     #: In a process of its own, its copy of the world has the obstacles.

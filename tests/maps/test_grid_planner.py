@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from simulating import untyped
 
 import symaware_cli as sa
 from symaware_cli.language.build import Built
@@ -37,7 +38,11 @@ def run(room: Path) -> sa.Log:
 
 
 def names(log: sa.Log, agent: str) -> list[str]:
-    return [event.name for event in log.events() if event.source.startswith(f"agents.{agent}.") and event.name != "waypoint-reached"]
+    return [
+        event.name
+        for event in log.events()
+        if event.source.startswith(f"agents.{agent}.") and event.name != "waypoint-reached"
+    ]
 
 
 def test_robots_reach_their_goals_without_a_contact(
@@ -80,11 +85,22 @@ def test_the_cost_is_written_beside_the_waypoints(
     building()
     with sa.load(room / "scenario.yaml").start() as simulation:
         simulation.step()
-        known = simulation._run.simulation.groups[0].knowledge  # noqa: SLF001
+        known = untyped(simulation)._run.simulation.groups[0].knowledge
         assert known[0]["path_cost"] > 1.6
         assert tuple(known[0]["waypoints"][-1]) == (2.2, 0.9)
         assert known[1]["path_cost"] == -1.0
         assert known[1]["waypoints"][0] == pytest.approx((2.2, 1.5))
+
+
+def test_an_agent_without_a_path_has_not_reached_its_goal(
+    building: Callable[..., Built], room: Path, planned: dict[str, Any]
+) -> None:
+    planned["agents"]["robot"]["knowledge"]["goal"] = [[2.2, 0.9], [1.4, 1.0]]  # in the pillar
+    planned["run"]["until"] = "all(goals_reached)"
+    building()
+    result = sa.load(room / "scenario.yaml").run(output=room / "log.mcap")
+    assert "robot.1" not in result.summary.goals_reached
+    assert "goal-reached" in names(sa.open_log(room / "log.mcap"), "robot.1"), "what steers it waits at a waypoint"
 
 
 def test_it_plans_without_a_map_over_an_area_and_any_obstacles(

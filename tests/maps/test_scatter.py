@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from simulating import untyped
 
 from symaware_cli.geometry import Array
 from symaware_cli.language.build import Built
@@ -70,7 +71,8 @@ def test_a_field_on_a_map_keeps_from_its_walls_and_from_entities(
     assert len(walls) == 7
     assert gaps(found, np.array([[2.0, 1.5]])).min() >= 0.1 + 0.1 + box["box"]["width"]
     assert "scatter_0" in built.simulation.environment.scenery.names
-    assert len(built.simulation.groups[0].regions["occupied"].union or ()) == 9
+    (area,) = built.simulation.groups[0].regions["occupied"].members
+    assert len(untyped(area).union) == 9
 
 
 @pytest.mark.parametrize(
