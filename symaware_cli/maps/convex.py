@@ -49,8 +49,7 @@ def convex_pieces(rings: Sequence[Array]) -> list[Array]:
         if first == second:
             continue
         # From the end of the edge around the first piece to its start, and on around the second.
-        one, other = _from(pieces[first], end), _from(pieces[second], start)
-        joined = one + other[1:-1]
+        joined = _from(pieces[first], end) + _from(pieces[second], start)[1:-1]
         if _is_convex(joined, least):
             del owner[start, end], owner[end, start], pieces[second]
             pieces[first] = joined

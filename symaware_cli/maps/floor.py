@@ -36,7 +36,7 @@ class Floor:
 
 
 @dataclass(frozen=True)
-class Part:
+class FloorPart:
     """What one file, or one field of obstacles, contributes to a floor.
 
     Attributes:
@@ -56,7 +56,7 @@ class Part:
     raster: Raster | None = None
 
 
-def floor_of(parts: Sequence[Part]) -> Floor:
+def floor_of(parts: Sequence[FloorPart]) -> Floor:
     """Put a floor together.
 
     The region `free` is what lies in the map, and neither in an occupied nor in an unknown area.
@@ -89,7 +89,7 @@ def floor_of(parts: Sequence[Part]) -> Floor:
     return Floor(bodies, regions, (min(west), max(east), min(south), max(north)), raster)
 
 
-def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> Part:
+def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> FloorPart:
     """Return the part of a floor that a raster describes.
 
     Args:
@@ -110,7 +110,7 @@ def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> Part:
     (low_x, low_y), (high_x, high_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     (whole,) = _areas(raster, np.array([[0, 0, columns, rows]], np.intp))
     boxes = _boxes(raster, solid, height)
-    return Part(
+    return FloorPart(
         bodies={f"map_{number}": body for number, body in enumerate(boxes)},
         occupied=_areas(raster, occupied),
         unknown=_areas(raster, unknown),
@@ -120,7 +120,7 @@ def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> Part:
     )
 
 
-def of_polygons(polygons: Sequence[Array]) -> Part:
+def of_polygons(polygons: Sequence[Array]) -> FloorPart:
     """Return the part of a floor that convex polygons occupy; it has no bounds, and as much height as the world gives.
 
     Args:
@@ -134,7 +134,7 @@ def of_polygons(polygons: Sequence[Array]) -> Part:
     every = np.concatenate(polygons)
     (low_x, low_y), (high_x, high_y) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
     areas = [RegionShape(polygon=_points(corners)) for corners in polygons]
-    return Part(bodies, areas, bounds=(low_x, high_x, low_y, high_y))
+    return FloorPart(bodies, areas, bounds=(low_x, high_x, low_y, high_y))
 
 
 def _points(corners: Array) -> tuple[tuple[float, ...], ...]:

@@ -25,7 +25,7 @@ from symaware_cli.world import Parameters as PluginParameters
 Distance = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
-class Request(NamedTuple):
+class PathRequest(NamedTuple):
     """What the path of an agent depends on, besides where it is.
 
     Attributes:
@@ -45,7 +45,7 @@ class GridPlans(NamedTuple):
         paths: The paths of those that ask for something new, by row.
     """
 
-    requests: list[Request]
+    requests: list[PathRequest]
     paths: dict[int, GridPath]
 
 
@@ -60,8 +60,8 @@ class GridPlanner(GroupComponent):
     An agent plans in its first turn, and again when its goal changes or the regions that it knows to be ``closed``.
     The waypoints begin where it is and end at the goal. If no path exists, or none is found within the greatest number
     of cells, it is to stay where it is: its waypoints are its own position (of a model with a heading, then a point
-    1 cm ahead), its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a path again, it does not count
-    among the agents that reached their goals.
+    1 cm ahead), its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a path again, it does not
+    count among the agents that reached their goals.
     """
 
     #: In a process of its own, its copy of the world has the obstacles.
@@ -132,12 +132,12 @@ class GridPlanner(GroupComponent):
         radius = group.entity.radius + given.margin
         self._grid = PlanningGrid(frame, fixed, radius, given.comfort, given.clearance_weight, hidden)
         self._searches: dict[tuple[str, ...], PathSearch] = {}
-        self._requests: list[Request | None] = [None] * len(group)
+        self._requests: list[PathRequest | None] = [None] * len(group)
 
     def _compute(self) -> GridPlans:
         group = self._group
         goals = group.known("goal").tolist()
-        requests = [Request(tuple(goals[row]), self._closed(group, row)) for row in range(len(group))]
+        requests = [PathRequest(tuple(goals[row]), self._closed(group, row)) for row in range(len(group))]
         positions = group.model.positions(group.awareness.state)
         # A search is a loop in Python anyway, and few agents need one in a turn.
         paths = {
@@ -167,7 +167,7 @@ class GridPlanner(GroupComponent):
     def _staying(self, row: int) -> Array:
         """Return waypoints at which an agent stays where it is."""
         model, state = self._group.model, self._group.awareness.state
-        position = model.positions(state)[row]
+        position: Array = model.positions(state)[row]
         if model.heading is None:
             return position[None]
         heading = state[row, model.heading]

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from symaware_cli.core import WorldError
 from symaware_cli.geometry import AssetPath, Length, Region
 from symaware_cli.language import Additions, ScenarioError, ScenarioSection, Section, SectionContext
-from symaware_cli.maps.floor import Floor, Part, floor_of, of_polygons, of_raster
+from symaware_cli.maps.floor import Floor, FloorPart, floor_of, of_polygons, of_raster
 from symaware_cli.maps.map_error import MapError
 from symaware_cli.maps.scatter import Scatter, scattered
 
@@ -56,7 +56,7 @@ class MapSection(ScenarioSection):
         form: MapForm | None = context.document.map
         if form is None:
             return Additions()
-        parts: list[Part] = []
+        parts: list[FloorPart] = []
         files: dict[str, bytes] = {}
         try:
             if form.file is not None:
@@ -84,7 +84,7 @@ class MapSection(ScenarioSection):
         return self._floor
 
 
-def _read(name: str, form: MapForm, context: SectionContext) -> tuple[Part, dict[str, bytes]]:
+def _read(name: str, form: MapForm, context: SectionContext) -> tuple[FloorPart, dict[str, bytes]]:
     """Read the file of a map; return what it contributes, and the files."""
     from symaware_cli.assets import asset
     from symaware_cli.maps import polygon_file, ros_map
@@ -92,6 +92,8 @@ def _read(name: str, form: MapForm, context: SectionContext) -> tuple[Part, dict
 
     suffix = PurePosixPath(name).suffix.lower()
     path = asset.find(name, context.folders)
+    if (as_written := context.folder / name).is_file():
+        path = as_written  # a shorter name in messages
     if suffix in ros_map.SUFFIXES:
         raster, files = ros_map.read_ros_map(name, path, context.folders)
         part = of_raster(raster, form.height, form.unknown == "solid")
@@ -104,7 +106,7 @@ def _read(name: str, form: MapForm, context: SectionContext) -> tuple[Part, dict
     return part, files
 
 
-def _scattered(scatter: Scatter, parts: list[Part], context: SectionContext) -> Part:
+def _scattered(scatter: Scatter, parts: list[FloorPart], context: SectionContext) -> FloorPart:
     within = scatter.within or (parts[0].bounds if parts else None)
     if within is None:
         raise MapError("without a file, it needs to be said within which bounds: `within: [x, x, y, y]`")

@@ -29,7 +29,7 @@ _DEPTH = 8
 
 
 @dataclass(frozen=True)
-class Ring:
+class PolygonRing:
     """A closed ring of corners, the last equal to the first.
 
     Attributes:
@@ -59,7 +59,7 @@ class PolygonFile:
             ScenarioError: It is wrong; has the first problem of each polygon at its place in the file.
             MapError: shapely is not installed.
         """
-        self.polygons: list[list[Ring]] = []
+        self.polygons: list[list[PolygonRing]] = []
         suffix = path.suffix.lower()
         self._source = source = read_text(path, str(path), "a file of polygons", SUFFIXES)
         if not source.problems and suffix == ".geojson":
@@ -90,7 +90,7 @@ class PolygonFile:
 
     # -- checks
 
-    def _is_sound(self, rings: list[Ring]) -> bool:
+    def _is_sound(self, rings: list[PolygonRing]) -> bool:
         """Check a polygon; report its first problem."""
         for number, ring in enumerate(rings):
             said = self._fault(ring, is_outer=number == 0)
@@ -108,7 +108,7 @@ class PolygonFile:
             return False
         return True
 
-    def _fault(self, ring: Ring, is_outer: bool) -> tuple[str, TextSpan] | None:
+    def _fault(self, ring: PolygonRing, is_outer: bool) -> tuple[str, TextSpan] | None:
         corners = ring.corners
         if len(corners) < 4:
             return f"a ring has at least 4 positions, the last equal to the first, not {len(corners)}", ring.spans[0]
@@ -129,7 +129,7 @@ class PolygonFile:
 
     # -- GeoJSON
 
-    def _geometries(self, node: SourceNode | None, depth: int = 0) -> Iterator[list[Ring]]:
+    def _geometries(self, node: SourceNode | None, depth: int = 0) -> Iterator[list[PolygonRing]]:
         """Yield the polygons of a GeoJSON object."""
         if node is None or not isinstance(node.value, dict):
             span = node.span if node is not None else self._source.text_span(1, 1, 1, 2)
@@ -163,7 +163,7 @@ class PolygonFile:
             self._refuse("a list with something in it is needed", node.span)
         return node.value
 
-    def _polygon(self, node: SourceNode) -> list[Ring]:
+    def _polygon(self, node: SourceNode) -> list[PolygonRing]:
         rings = []
         for ring in self._listed(node):
             corners, spans = [], []
@@ -173,19 +173,19 @@ class PolygonFile:
                     self._refuse("a position is two numbers [m]", place.span)
                 corners.append([float(n) for n in numbers if isinstance(n, int | float)])
                 spans.append(place.span)
-            rings.append(Ring(np.array(corners), spans))
+            rings.append(PolygonRing(np.array(corners), spans))
         return rings
 
     # -- well-known text
 
-    def _well_known(self) -> Iterator[list[Ring]]:
+    def _well_known(self) -> Iterator[list[PolygonRing]]:
         """Yield the polygons of well-known text: geometries one after the other."""
         tokens = _Tokens(self._source)
         while tokens.kind:
             if not tokens.skipped(";"):
                 yield from self._geometry(tokens)
 
-    def _geometry(self, tokens: _Tokens, depth: int = 0) -> Iterator[list[Ring]]:
+    def _geometry(self, tokens: _Tokens, depth: int = 0) -> Iterator[list[PolygonRing]]:
         kind, span = tokens.text.upper(), tokens.span
         if kind not in ("POLYGON", "MULTIPOLYGON", "GEOMETRYCOLLECTION") or depth > _DEPTH:
             said = "is none of POLYGON, MULTIPOLYGON and GEOMETRYCOLLECTION"
@@ -202,7 +202,7 @@ class PolygonFile:
             for _ in self._members(tokens):
                 yield from self._geometry(tokens, depth + 1)
 
-    def _ring(self, tokens: _Tokens) -> Ring:
+    def _ring(self, tokens: _Tokens) -> PolygonRing:
         corners, spans = [], []
         for _ in self._members(tokens):
             spans.append(tokens.span)
@@ -213,7 +213,7 @@ class PolygonFile:
             if len(numbers) != 2 or tokens.kind == "word":
                 self._refuse("a position is two numbers [m]", spans[-1])
             corners.append(numbers)
-        return Ring(np.array(corners), spans)
+        return PolygonRing(np.array(corners), spans)
 
     def _members(self, tokens: _Tokens) -> Iterator[None]:
         """Step through a list in parentheses; the caller reads each member."""

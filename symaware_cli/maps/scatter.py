@@ -12,7 +12,7 @@ from symaware_cli.core import Obstacle
 from symaware_cli.geometry import LARGEST, Array, Number, RegionShape, Scenery
 from symaware_cli.geometry.shape import Shape
 from symaware_cli.language import InitialAgents, Section
-from symaware_cli.maps.floor import Part
+from symaware_cli.maps.floor import FloorPart
 from symaware_cli.maps.map_error import MapError
 from symaware_cli.world import GroupChance, agent_numbers
 
@@ -62,7 +62,7 @@ def scattered(
     seed: int,
     agents: Sequence[InitialAgents],
     others: Mapping[str, Obstacle],
-) -> Part:
+) -> FloorPart:
     """Draw a field of obstacles.
 
     Places are drawn uniformly, obstacle by obstacle, until one has room. The draws are keyed by the seed, the number of
@@ -110,7 +110,7 @@ def scattered(
         for number, (place, heading) in enumerate(zip(places.tolist(), headings.tolist(), strict=True))
     }
     areas = [_area(body) for body in bodies.values()]
-    return Part(bodies, areas)
+    return FloorPart(bodies, areas)
 
 
 def _is_farther(place: Array, others: Array, least: Array) -> bool:

@@ -74,7 +74,7 @@ def least_cost(grid: PlanningGrid, search: PathSearch, start: Array, goal: Array
         cost.append(costs)
     edges = (np.concatenate(cost), (np.concatenate(one), np.concatenate(other)))
     graph = coo_array(edges, shape=(count + 2, count + 2)).tocsr()
-    return float(dijkstra(graph, indices=count)[count + 1])
+    return float(dijkstra(graph, indices=np.array([count]))[0, count + 1])
 
 
 def check(seed: int) -> bool:
