@@ -46,22 +46,6 @@ def test_regions_hold_where_cells_are_free_occupied_or_unknown(building: Callabl
     assert depth(built, "unknown", (0.3, 0.3)) == pytest.approx([0.1])
 
 
-@pytest.mark.parametrize("world", ["kinematic", "pymunk", "pybullet", "mujoco"])
-def test_every_world_has_its_bodies(
-    world: str, building: Callable[..., Built], scenario: dict[str, Any], room: Path
-) -> None:
-    if world != "kinematic":
-        pytest.importorskip(world)
-    scenario["environment"] = {"use": world}
-    scenario["run"]["duration"] = 3.0
-    scenario["agents"]["robot"]["knowledge"]["goal"] = [4.0, 1.5]  # in the wall on the way
-    scenario["agents"]["robot"]["components"]["scan"] = {"use": "perception.lidar", "with": {"rays": 4}}
-    building().simulation.environment.close()
-    log = room / f"{world}.mcap"
-    sa.load(room / "scenario.yaml").run(output=log)
-    assert any("map_" in str(event.data) for event in sa.open_log(log).events() if event.name == "contact")
-
-
 def test_a_map_may_be_moved_and_turned(building: Callable[..., Built], room: Path, scenario: dict[str, Any]) -> None:
     quarter = {**YAML, "origin": [1.0, 2.0, math.pi / 2]}
     (room / "room.yaml").write_text(yaml.safe_dump(quarter))
