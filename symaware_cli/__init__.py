@@ -128,9 +128,10 @@ if TYPE_CHECKING:
         verify_log,
         write_report,
     )
+    from symaware_cli.geometry import Region
     from symaware_cli.help_place import in_help
     from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
-    from symaware_cli.language import ScenarioError, ScenarioSection, SectionContext
+    from symaware_cli.language import Additions, InitialAgents, ScenarioError, ScenarioSection, SectionContext
     from symaware_cli.log import Log, LogError, Series, open_log
     from symaware_cli.plugin_files import component
     from symaware_cli.processes import (
@@ -147,6 +148,7 @@ if TYPE_CHECKING:
     from symaware_cli.world import Latency
 
 __all__ = [
+    "Additions",
     "Agent",
     "AgentGroup",
     "AgentParameters",
@@ -187,6 +189,7 @@ __all__ = [
     "GroupCommunicationReceiver",
     "GroupComponent",
     "GroupOutline",
+    "InitialAgents",
     "KnowledgeDatabase",
     "KnowledgeModel",
     "Latency",
@@ -213,6 +216,7 @@ __all__ = [
     "ProcessorWarning",
     "Quantity",
     "RareEventEstimate",
+    "Region",
     "RiskEstimator",
     "Roster",
     "RunFailedError",
@@ -284,6 +288,7 @@ __all__ = [
 
 #: The module that defines each public name that `symaware_cli.core` does not provide.
 _HOMES = {
+    "symaware_cli.geometry.region": ("Region",),
     "symaware_cli.knowledge.abstraction.bisimulation": ("Bisimulation", "bisimulation"),
     "symaware_cli.knowledge.abstraction.knowledge_model": ("KnowledgeModel",),
     "symaware_cli.knowledge.abstraction.transition_system": ("TransitionSystem",),
@@ -333,7 +338,7 @@ _HOMES = {
     "symaware_cli.processes.distribution_error": ("DistributionError",),
     "symaware_cli.processes.place": ("Place",),
     "symaware_cli.language.problem": ("ScenarioError",),
-    "symaware_cli.language.scenario_section": ("ScenarioSection", "SectionContext"),
+    "symaware_cli.language.scenario_section": ("Additions", "InitialAgents", "ScenarioSection", "SectionContext"),
     "symaware_cli.studies.sweep_error": ("SweepError",),
     "symaware_cli.world.probability_distribution": ("Latency",),
 }

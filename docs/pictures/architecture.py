@@ -26,6 +26,7 @@ ROOMS = {
     "views": (130, 455, "replays, plots, exports"),
     "planning": (878, 455, "optimal control, its risks"),
     "worlds": (1060, 365, "PyBullet, Pymunk"),
+    "maps": (620, 455, "floors, paths over them"),
     "language": (490, 580, "scenario files"),
     "log": (490, 670, "written, read, repaired"),
     "plugin_files": (760, 580, "code beside a scenario"),

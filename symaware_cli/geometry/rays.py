@@ -17,6 +17,9 @@ from symaware_cli.geometry.vectors import Array, Indices, Mask
 #: The number of pairs of a ray and a piece that are computed together, to bound memory.
 _TOGETHER = 1 << 17
 
+#: A whole turn [rad], and a greater angle between the rays of successive fans in one array.
+_TURN, _APART = 2.0 * np.pi, 8.0
+
 
 def nearest_hits(origins: Array, directions: Array, pieces: Pieces, source: Indices, piece: Indices) -> Array:
     """Return the distances along fans of rays to the nearest of some pieces.
@@ -33,21 +36,74 @@ def nearest_hits(origins: Array, directions: Array, pieces: Pieces, source: Indi
     """
     count, width = directions.shape[:2]
     distances = np.full(count * width, np.inf)
-    low, high = pieces.bounds()
-    centres, reaches = 0.5 * (low + high), 0.5 * np.hypot(*(high - low).T)
-    together = max(1, _TOGETHER // max(width, 1))
-    for start in range(0, len(source), together):
-        one, other = source[start : start + together], piece[start : start + together]
-        to_centre = (centres.take(other, 0) - origins.take(one, 0))[:, None]
-        towards = directions.take(one, 0)
-        along, aside = (towards * to_centre).sum(axis=2), _cross(towards, to_centre)
-        reach = reaches.take(other)[:, None]
-        # Most rays miss the circle around a piece.
-        row, ray = np.nonzero((np.abs(aside) <= reach) & (along >= -reach))
-        if len(row):
-            hit = _entry(origins.take(one.take(row), 0), towards[row, ray], pieces.take(other.take(row)))
-            np.minimum.at(distances, one.take(row) * width + ray, hit)
+    order, first, number = _windows(origins, directions, pieces, source, piece)
+    ends = np.cumsum(number)
+    start = 0
+    while start < len(source):
+        done = ends[start - 1] if start else 0
+        stop = max(start + 1, int(np.searchsorted(ends, done + _TOGETHER, "right")))
+        some = slice(start, stop)
+        one = np.repeat(source[some], number[some])
+        within = np.arange(len(one)) - np.repeat(ends[some] - number[some] - done, number[some])
+        ray = order[one, (np.repeat(first[some], number[some]) + within) % max(width, 1)]
+        if len(ray):
+            other = np.repeat(piece[some], number[some])
+            hit = _entry(origins.take(one, 0), directions[one, ray], pieces.take(other))
+            np.minimum.at(distances, one * width + ray, hit)
+        start = stop
     return distances.reshape(count, width)
+
+
+def _windows(
+    origins: Array, directions: Array, pieces: Pieces, source: Indices, piece: Indices
+) -> tuple[Indices, Indices, Indices]:
+    """Find the rays of fans that can meet pieces: those between the directions of the outermost vertices.
+
+    A map has hundreds of pieces within reach of a fan, and each is in the way of few of its rays. The windows are a
+    little wider than the pieces, so that distances do not depend on the rounding of angles.
+
+    Args:
+        origins: See `nearest_hits`.
+        directions: See `nearest_hits`.
+        pieces: See `nearest_hits`.
+        source: See `nearest_hits`.
+        piece: See `nearest_hits`.
+
+    Returns:
+        The rays of each fan by ascending angle, (n, k); and for each pair the place of the first ray of its window in
+        this order, (m,), and the number of rays from there on, cyclically, (m,).
+    """
+    width = directions.shape[1]
+    angles = np.arctan2(directions[..., 1], directions[..., 0])
+    order: Indices = np.argsort(angles, axis=1, kind="stable")
+    # One ascending array for all fans.
+    ranked = (np.take_along_axis(angles, order, 1) + _APART * np.arange(len(angles))[:, None]).ravel()
+    low, high = pieces.bounds()
+    to_centre = (0.5 * (low + high)).take(piece, 0) - origins.take(source, 0)
+    to_vertex = pieces.vertices.take(piece, 0) - origins.take(source, 0)[:, None]
+    rounding = pieces.rounding.take(piece)
+    middle = np.arctan2(to_centre[:, 1], to_centre[:, 0])
+    # Seen from outside of a convex piece, all of it is less than half a turn from the direction of its centre.
+    turn = np.arctan2(_cross(to_centre[:, None], to_vertex), (to_centre[:, None] * to_vertex).sum(axis=2))
+    distance = np.sqrt((to_vertex * to_vertex).sum(axis=2))
+    nearest = np.maximum(distance.min(axis=1), 1e-12)
+    extent = np.sqrt(((high - low) ** 2).sum(axis=1)).take(piece)
+    spread = np.arcsin(np.minimum(rounding[:, None] / np.maximum(distance, 1e-12), 1.0))
+    margin = 1e-9 * (1.0 + extent / nearest)
+    least, most = (turn - spread).min(axis=1) - margin, (turn + spread).max(axis=1) + margin
+    real = np.isfinite(pieces.offsets.take(piece, 0))
+    heights = (pieces.normals.take(piece, 0) * origins.take(source, 0)[:, None]).sum(axis=2)
+    outside = np.where(real, heights - np.where(real, pieces.offsets.take(piece, 0), 0.0), -np.inf).max(axis=1)
+    is_outside = np.where(real.any(axis=1), outside, nearest) > rounding + 1e-9 * (1.0 + extent)
+    whole = ~is_outside | (most - least >= _TURN)
+    begin = np.remainder(middle + least + np.pi, _TURN) - np.pi
+    end = begin + (most - least)
+    around = end > np.pi
+    fans = _APART * source
+    first = np.searchsorted(ranked, fans + begin, "left") - source * width
+    last = np.searchsorted(ranked, fans + np.where(around, end - _TURN, end), "right") - source * width
+    number = np.where(whole, width, np.maximum(last - first + np.where(around, width, 0), 0))
+    return order, np.where(whole, 0, first), np.minimum(number, width)
 
 
 def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
@@ -56,31 +112,45 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
     A rounded polygon is the union of discs at its vertices, and of its edges moved outwards by the radius (with the
     area in between): the ray enters it where it first meets any of them.
     """
-    vertices, rounding = pieces.vertices, pieces.rounding[:, None]
-    to_vertex = vertices - origins[:, None]
-    along = (to_vertex * directions[:, None]).sum(axis=2)
-    squared = (to_vertex * to_vertex).sum(axis=2)
+    # Coordinate by coordinate: reducing along an axis of two elements is several times as slow.
+    rounding = pieces.rounding[:, None]
+    vertex_x, vertex_y = pieces.vertices[..., 0], pieces.vertices[..., 1]
+    normal_x, normal_y = pieces.normals[..., 0], pieces.normals[..., 1]
+    origin_x, origin_y = origins[:, 0, None], origins[:, 1, None]
+    along_x, along_y = directions[:, 0, None], directions[:, 1, None]
+    to_x, to_y = vertex_x - origin_x, vertex_y - origin_y
+    along = to_x * along_x + to_y * along_y
+    squared = to_x * to_x + to_y * to_y
     beneath = rounding * rounding - squared + along * along
     half = np.sqrt(np.maximum(beneath, 0.0))
     meets = (beneath >= 0.0) & (along + half >= 0.0)
     discs = np.where(meets, np.maximum(along - half, 0.0), np.inf)
     real = np.isfinite(pieces.offsets)
-    edges = following(vertices) - vertices
-    speed = (pieces.normals * directions[:, None]).sum(axis=2)
+    edge_x, edge_y = following(vertex_x) - vertex_x, following(vertex_y) - vertex_y
+    speed = normal_x * along_x + normal_y * along_y
     # The distance of the ray's origin outside of each edge of the core.
-    height = (pieces.normals * origins[:, None]).sum(axis=2) - np.where(real, pieces.offsets, 0.0)
+    height = (normal_x * origin_x + normal_y * origin_y) - np.where(real, pieces.offsets, 0.0)
     inwards = real & (speed < 0.0) & (height >= rounding)
     distance = np.where(inwards, (rounding - height) / np.where(inwards, speed, -1.0), np.inf)
-    crossing = np.where(inwards, distance, 0.0)[..., None] * directions[:, None] - to_vertex
-    sides = np.where(inwards & _beside(crossing, edges), distance, np.inf)
+    reached = np.where(inwards, distance, 0.0)
+    beside = _beside(reached * along_x - to_x, reached * along_y - to_y, edge_x, edge_y)
+    sides = np.where(inwards & beside, distance, np.inf)
     inside = real.any(axis=1) & (~real | (height <= 0.0)).all(axis=1)
-    inside |= (real & (height >= 0.0) & (height <= rounding) & _beside(-to_vertex, edges)).any(axis=1)
-    return np.where(inside, 0.0, np.minimum(discs.min(axis=1), sides.min(axis=1)))
+    near = real & (height >= 0.0) & (height <= rounding)
+    if near.any():
+        inside |= (near & _beside(-to_x, -to_y, edge_x, edge_y)).any(axis=1)
+    return np.where(inside, 0.0, np.minimum(_least(discs), _least(sides)))
 
 
-def _beside(points: Array, edges: Array) -> Mask:
-    """Return whether points, relative to the starts of edges, project onto the edge; (m, k, 2) each."""
-    share, length = (points * edges).sum(axis=2), (edges * edges).sum(axis=2)
+def _least(values: Array) -> Array:
+    """Return the least of each row; column by column, which is faster for a few columns."""
+    least: Array = np.minimum.reduce([values[:, column] for column in range(values.shape[1])])
+    return least
+
+
+def _beside(x: Array, y: Array, edge_x: Array, edge_y: Array) -> Mask:
+    """Return whether points, relative to the starts of edges, project onto the edge; (m, k) each."""
+    share, length = x * edge_x + y * edge_y, edge_x * edge_x + edge_y * edge_y
     # With a tolerance, so that no ray slips through between two edges.
     beside: Mask = (share >= -1e-12 * length) & (share <= (1.0 + 1e-12) * length)
     return beside

@@ -36,6 +36,8 @@ from .problem import to_json as to_json
 from .resolved import dumped as dumped
 from .sampling import Sampler as Sampler
 from .sampling import contains as contains
+from .scenario_section import Additions as Additions
+from .scenario_section import InitialAgents as InitialAgents
 from .scenario_section import ScenarioSection as ScenarioSection
 from .scenario_section import SectionContext as SectionContext
 from .section import Identifier as Identifier

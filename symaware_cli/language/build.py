@@ -33,6 +33,7 @@ from symaware_cli.language.requirement import check_requirements
 from symaware_cli.language.resolved import resolved
 from symaware_cli.language.satisfiability_check import check_satisfiable
 from symaware_cli.language.scenario_check import ScenarioCheck, ScenarioFacts
+from symaware_cli.language.scenario_section import InitialAgents
 from symaware_cli.language.section_builder import SectionBuilder
 from symaware_cli.language.source import Path
 from symaware_cli.language.specifications import SpecificationBuilder, check_values
@@ -59,6 +60,8 @@ class Built:
         files: Each file as written, including assets such as meshes, by its path relative to the scenario's folder.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         sections: The objects built from the sections of plugins, by key.
+        section_files: The names of those of the files that sections of plugins read for what they add.
+        drawn_sections: The keys of the sections that add other bodies or regions in each run.
         find_warnings: Returns warnings about valid but probably unintended values; too slow for the start of a run.
     """
 
@@ -70,6 +73,8 @@ class Built:
     files: Mapping[str, bytes]
     uses: Mapping[str, Mapping[str, Any]]
     sections: Mapping[str, Any] = field(default_factory=dict)
+    section_files: Sequence[str] = ()
+    drawn_sections: Sequence[str] = ()
     find_warnings: Callable[[], Sequence[Problem]] = tuple
 
     @property
@@ -79,8 +84,8 @@ class Built:
 
     @property
     def digest(self) -> bytes:
-        """The SHA-256 of the resolved document, and of the scenario's own plugins; identifies the scenario."""
-        content = [self.resolved]
+        """The SHA-256 of the resolved document, and of the scenario's own plugins and maps; identifies the scenario."""
+        content = [self.resolved, *(self.files[name] for name in sorted(self.section_files))]
         if self.document.plugins:
             content += [self.files[name] for name in sorted(self.files) if name.endswith(".py")]
         return hashlib.sha256(b"\0".join(content)).digest()
@@ -181,9 +186,18 @@ class _SimulationBuilder:
         if valid is not None:
             folders = asset_folders(valid, self._folder)
         environment = self._environment(mapping(data.get("environment")), folders)
+
+        def initial_agents() -> Sequence[InitialAgents]:
+            # Their problems are reported when the groups are built.
+            unheard = Diagnosis(self._composition)
+            maker = GroupBuilder(unheard, self._factory, valid, self._folder)
+            return maker.initial_agents(mapping(data.get("agents")))
+
+        sections = SectionBuilder(self._diagnosis, self._factory, folders, initial_agents)
+        extended = sections.build(data, valid)
+        if extended is not None:
+            valid = document = extended
         maker = GroupBuilder(self._diagnosis, self._factory, valid, self._folder)
-        sections = SectionBuilder(self._diagnosis, self._factory)
-        sections.build(data, valid, self._folder)
         maker.sections = sections.built
         groups, component_entries = [], []
         # In the order of the roster from here on, so that the order of groups in the file does not matter.
@@ -237,7 +251,8 @@ class _SimulationBuilder:
         for name, use in document.subscribers.items() if self._world is None else ():
             simulation.events.subscribe_matching(use.event, self._factory.plugins["subscribers", name], use.of)
         sections.connect(simulation)
-        files = {**self._composition.files, **self._own_files, **assets(document, sections.parameters(), folders)}
+        assets_needed = assets(document, sections.parameters(), folders)
+        files = {**self._composition.files, **self._own_files, **assets_needed, **sections.files}
 
         def find_warnings() -> Sequence[Problem]:
             check.find_warnings()
@@ -246,7 +261,19 @@ class _SimulationBuilder:
             check_bodies(document, groups, self._diagnosis)
             return tuple(self._diagnosis.warnings)
 
-        return Built(document, simulation, steps, options, data, files, maker.uses, sections.built, find_warnings)
+        return Built(
+            document=document,
+            simulation=simulation,
+            steps=steps,
+            options=options,
+            data=data,
+            files=files,
+            uses=maker.uses,
+            sections=sections.built,
+            section_files=tuple(sections.files),
+            drawn_sections=tuple(sections.drawn),
+            find_warnings=find_warnings,
+        )
 
     def _sound_part(self, data: Mapping[str, Any], problems: list[Problem]) -> ScenarioDocument | list[Problem]:
         """The document without its wrong entries, if these are in sections whose entries do not need each other."""

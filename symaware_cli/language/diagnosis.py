@@ -34,6 +34,24 @@ class Diagnosis:
         self.earlier = tuple(earlier)
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
+        #: Where the sections are written that add entries which no file contains, by the paths of these entries.
+        self._places: dict[Path, Path] = {}
+
+    def place_at(self, above: Path, names: Iterable[str], section: Path) -> None:
+        """Locate problems with entries that a section of the scenario adds at this section.
+
+        Args:
+            above: The path of the entries without their names.
+            names: The names of the entries.
+            section: The path of the section that adds them.
+        """
+        self._places |= {(*above, name): section for name in names}
+
+    def _placed(self, path: Path) -> Path:
+        """Return where an entry is written."""
+        if not self._places:
+            return path
+        return next((self._places[path[:end]] for end in (2, 3) if path[:end] in self._places), path)
 
     def report(
         self,
@@ -47,12 +65,14 @@ class Diagnosis:
     ) -> None:
         """Note a problem; the arguments are those of `Composition.problem`."""
         self.problems.append(
-            self.composition.problem(code, message, path, key=key, expected=expected, suggestion=suggestion)
+            self.composition.problem(
+                code, message, self._placed(path), key=key, expected=expected, suggestion=suggestion
+            )
         )
 
     def warn(self, code: str, message: str, path: Path, *, key: bool = False, expected: str | None = None) -> None:
         """Note a warning; the arguments are those of `Composition.problem`."""
-        self.warnings.append(self.composition.problem(code, message, path, key=key, expected=expected))
+        self.warnings.append(self.composition.problem(code, message, self._placed(path), key=key, expected=expected))
 
     def refuse(self, code: str, message: str, path: Path, **hints: Any) -> NoReturn:
         """Note a problem that ends the building of the present part.

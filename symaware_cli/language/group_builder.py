@@ -21,6 +21,7 @@ from symaware_cli.language.parts import declared_parts, declared_signals, name_c
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.language.problem import dotted, nearest, quoted
 from symaware_cli.language.sampling import Sampler
+from symaware_cli.language.scenario_section import InitialAgents
 from symaware_cli.language.source import Path
 from symaware_cli.specification import ExpressionError
 from symaware_cli.world import ParameterError
@@ -210,6 +211,20 @@ class GroupBuilder:
                 component_entries += entries_of(group, component, use, instances[component], own)
         return group, component_entries
 
+    def initial_agents(self, agents: Mapping[str, Any]) -> list[InitialAgents]:
+        """Return the agents of each group at the beginning, without building the groups.
+
+        Args:
+            agents: The section of all groups, as plain data.
+        """
+        found: list[InitialAgents] = []
+        for name, entry in sorted(agents.items()):
+            ids, initial = self._initial(name, mapping(entry), None)
+            kind = self._factory.plugins.get(("agents", name, "model"))
+            if initial is not None and kind is not None and self._document is not None:
+                found.append(_SampledAgents(ids, self._document.agents[name].entity.radius, kind, *initial))
+        return found
+
     def _initial(
         self, name: str, entry: Mapping[str, Any], model: Model | None
     ) -> tuple[list[str], tuple[Array, Sequence[Mapping[str, Any]]] | None]:
@@ -266,6 +281,28 @@ class GroupBuilder:
         for fault in faults:
             self._report("broken-plugin", f"the model {quoted(use)} {fault}", path)
         return not faults
+
+
+class _SampledAgents(InitialAgents):
+    """The agents of a group with sampled states and knowledge."""
+
+    def __init__(
+        self,
+        ids: Sequence[str],
+        radius: float,
+        model: type[Model],
+        states: Array,
+        knowledge: Sequence[Mapping[str, Any]],
+    ) -> None:
+        self.ids, self.radius = ids, radius
+        self._places, self._knowledge = states[:, list(model.position)], knowledge
+
+    @property
+    def positions(self) -> Array:
+        return self._places
+
+    def known(self, name: str) -> Sequence[Any]:
+        return [each.get(name) for each in self._knowledge]
 
 
 def _fault_of(model: Model | type[Model]) -> str | None:

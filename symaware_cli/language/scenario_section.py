@@ -6,13 +6,17 @@ Reasons: docs/decisions/0069-sections-of-plugins.md
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, get_origin
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import Plugin
+from symaware_cli.assets import AssetFolders
+from symaware_cli.core import Obstacle, Plugin
 from symaware_cli.engine import Simulation
 from symaware_cli.geometry import Region
 from symaware_cli.language.problem import Problem
@@ -21,18 +25,67 @@ from symaware_cli.language.source import Path
 from symaware_cli.world import PluginKind
 
 
+@dataclass(frozen=True)
+class Additions:
+    """What a section adds to its scenario.
+
+    Attributes:
+        entities: Bodies that become part of the world, by name.
+        regions: Sets of the workspace, by the names that formulas and conditions refer to.
+        files: The contents of the files that they were read from, by their paths relative to the scenario's folder. The
+            log keeps them, so that it can be run again without the scenario's folder.
+        is_drawn: Whether they depend on the seed, so that every run has others.
+    """
+
+    entities: Mapping[str, Obstacle] = field(default_factory=dict)
+    regions: Mapping[str, Region] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    is_drawn: bool = False
+
+
+class InitialAgents(ABC):
+    """The agents of a group as they are at the beginning, before the group is built.
+
+    Attributes:
+        ids: Their ids.
+        radius: The radius of the bounding circle around the position of each [m].
+    """
+
+    ids: Sequence[str]
+    radius: float
+
+    @property
+    @abstractmethod
+    def positions(self) -> NDArray[np.float64]:
+        """Their positions [m]; shape (n, d)."""
+
+    @abstractmethod
+    def known(self, name: str) -> Sequence[Any]:
+        """Return what each knows under a name; None for one that knows nothing under it."""
+
+
 class SectionContext(ABC):
     """The surroundings of a section while it is built; takes the problems of the section.
 
     Attributes:
-        document: The validated scenario; None if it has problems: then the section is built only to check it.
+        document: The validated scenario; None if it has problems: then the section is built only to check it. It has
+            what sections add when sections are built, and not yet when they are asked for it.
         folder: The folder of the scenario; it contains the files that the scenario refers to.
-        regions: The regions of the scenario, by name.
+        folders: This folder, and those that the scenario names under `assets`.
+        regions: The regions of the scenario, by name; those that sections add are among them when sections are built.
     """
 
     document: Any
     folder: FilePath
+    folders: AssetFolders
     regions: Mapping[str, Region]
+
+    @abstractmethod
+    def agents(self) -> Sequence[InitialAgents]:
+        """Return the agents of each group at the beginning, in the order of the roster.
+
+        Groups whose initial states or knowledge are invalid, which is reported elsewhere, are left out.
+        """
 
     @abstractmethod
     def make(self, entry: Any, *place: str | int) -> Plugin | None:
@@ -98,6 +151,17 @@ class ScenarioSection:
             written: The section as plain data, which may be invalid.
         """
         return iter(())
+
+    def additions(self, written: Any, context: SectionContext) -> Additions:
+        """Return what the section adds to the scenario: bodies of the world, and regions.
+
+        Called before `build`, on the same object, and only for a valid scenario. Problems are reported to the context.
+
+        Args:
+            written: The section as plain data.
+            context: The surroundings.
+        """
+        return Additions()
 
     def build(self, written: Any, context: SectionContext) -> Any:
         """Build an object from the section, before the groups are built.

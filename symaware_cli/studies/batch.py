@@ -53,6 +53,8 @@ def _refusals(built: Built) -> Iterator[str]:
     environment, groups = simulation.environment, {group.name for group in simulation.groups}
     if options.mode != "synchronous":
         yield "components of the asynchronous mode take their turns at instants of their own"
+    if built.drawn_sections:
+        yield f"the section `{built.drawn_sections[0]}` draws other bodies in each run"
     if options.until is not None:
         unknown = {*options.until.names} - {*BATCH_NAMES, *document.regions}
         if unknown:

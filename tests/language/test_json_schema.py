@@ -16,7 +16,11 @@ from symaware_cli.language.template import template
 
 ROOT = CHECKOUT
 BAD = ROOT / "tests" / "scenarios" / "bad"
-EXAMPLES = sorted(path for path in (ROOT / "scenarios").rglob("*") if path.suffix in (".yaml", ".toml"))
+EXAMPLES = sorted(
+    path
+    for path in (ROOT / "scenarios").rglob("*")
+    if path.suffix in (".yaml", ".toml") and "symaware" in path.read_text(encoding="utf-8")
+)
 
 pytestmark = pytest.mark.usefixtures("known_plugins")
 

@@ -12,6 +12,7 @@ from symaware_cli.language.build import Built
 from symaware_cli.language.execution import execute
 from symaware_cli.language.json_schema import scenario_schema
 from symaware_cli.language.problem import Problem
+from symaware_cli.studies.batch import refusal
 
 pytestmark = pytest.mark.usefixtures("known_sections")
 
@@ -103,3 +104,64 @@ def test_it_is_in_the_schema() -> None:
 
 def test_its_base_classes_are_public() -> None:
     assert {"ScenarioSection", "SectionContext", "ScenarioView"} <= set(sa.__all__)
+
+
+def test_bodies_and_regions_that_it_adds_are_those_of_the_scenario(
+    sound: dict[str, Any], building: Callable[..., Built]
+) -> None:
+    sound["weather"] = {"at_north": 4.0}  # built later, wherever it is in the file
+    sound["harbour"] = {"north": [0, 9], "south": [0, -9]}
+    sound["specifications"] = {"off": {"formula": "always not inside(position, at_north)", "each": "robot"}}
+    built = building(sound)
+    built.simulation.environment.close()
+    assert list(built.simulation.environment.obstacles) == ["north", "south"]
+    assert [*built.simulation.groups[0].regions] == ["at_north", "at_south"]
+    assert built.files["buoys.txt"] == b"north, south"
+    assert b"harbour:\n  north:" in built.resolved
+    assert b"at_north: {" not in built.resolved
+
+
+def test_what_it_adds_identifies_the_scenario(sound: dict[str, Any], building: Callable[..., Built]) -> None:
+    digests = []
+    for name in ("north", "south"):
+        sound["harbour"] = {name: [0, 9]}
+        digests.append(building(sound).digest)
+    assert digests[0] != digests[1]
+
+
+@pytest.mark.parametrize(
+    ("harbour", "said"),
+    [
+        ({"robot": [0, 9]}, "`harbour` adds entities with names that are taken: the group `robot`"),
+        ({"rock": [0, 9]}, "`harbour` adds entities with names that are taken: the entity `rock`"),
+        ({"bay": [5, 0]}, "there is an agent of robot.0"),
+    ],
+)
+def test_names_that_are_taken_and_its_own_reservations_are_located(
+    harbour: Any, said: str, sound: dict[str, Any], problems: Callable[..., list[Problem]]
+) -> None:
+    sound["environment"]["entities"] = {"rock": {"shape": {"circle": {"radius": 1.0}}, "position": [20, 0]}}
+    sound["harbour"] = harbour
+    (problem,) = problems(sound)
+    assert problem.message.startswith(said)
+    assert problem.path.startswith("harbour")
+    assert problem.span is not None
+
+
+def test_a_problem_with_a_body_that_it_adds_is_at_the_section(
+    sound: dict[str, Any], problems: Callable[..., list[Problem]]
+) -> None:
+    sound["harbour"] = {"north": [0, 9]}
+    sound["regions"] = {"at_north": {"box": [0, 1]}}
+    (problem,) = problems(sound)
+    assert "the region `at_north`" in problem.message
+
+
+def test_runs_that_have_other_bodies_each_are_not_batched(
+    sound: dict[str, Any], building: Callable[..., Built]
+) -> None:
+    sound["agents"]["robot"]["components"] = {"sense": {"use": "perception.omniscient"}}
+    sound["harbour"] = {"north": [0, 9]}
+    assert refusal(building(sound)) is None
+    sound["harbour"] = {"drifting": [0, 9]}
+    assert refusal(building(sound)) == "the section `harbour` draws other bodies in each run"

@@ -134,6 +134,8 @@ class Observer:
         self._environment: Environment = simulation.environment
         self.contacts = 0
         self.goals: set[str] = set()
+        #: Agents without a path to their goal: where they wait is no goal, even if what steers them takes it for one.
+        self._without_path: set[str] = set()
         self.left: set[str] = set()
         self.warnings: Counter[str] = Counter()
         self.errors: Counter[str] = Counter()
@@ -151,6 +153,8 @@ class Observer:
         simulation.events.subscribe("contact", self._on_contact)
         simulation.events.subscribe("goal-reached", self._on_goal)
         simulation.events.subscribe("goal-changed", self._on_goal_changed)
+        simulation.events.subscribe("goal-unreachable", self._on_goal_unreachable)
+        simulation.events.subscribe("path-planned", self._on_path)
         simulation.events.subscribe("removed", self._on_removed)
         simulation.events.subscribe("*", self._on_event)
 
@@ -159,7 +163,15 @@ class Observer:
             self.contacts += 1
 
     def _on_goal(self, event: Event) -> None:
-        self.goals.add(_agent(event))
+        if (id := _agent(event)) not in self._without_path:
+            self.goals.add(id)
+
+    def _on_goal_unreachable(self, event: Event) -> None:
+        self._without_path.add(_agent(event))
+        self.goals.discard(_agent(event))
+
+    def _on_path(self, event: Event) -> None:
+        self._without_path.discard(_agent(event))
 
     def _on_goal_changed(self, event: Event) -> None:
         self.goals.discard(_agent(event))

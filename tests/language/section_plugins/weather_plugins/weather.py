@@ -5,7 +5,16 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from symaware_cli import AgentGroup, Component, ScenarioSection, ScenarioView, SectionContext
+from symaware_cli import (
+    Additions,
+    AgentGroup,
+    Component,
+    Obstacle,
+    Region,
+    ScenarioSection,
+    ScenarioView,
+    SectionContext,
+)
 
 Speed = Annotated[float, Field(ge=0, description="Speed [m/s].")]
 
@@ -30,6 +39,30 @@ class Weather(ScenarioSection):
 
 #: What the sections of the runs had.
 STARTED: list[Mapping[str, float]] = []
+
+
+class Harbour(ScenarioSection):
+    """Buoys by their names, each with a region around it, and with a file that lists them."""
+
+    form: ClassVar[Any] = dict[str, tuple[float, float]]
+    description: ClassVar[str] = "Positions of buoys, by name [m]."
+
+    def additions(self, written: Any, context: SectionContext) -> Additions:
+        """Add the buoys; none may be where an agent begins."""
+        for group in context.agents():
+            for name, place in written.items():
+                if (abs(group.positions[:, :2] - place).max(axis=1) < 1.0).any():
+                    context.report(f"there is an agent of {group.ids[0]}", name)
+        buoy = {"shape": {"circle": {"radius": 0.5}}}
+        return Additions(
+            {name: Obstacle.model_validate({**buoy, "position": tuple(place)}) for name, place in written.items()},
+            {
+                f"at_{name}": Region.model_validate({"circle": {"centre": tuple(place), "radius": 1.0}})
+                for name, place in written.items()
+            },
+            {"buoys.txt": ", ".join(written).encode()},
+            is_drawn="drifting" in written,
+        )
 
 
 class Broken(ScenarioSection):

@@ -1,0 +1,170 @@
+"""A* on a planning grid, from a position to another.
+
+P. E. Hart, N. J. Nilsson and B. Raphael, A formal basis for the heuristic determination of minimum cost paths, IEEE
+Transactions on Systems Science and Cybernetics 4 (1968).
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import NamedTuple
+
+import numpy as np
+
+from symaware_cli.geometry import Array
+from symaware_cli.geometry.vectors import Indices
+from symaware_cli.maps.planning_grid import MOVES, PlanningGrid
+
+_DIAGONAL = 2.0**0.5
+
+#: Within how many cells of a position the search for cells that it is linked with goes on until there are some.
+_NEAR = (1.5, 3.0, 6.0)
+
+
+class GridPath(NamedTuple):
+    """The result of a search.
+
+    Attributes:
+        points: The start, the corners of the path, and the goal [m]; shape (k, 2). Empty without a path.
+        cost: The cost of the path; infinite without one.
+        expanded: How many cells were expanded.
+        is_limited: Whether the search ended because of its limit.
+    """
+
+    points: Array
+    cost: float
+    expanded: int
+    is_limited: bool
+
+
+class PathSearch:
+    """Searches paths on a grid.
+
+    A start or a goal is linked with the passable cells around it that a straight line leads to without touching an
+    obstacle. A body that is nearer to an obstacle than its radius counts as narrower on the link, so that it gets away.
+    """
+
+    def __init__(self, grid: PlanningGrid) -> None:
+        """Prepare.
+
+        Args:
+            grid: The grid.
+        """
+        self._grid = grid
+        self._penalty: list[float] = grid.penalty.tolist()
+        columns = grid.frame.shape[1]
+        step = grid.frame.resolution
+        steps = [(row * columns + column, step * (_DIAGONAL if column and row else 1.0)) for column, row in MOVES]
+        #: The moves from a cell by its bits: changes of the index, and lengths.
+        self._steps = [[steps[bit] for bit in range(8) if bits >> bit & 1] for bits in range(256)]
+        self._moves: list[int] = grid.moves.tolist()
+
+    def path(self, start: Array, goal: Array, most: int) -> GridPath:
+        """Find a path of least cost.
+
+        Args:
+            start: Where it begins [m]; shape (2,).
+            goal: Where it ends [m]; shape (2,).
+            most: The greatest number of cells to expand.
+        """
+        grid, penalty, all_steps, moves = self._grid, self._penalty, self._steps, self._moves
+        first, begin = self.links(start)
+        last, finish = self.links(goal)
+        ends = dict(zip(last.tolist(), finish.tolist(), strict=True))
+        columns, step = grid.frame.shape[1], grid.frame.resolution
+        goal_x, goal_y = (grid.frame.cells(goal[None])[0] - 0.5).tolist()
+        # A path passes one of the last cells, so this is how much nearer than the goal it may be without being better.
+        slack = max((self._distance(cell, goal_x, goal_y) for cell in ends), default=0.0)
+
+        def estimate(cell: int) -> float:
+            row, column = divmod(cell, columns)
+            x, y = abs(column - goal_x), abs(row - goal_y)
+            least = step * (max(x, y) + (_DIAGONAL - 1.0) * min(x, y)) - slack
+            return least if least > 0.0 else 0.0
+
+        best: dict[int, float] = dict(zip(first.tolist(), begin.tolist(), strict=True))
+        parent: dict[int, int] = {}
+        # Entries of equal estimates are taken by cell, so that the search does not depend on anything else.
+        ahead = [(cost + estimate(cell), cell) for cell, cost in best.items()]
+        heapq.heapify(ahead)
+        done: set[int] = set()
+        found, found_cost, expanded = -1, self._direct(start, goal), 0
+        while ahead:
+            total, cell = heapq.heappop(ahead)
+            if total >= found_cost:
+                break
+            if cell in done:
+                continue
+            if expanded >= most:
+                return GridPath(np.empty((0, 2)), np.inf, expanded, True)
+            done.add(cell)
+            expanded += 1
+            cost = best[cell]
+            if cell in ends and cost + ends[cell] < found_cost:
+                found, found_cost = cell, cost + ends[cell]
+            here = penalty[cell]
+            for change, length in all_steps[moves[cell]]:
+                other = cell + change
+                if other in done:
+                    continue
+                reached = cost + length * (1.0 + 0.5 * (here + penalty[other]))
+                if reached < best.get(other, np.inf):
+                    best[other] = reached
+                    parent[other] = cell
+                    heapq.heappush(ahead, (reached + estimate(other), other))
+        if found < 0:
+            points = np.stack([start, goal]) if np.isfinite(found_cost) else np.empty((0, 2))
+            return GridPath(points, found_cost, expanded, False)
+        cells = [found]
+        while cells[-1] in parent:
+            cells.append(parent[cells[-1]])
+        return GridPath(self._points(start, cells[::-1], goal), found_cost, expanded, False)
+
+    def links(self, position: Array) -> tuple[Indices, Array]:
+        """Return the cells that a position is linked with, ascending, (m,), and the costs of these links, (m,)."""
+        grid = self._grid
+        rows, columns = grid.frame.shape
+        x, y = (grid.frame.cells(position[None])[0] - 0.5).tolist()
+        radius = min(grid.radius, max(grid.clearance(position), 0.0))
+        for reach in _NEAR:
+            across = np.arange(max(0, int(np.ceil(x - reach))), min(columns, int(np.floor(x + reach)) + 1))
+            up = np.arange(max(0, int(np.ceil(y - reach))), min(rows, int(np.floor(y + reach)) + 1))
+            cells: Indices = (up[:, None] * columns + across).ravel()
+            cells = cells[grid.passable[cells]]
+            centres = grid.centres[cells]
+            starts = np.broadcast_to(position, centres.shape)
+            length = np.sqrt(((centres - starts) ** 2).sum(axis=1))
+            linked = (length <= reach * grid.frame.resolution) & grid.clear(starts, centres, radius)
+            if linked.any():
+                cost = length[linked] * (1.0 + grid.penalty[cells[linked]])
+                return cells[linked], cost
+        return np.empty(0, np.intp), np.empty(0)
+
+    def _direct(self, start: Array, goal: Array) -> float:
+        """Return the cost of the straight line between positions in one cell or two; infinite if it is not possible."""
+        grid = self._grid
+        away = goal - start
+        length = float(np.sqrt((away**2).sum()))
+        if length > grid.frame.resolution:
+            return np.inf
+        radius = min(grid.radius, max(grid.clearance(start), 0.0), max(grid.clearance(goal), 0.0))
+        is_clear = grid.clear(start[None], goal[None], radius)[0]
+        return length * (1.0 + float(grid.penalty.max(initial=0.0))) if is_clear else np.inf
+
+    def _distance(self, cell: int, x: float, y: float) -> float:
+        row, column = divmod(cell, self._grid.frame.shape[1])
+        across, up = abs(column - x), abs(row - y)
+        return self._grid.frame.resolution * (max(across, up) + (_DIAGONAL - 1.0) * min(across, up))
+
+    def _points(self, start: Array, cells: list[int], goal: Array) -> Array:
+        """Return the start, the positions where the path turns, and the goal."""
+        kept = [start]
+        for point in (*self._grid.centres[cells], goal):
+            if len(kept) > 1:
+                one, other = kept[-1] - kept[-2], point - kept[-1]
+                is_straight = abs(one[0] * other[1] - one[1] * other[0]) <= 1e-9 * self._grid.frame.resolution**2
+                if is_straight and one[0] * other[0] + one[1] * other[1] >= 0.0:
+                    kept.pop()
+            if (point != kept[-1]).any():
+                kept.append(point)
+        return np.array(kept)
