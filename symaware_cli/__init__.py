@@ -130,6 +130,8 @@ if TYPE_CHECKING:
     from symaware_cli.help_place import in_help
     from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
     from symaware_cli.language import ScenarioError, ScenarioSection, SectionContext
+    from symaware_cli.learning.environments import env, single_env
+    from symaware_cli.learning.team import LearningError
     from symaware_cli.log import Log, LogError, Series, open_log
     from symaware_cli.plugin_files import component
     from symaware_cli.processes import (
@@ -189,6 +191,7 @@ __all__ = [
     "KnowledgeDatabase",
     "KnowledgeModel",
     "Latency",
+    "LearningError",
     "Level",
     "Links",
     "Log",
@@ -262,6 +265,7 @@ __all__ = [
     "compare_sweeps",
     "component",
     "controller",
+    "env",
     "estimate",
     "falsify",
     "generator",
@@ -272,6 +276,7 @@ __all__ = [
     "open_sweep",
     "scenario",
     "seconds",
+    "single_env",
     "sweep",
     "verify_certificate",
     "verify_log",
@@ -306,6 +311,8 @@ _HOMES = {
     "symaware_cli.assets.vehicle": ("Vehicle",),
     "symaware_cli.engine.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
     "symaware_cli.help_place": ("in_help",),
+    "symaware_cli.learning.environments": ("env", "single_env"),
+    "symaware_cli.learning.team": ("LearningError",),
     "symaware_cli.processes.transport": (
         "Port",
         "PortEvent",

@@ -238,6 +238,7 @@ class _SimulationBuilder:
             simulation.events.subscribe_matching(use.event, self._factory.plugins["subscribers", name], use.of)
         sections.connect(simulation)
         files = {**self._composition.files, **self._own_files, **assets(document, sections.parameters(), folders)}
+        files |= sections.files()
 
         def find_warnings() -> Sequence[Problem]:
             check.find_warnings()

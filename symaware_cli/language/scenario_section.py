@@ -114,6 +114,10 @@ class ScenarioSection:
         """Return the plugins that check the whole scenario, by their places below the section."""
         return {}
 
+    def files(self, built: Any) -> Mapping[str, bytes]:
+        """Return the files that `build` read, by their paths below the scenario's folder: the log contains them."""
+        return {}
+
     def connect(self, built: Any, simulation: Simulation) -> None:
         """Connect the result of `build` with the simulation; called if the scenario is valid."""
 

@@ -73,6 +73,14 @@ class SectionBuilder:
             for place, plugin in section.plugins(self.built[key]).items()
         }
 
+    def files(self) -> Mapping[str, bytes]:
+        """Return the files that the sections read, besides those that plugins name in parameters."""
+        return {
+            name: content
+            for key, section in self._sections.items()
+            for name, content in section.files(self.built[key]).items()
+        }
+
     def connect(self, simulation: Simulation) -> None:
         """Connect the built objects with the simulation."""
         for key, section in self._sections.items():

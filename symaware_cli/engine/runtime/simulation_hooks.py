@@ -126,6 +126,8 @@ class SimulationHooks:
     def end(self, now: int, is_step: bool) -> str | None:
         """Record what changed; return why the run ends, if it does."""
         simulation, until = self._simulation, self._until
+        if is_step and simulation.overrides is not None:
+            self.imposed = dict(simulation.overrides(self._kernel.done))
         if self.imposed:
             self._impose()
         if self._recorder:
