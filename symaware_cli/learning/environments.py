@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from symaware_cli.learning.parallel_environment import ScenarioParallelEnv
     from symaware_cli.learning.single_environment import ScenarioEnv
 
+#: The name of the environment in Gymnasium.
+ID = "symaware/Scenario-v0"
+
 #: What the section `learning` says, or a function of a `Team`.
 Said = str | Mapping[str, Any] | Sequence[Any] | Callable[[Team], Any] | None
 
@@ -124,8 +127,20 @@ def _episodes(
     return Episodes(given, {**(changes or {}), **paths}, functions)
 
 
+def _register() -> None:
+    """Register `single_env` with Gymnasium, if it is installed: ``gymnasium.register_envs(symaware_cli.single_env)``."""
+    if find_spec("gymnasium") is not None:
+        from gymnasium.envs.registration import register, registry
+
+        if ID not in registry:
+            register(ID, f"{__name__}:single_env")
+
+
 def _require(package: str, render_mode: str | None) -> None:
     if find_spec(package) is None:
         raise ImportError(f"environments need {package}: pip install 'symaware-cli[rl]'", name=package)
     if render_mode not in (None, "rgb_array"):
         raise ValueError(f"the render mode {render_mode!r} is not rgb_array")
+
+
+_register()

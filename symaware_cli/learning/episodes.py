@@ -21,6 +21,7 @@ from symaware_cli.learning.learning_task import LearningTask, bounds_of
 from symaware_cli.learning.reward import Reward
 from symaware_cli.learning.team import LearningError, Team
 from symaware_cli.studies import seed_of
+from symaware_cli.views import WorldFrames
 from symaware_cli.world import DrawCount
 
 if TYPE_CHECKING:
@@ -86,7 +87,8 @@ class _TeamTask:
         self._observation = task.observation(team)
         self._reward: Reward = task.reward(team)
         self._termination = task.termination(team)
-        self._seen = np.zeros(len(team.agents), bool)
+        self._everybody = np.ones(len(team.agents), bool)
+        self._seen = self._everybody
 
     def begin(self) -> TeamStep:
         self._seen = self.team.present.copy()
@@ -97,9 +99,11 @@ class _TeamTask:
 
     def step(self) -> TeamStep:
         team, functions = self.team, self._functions
-        present = team.present
-        left = self._seen & ~present
-        self._seen = self._seen | present
+        present, left = self._everybody, None
+        if team.of.present is not None:
+            present = team.present
+            left = self._seen & ~present
+            self._seen = self._seen | present
         count = len(team.agents)
         if functions.reward is None:
             rewards = self._reward.step(count)
@@ -109,6 +113,8 @@ class _TeamTask:
             over = _checked("the termination", functions.terminate(team), (count,)) != 0.0
         else:
             over = np.zeros(count, bool) if self._termination is None else self._termination()
+        if left is None:
+            return TeamStep(self._observed(present), rewards, over, present)
         return TeamStep(self._observed(present), np.where(present, rewards, 0.0), left | (present & over), present)
 
     def _observed(self, present: Truths) -> Array:
@@ -119,8 +125,10 @@ class _TeamTask:
             found = np.array(function(team), float)
             found = found[:, None] if found.ndim == 1 else found
             _checked("the observation", found, (len(team.agents), found.shape[-1]))
-        found[np.isnan(found)] = 0.0
-        if not present.all():
+        unknown = np.isnan(found)
+        if unknown.any():
+            found[unknown] = 0.0
+        if present is not self._everybody:
             found[~present] = 0.0
         return found
 
@@ -197,6 +205,7 @@ class Episodes:
     def _start(self, seed: int) -> None:
         """Build the simulation of a seed."""
         self.close()
+        self._frames: WorldFrames | None = None
         self.built: Built = self._build(seed)
         task = self.built.sections.get("learning")
         if not isinstance(task, LearningTask):
@@ -292,6 +301,13 @@ class Episodes:
         self._history.append(given)
         self.simulation.step()
         return [each.step() for each in self._tasks]
+
+    def draw(self) -> NDArray[np.uint8]:
+        """Draw the world at the present instant; see `WorldFrames.draw`."""
+        if self._frames is None:
+            simulation = self.built.simulation
+            self._frames = WorldFrames(simulation.environment, simulation.groups, self.built.document.regions)
+        return self._frames.draw()
 
     def record(self, output: str | os.PathLike[str] | None = None) -> Path:
         """Write the log of the present episode, which contains its actions, by repeating it.

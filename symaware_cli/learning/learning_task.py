@@ -140,6 +140,8 @@ class LearningTask(Plugin):
     def observation(self, team: Team) -> Callable[[], Array]:
         """Return the function that computes the observations of a team; shape (n, k)."""
         parts = [self._observed(team, each) for each in self.content.observation]
+        if len(parts) == 1:
+            return parts[0]
         return lambda: np.concatenate([each() for each in parts], axis=1)
 
     def reward(self, team: Team) -> Reward:

@@ -121,11 +121,7 @@ class ScenarioParallelEnv(ParallelEnv[str, Array, Array]):
         Returns:
             Red, green and blue; shape (480, 480, 3).
         """
-        if self.render_mode is None:
-            return None
-        from symaware_cli.learning.frame import draw_frame
-
-        return draw_frame(self.episodes.built)
+        return None if self.render_mode is None else self.episodes.draw()
 
     def close(self) -> None:
         """Close the simulation."""

@@ -40,9 +40,12 @@ class Reward:
         Args:
             count: The number of agents.
         """
-        total = np.zeros(count)
-        for each in self._present:
-            total = total + each.step()
+        steps = [each.step() for each in self._present]
+        if not steps:
+            return np.zeros(count)
+        total = steps[0]
+        for each in steps[1:]:
+            total = total + each
         return total
 
 
@@ -57,7 +60,9 @@ class _Term:
 
     def step(self) -> Array:
         """Return the reward of a step; a value that is not defined counts as 0."""
-        return self._weight * np.nan_to_num(self._compute(), nan=0.0, posinf=np.inf, neginf=-np.inf)
+        found = self._weight * self._compute()
+        unknown = np.isnan(found)
+        return np.where(unknown, 0.0, found) if unknown.any() else found
 
 
 class _Change(_Term):

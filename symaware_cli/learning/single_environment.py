@@ -60,11 +60,7 @@ class ScenarioEnv(gymnasium.Env[Array, Array]):
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]  # None without a render mode
         """Draw the world from above; see `ScenarioParallelEnv.render`."""
-        if self.render_mode is None:
-            return None
-        from symaware_cli.learning.frame import draw_frame
-
-        return draw_frame(self.episodes.built)
+        return None if self.render_mode is None else self.episodes.draw()
 
     def close(self) -> None:
         """Close the simulation."""

@@ -154,7 +154,11 @@ class Team:
         if found.dtype.kind not in "fbiu":
             raise TypeError("it is not a number")
         count = len(self.of)
-        if found.ndim < 2:
+        if found.ndim == 2 and len(found) == count:
+            pass
+        elif found.ndim == 1 and len(found) == count:
+            found = found[:, None]
+        elif found.ndim < 2:
             found = np.broadcast_to(found, (count,))[:, None]
         else:
             found = np.broadcast_to(found, (count, *found.shape[1:])).reshape(count, -1)

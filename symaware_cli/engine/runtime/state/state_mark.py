@@ -41,6 +41,10 @@ class StateMark:
         self._seeded: list[Any] = []
         #: Attributes of objects that have no others: the most frequent case, so it is a loop without calls.
         self._plain: list[tuple[dict[str, Any], dict[str, Any]]] = []
+        #: Those of objects that have others without state, with the names of all that may be there.
+        self._partial: list[tuple[dict[str, Any], dict[str, Any], frozenset[str]]] = []
+        #: Collections that are empty at the mark.
+        self._empty: list[tuple[Any, Callable[[Any], object]]] = []
         self._arrays: list[tuple[Any, Any]] = []
         for (kind, _, _), value in Serialiser(roots, packages).objects():
             if kind == "object":
@@ -49,7 +53,11 @@ class StateMark:
                 if value.flags.writeable:
                     self._arrays.append((value, value.copy(order="K")))
             elif kind in _RETURNS:
-                self._returns.append(_RETURNS[kind](value))
+                clear = _CLEARS.get(type(value))
+                if clear is not None and not value:
+                    self._empty.append((value, clear))
+                else:
+                    self._returns.append(_RETURNS[kind](value))
                 if kind in ("list", "dict", "set") and getattr(value, "__dict__", None):
                     self._add_attributes(value, layout(type(value)))
 
@@ -63,6 +71,13 @@ class StateMark:
             if own.keys() != marked.keys():
                 own.clear()
             own.update(marked)
+        for own, marked, known in self._partial:
+            for name in own.keys() - known:
+                del own[name]
+            own.update(marked)
+        for value, clear in self._empty:
+            if value:
+                clear(value)
         for array, contents in self._arrays:
             if not array.flags.writeable:
                 array.flags.writeable = True
@@ -88,9 +103,11 @@ class StateMark:
         if "*" in of.uncaptured:
             return
         marked = attributes(value, of)
-        if of.slots or of.uncaptured or type(getattr(value, "__dict__", None)) is not dict:
+        if of.slots or type(getattr(value, "__dict__", None)) is not dict:
             self._returns.append(partial(set_attributes, value, of, marked))
-        elif marked:
+        elif of.uncaptured:
+            self._partial.append((value.__dict__, marked, of.uncaptured.union(marked)))
+        else:
             self._plain.append((value.__dict__, marked))
 
 
@@ -161,6 +178,9 @@ def _return_cell(value: Any) -> Return:
         return lambda: None
     return lambda: setattr(value, "cell_contents", marked)
 
+
+#: How collections of exactly these types are emptied.
+_CLEARS: Mapping[type, Callable[[Any], object]] = {dict: dict.clear, list: list.clear, set: set.clear}
 
 #: How objects of each kind of `Serialiser` get their marked contents back; those of other kinds cannot change.
 _RETURNS: Mapping[str, Callable[[Any], Return]] = {
