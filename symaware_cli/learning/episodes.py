@@ -341,13 +341,15 @@ class Episodes:
                 changes["run.duration"] = steps * self.time_step
             repeated = Scenario(scenario, changes, seed=self.seed, trust=True)
             result = repeated.run(output=path)
-        for group in built.simulation.groups:
-            here = group.present
-            rows = np.arange(len(group)) if here is None else np.flatnonzero(here)
-            expected = simulation.state(group.ids[0] if len(group) == 1 else group.name).reshape(len(group), -1)
-            found = result.series(group.name, "world").values[-1].reshape(len(group), -1)
-            if found[rows].tobytes() != np.ascontiguousarray(expected[rows]).tobytes():
-                raise LearningError(f"{path}: the repetition differs in the states of `{group.name}`")
+        if result.summary.steps != steps:
+            raise LearningError(f"{path}: the repetition ended after {result.summary.steps} steps, not {steps}")
+        for group in built.simulation.groups if "world" not in built.document.recording.omit else ():
+            present = np.ones(len(group), bool) if group.present is None else group.present
+            if present.any():
+                expected = built.simulation.environment.state(group)[present]
+                found = result.series(group.name, "world").values[-1].reshape(len(group), -1)[present]
+                if found.tobytes() != np.ascontiguousarray(expected).tobytes():
+                    raise LearningError(f"{path}: the repetition differs in the states of `{group.name}`")
         return path
 
     def close(self) -> None:
