@@ -16,7 +16,7 @@ from checkout import CHECKOUT
 import symaware_cli
 
 #: The rooms that nothing below them imports.
-FEATURES = frozenset({"evidence", "studies", "views", "processes", "planning", "knowledge", "worlds"})
+FEATURES = frozenset({"evidence", "studies", "views", "processes", "planning", "knowledge", "worlds", "learning"})
 
 #: The verbs that do without: what they import of a feature is for an option of it.
 WHOLE = frozenset({"run", "validate", "inspect", "schema", "show"})

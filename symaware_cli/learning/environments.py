@@ -40,7 +40,7 @@ def env(
 
     Args:
         scenario: A scenario file, a log, or a `Scenario`.
-        agents: The agents that learn: a group, an agent, or several of these. All others are driven by their components.
+        agents: The agents that learn: a group, an agent, or several of these. Components drive all others.
         observation: As in the section, or a function of a `Team` that returns shape (n,) or (n, k).
         action: The bounds ``low`` and ``high`` of the actions, which are control inputs.
         reward: As in the section, or a function of a `Team` that returns shape (n,).
@@ -128,7 +128,7 @@ def _episodes(
 
 
 def _register() -> None:
-    """Register `single_env` with Gymnasium, if it is installed: ``gymnasium.register_envs(symaware_cli.single_env)``."""
+    """Register `single_env` with Gymnasium, if it is installed."""
     if find_spec("gymnasium") is not None:
         from gymnasium.envs.registration import register, registry
 

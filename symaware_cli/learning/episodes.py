@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -55,7 +55,7 @@ class TeamStep(NamedTuple):
     Attributes:
         observations: Zeros of agents that are absent; shape (n, k).
         rewards: Shape (n,).
-        terminated: Whether the agent has left for good, its condition holds, or the run ended before its duration; (n,).
+        terminated: Whether the agent has left for good, or its condition holds; shape (n,).
         present: Whether the agent is in the world; shape (n,).
     """
 
@@ -160,7 +160,8 @@ class Episodes:
         self._actions = _Actions()
         self._history: list[Mapping[AgentGroup, Given]] = []
         self._tasks: list[_TeamTask] = []
-        self.seed, self.index, self._root = 0, -1, None
+        self.seed, self.index = 0, -1
+        self._root: int | None = None
         with DrawCount() as drawn:
             self._start(_COMPARED[0])
         self._own_seed = self._built_seed()
@@ -243,8 +244,8 @@ class Episodes:
         """Begin the next episode.
 
         Args:
-            seed: The seed from which the seeds of this and the following episodes are derived, as those of the runs of a
-                sweep; None to continue. The first episode without one begins from the scenario's.
+            seed: The seed from which those of this and the following episodes are derived, like those of the runs
+                of a sweep; None to continue. The first episode without one begins with the scenario's seed.
 
         Returns:
             The observations of each team.
@@ -253,7 +254,7 @@ class Episodes:
             self._root, self.index = self._own_seed if seed is None else int(seed), 0
         else:
             self.index += 1
-        self.seed = seed_of(self._root, self.index)
+        self.seed = seed_of(self._root or 0, self.index)
         self._history, self._actions.given = [], {}
         if self._mark is not None:
             self.simulation.go_back(self._mark, self.seed)
@@ -266,7 +267,7 @@ class Episodes:
         """Make a step.
 
         Args:
-            actions: The control inputs of learning agents, shape (nu,); agents without one are driven by their components.
+            actions: The control inputs of learning agents, shape (nu,); components drive agents without one.
 
         Returns:
             What it brought each team.
@@ -280,16 +281,17 @@ class Episodes:
         left = len(actions)
         for team in self.teams:
             group = team.of
-            mask, values = np.zeros(len(group), bool), np.zeros(group.control_input.shape)
+            width = len(group.model.control_input)
+            mask, values = np.zeros(len(group), bool), np.zeros((len(group), width))
             for row, id in zip(team.rows.tolist(), team.agents, strict=True):
                 action = actions.get(id)
                 if action is not None:
                     mask[row] = True
-                    values[row] = _action(id, action, values.shape[1])
+                    values[row] = _action(id, action, width)
                     left -= 1
             if mask.any():
                 if not np.isfinite(values).all():
-                    row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+                    row = next(each for each in team.rows.tolist() if not np.isfinite(values[each]).all())
                     raise ValueError(f"the action of {group.ids[row]} is not finite: {values[row].tolist()}")
                 given[group] = mask, values
         if left:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,9 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Environment, Plugin, ScenarioView
 from symaware_cli.geometry import Region
 from symaware_cli.learning.given_inputs import GivenInputs
+from symaware_cli.learning.learning_content import ActionBounds, LearningUse, NearestOthers, RewardTerm, SignalValues
 from symaware_cli.learning.reward import Reward, reward_of
 from symaware_cli.learning.team import LearningError, Team
-
-if TYPE_CHECKING:
-    from symaware_cli.learning.learning_section import ActionBounds, LearningUse, RewardTerm
 
 Array = NDArray[np.float64]
 
@@ -54,18 +53,18 @@ class LearningTask(Plugin):
         """Report what does not fit the agents of a team."""
         content = self.content
         for number, entry in enumerate(content.observation):
-            self._tried(lambda entry=entry: self._observed(team, entry), view, "observation", number)
+            self._tried(partial(self._observed, team, entry), view, "observation", number)
         written = content.reward
         for number, term in enumerate(content.terms):
-            place = ("reward", number) if isinstance(written, list) else ("reward",)
+            place: tuple[str | int, ...] = ("reward", number) if isinstance(written, list) else ("reward",)
             inner = () if isinstance(written[number] if isinstance(written, list) else written, str) else ("value",)
             if term.specification is not None:
                 self._check_specification(term, view, team, *place, "specification")
             else:
-                self._tried(lambda term=term: _one(team, term), view, *place, *inner)
+                self._tried(partial(_one, team, term), view, *place, *inner)
         if content.terminate is not None:
             text = content.terminate
-            self._tried(lambda: team.condition("truth", text), view, "terminate")
+            self._tried(partial(team.condition, "truth", text), view, "terminate")
         try:
             bounds_of(team.of, content.action)
         except LearningError as error:
@@ -91,25 +90,27 @@ class LearningTask(Plugin):
         use = view.document.specifications[name]
         if specification.offer is not None:
             view.report(f"`{name}` is offered, and not that of an agent from the beginning", *place, key=False)
+        elif specification.automaton is not None:
+            view.report(f"`{name}` is an automaton, which has no robustness", *place, key=False)
         elif use.each not in (None, team.group):
             view.report(f"`{name}` is about `{use.each}`, not about `{team.group}`", *place, key=False)
 
     @staticmethod
-    def _observed(team: Team, entry: Any) -> Callable[[], Array]:
+    def _observed(team: Team, entry: str | NearestOthers | SignalValues) -> Callable[[], Array]:
         """Return the function that computes an entry of the observation."""
         if isinstance(entry, str):
             return team.columns("belief", entry)
-        if hasattr(entry, "signal"):
-            return lambda: team.signal(entry.signal)
-        return lambda: team.nearest(entry.nearest, entry.of)
+        if isinstance(entry, SignalValues):
+            return partial(team.signal, entry.signal)
+        return partial(team.nearest, entry.nearest, entry.of)
 
     def members(self, groups: Sequence[AgentGroup]) -> list[tuple[tuple[str | int, ...], str, dict[str, list[int]]]]:
         """Return the place and the name of each entry of `agents`, with the rows that it means, by group."""
         written = self.content.agents
         names = [written] if isinstance(written, str) else written
-        found = []
+        found: list[tuple[tuple[str | int, ...], str, dict[str, list[int]]]] = []
         for number, name in enumerate(names):
-            place = ("agents",) if isinstance(written, str) else ("agents", number)
+            place: tuple[str | int, ...] = ("agents",) if isinstance(written, str) else ("agents", number)
             rows = {}
             for group in groups:
                 if group.name == name:

@@ -5,31 +5,29 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 from pettingzoo import ParallelEnv
 
-from symaware_cli.learning.episodes import Episodes, TeamStep
+from symaware_cli.learning.episodes import Episodes
 
 Array = NDArray[np.float64]
 
 
-class ScenarioParallelEnv(ParallelEnv[str, Array, Array]):
+class ScenarioParallelEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
     """A scenario whose learning agents are controlled from outside; all others are driven by their components.
 
-    Agents that have not entered yet are among `agents`, with observations of zeros and ``info["present"]`` false, because
-    an agent may not come later. An agent that leaves the world is terminated.
+    Agents that have not entered yet are among `agents`, with observations of zeros and ``info["present"]`` false: an
+    agent may not come later. An agent that leaves the world is terminated.
 
     Attributes:
         possible_agents: The ids of the learning agents.
         agents: Those whose episode is not over.
         episodes: The episodes.
     """
-
-    metadata: ClassVar[dict[str, Any]] = {"name": "symaware", "render_modes": ["rgb_array"], "is_parallelizable": True}
 
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
         """Prepare.
@@ -40,7 +38,12 @@ class ScenarioParallelEnv(ParallelEnv[str, Array, Array]):
         """
         self.episodes = episodes
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": 1.0 / episodes.time_step}
+        self.metadata = {
+            "name": "symaware",
+            "render_modes": ["rgb_array"],
+            "is_parallelizable": True,
+            "render_fps": 1.0 / episodes.time_step,
+        }
         self.possible_agents = [id for team in episodes.teams for id in team.agents]
         self.agents: list[str] = []
         self.observation_spaces: dict[str, Box] = {}
@@ -64,12 +67,12 @@ class ScenarioParallelEnv(ParallelEnv[str, Array, Array]):
         """Begin the next episode.
 
         Args:
-            seed: The seed of a series of episodes, whose episode k is run k of a sweep with that seed; None for the next
-                episode of the series. The first series without a seed is that of the scenario's.
+            seed: The seed of a series of episodes: episode k is run k of a sweep with that seed. None for the next
+                episode of the series, which begins with the scenario's seed if none was given.
             options: Not used.
 
         Returns:
-            The observation and the info of each agent; ``info["seed"]`` is the seed with which `symaware run` makes this
+            The observation and the info of each agent; with ``info["seed"]`` as its seed, `symaware run` makes this
             run.
         """
         steps = self.episodes.begin(seed)
@@ -83,9 +86,7 @@ class ScenarioParallelEnv(ParallelEnv[str, Array, Array]):
 
     def step(
         self, actions: Mapping[str, ArrayLike]
-    ) -> tuple[
-        dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
-    ]:
+    ) -> tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Make a step; see `Episodes.step`.
 
         An agent is terminated if its condition holds, if it leaves, or if the run ends before its duration, because
@@ -126,6 +127,3 @@ class ScenarioParallelEnv(ParallelEnv[str, Array, Array]):
     def close(self) -> None:
         """Close the simulation."""
         self.episodes.close()
-
-
-__all__ = ["ScenarioParallelEnv", "TeamStep"]

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.learning.learning_content import RewardTerm
 from symaware_cli.learning.team import Team
-
-if TYPE_CHECKING:
-    from symaware_cli.learning.learning_section import RewardTerm
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -23,8 +23,6 @@ class ScenarioEnv(gymnasium.Env[Array, Array]):
         episodes: The episodes.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"]}
-
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
         """Prepare.
 
@@ -36,7 +34,7 @@ class ScenarioEnv(gymnasium.Env[Array, Array]):
         (self.agent,) = team.agents
         self.episodes = episodes
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": 1.0 / episodes.time_step}
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 1.0 / episodes.time_step}
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (width,), np.float64)
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
 
@@ -58,7 +56,7 @@ class ScenarioEnv(gymnasium.Env[Array, Array]):
         """Write the log of the present episode; see `Episodes.record`."""
         return self.episodes.record(output)
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]  # None without a render mode
+    def render(self) -> NDArray[np.uint8] | None:
         """Draw the world from above; see `ScenarioParallelEnv.render`."""
         return None if self.render_mode is None else self.episodes.draw()
 

@@ -187,7 +187,8 @@ class Team:
 
         Args:
             count: How many others.
-            of: What of each: ``position`` relative to the agent's [m], ``velocity`` [m/s], ``distance`` [m], ``present``.
+            of: What of each: ``position`` relative to the agent's [m], ``velocity`` [m/s], ``distance`` [m], or
+                ``present``, which is 1.
 
         Returns:
             Shape (n, count * width).
@@ -222,17 +223,19 @@ class Team:
         return flat if self._all else flat[self.rows]
 
     def robustness(self, name: str) -> Array:
-        """Return the robustness of a specification on the samples up to now; shape (n,).
+        """Return the robustness of a specification on the samples up to the present one; shape (n,).
 
-        The monitor looks at an instant after the control inputs of that instant were given, so the last sample is that of
-        the previous step, except at the end of the run.
+        NaN of agents that it does not concern.
         """
         statuses = self.of.specifications[name]
         assert isinstance(statuses, MonitorStatuses)
-        return np.array([statuses.measured(id) for id in self.agents])
+        return np.array([np.nan if statuses.of(id) is None else statuses.measured(id) for id in self.agents])
 
     def decided(self, name: str) -> NDArray[np.bool_]:
-        """Return for which agents a specification is satisfied or violated; shape (n,)."""
+        """Return for which agents a specification is satisfied or violated; shape (n,).
+
+        The monitor decides once the control inputs of an instant were given, so this is known one step later.
+        """
         statuses = self.of.specifications[name]
         found = [statuses.of(id) for id in self.agents]
         return np.array([each is not None and each.verdict is not None for each in found])
@@ -246,7 +249,9 @@ class _Statuses:
 
     def __getitem__(self, name: str) -> Array | NDArray[np.bool_]:
         if name not in self._group.specifications:  # before the run
-            return np.full(len(self._group), np.nan) if self._figure == "robustness" else np.zeros(len(self._group), bool)
+            return (
+                np.full(len(self._group), np.nan) if self._figure == "robustness" else np.zeros(len(self._group), bool)
+            )
         statuses = [self._group.specifications[name].of(id) for id in self._group.ids]
         if self._figure == "robustness":
             return np.array([np.nan if each is None else each.robustness for each in statuses])

@@ -75,8 +75,8 @@ class WorldFrames:
             axes.fill(corners[:, 0], corners[:, 1], facecolor=colour, edgecolor="none")
         for start, end in self._directions():
             axes.plot([start[0], end[0]], [start[1], end[1]], color="white", linewidth=1.5, solid_capstyle="round")
-        canvas.draw()
-        return np.array(canvas.buffer_rgba(), np.uint8)[..., :3].copy()
+        canvas.draw()  # type: ignore[no-untyped-call]  # matplotlib has types in part
+        return np.array(canvas.buffer_rgba(), np.uint8)[..., :3].copy()  # type: ignore[no-untyped-call]  # likewise
 
     def _bodies(self) -> Iterator[tuple[Array, str]]:
         """Yield the outline of each body, (m, 2) [m], and its colour."""

@@ -32,8 +32,8 @@ def test_the_libraries_accept_the_environment_of_hello() -> None:
 # Gymnasium advises bounded observations and symmetric actions, which a scenario need not have.
 @pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|infinity):UserWarning")
 def test_gymnasium_accepts_the_environment_of_one_agent() -> None:
-    gymnasium.register_envs(sa.single_env)
-    made = gymnasium.make("symaware/Scenario-v0", scenario=HELLO, agent="robot.1", reward=REWARD)
+    name = "symaware_cli.learning.environments:symaware/Scenario-v0"
+    made = gymnasium.make(name, scenario=HELLO, agent="robot.1", reward=REWARD)
     check_env(made.unwrapped, skip_render_check=True)
 
 
@@ -79,7 +79,8 @@ def test_an_episode_driven_by_components_equals_the_run_of_its_index(tmp_path: P
         changes={"agents.robot.model.with.process_noise": [0.1, 0.1, 0.1]},
     )
     assert table["seed"].to_pylist()[1] == infos["robot.0"]["seed"]
-    (log,) = (each for each in (tmp_path / "swept").rglob("*.mcap") if sa.open_log(each).manifest["seed"] == infos["robot.0"]["seed"])
+    logs = {sa.open_log(each).manifest["seed"]: each for each in (tmp_path / "swept").rglob("*.mcap")}
+    log = logs[infos["robot.0"]["seed"]]
     recorded = sa.open_log(log).series("robot", "world").values[-1]
     assert recorded.tobytes() == environment.episodes.simulation.state("robot").tobytes()
 
@@ -98,7 +99,7 @@ def test_a_recorded_episode_is_verified_from_its_log_alone(tmp_path: Path, most:
     verified = sa.verify_log(path)
     assert verified.is_equal
     assert verified.is_whole
-    assert sa.open_log(path).outcome["steps"] == count
+    assert (sa.open_log(path).outcome or {})["steps"] == count
     requested = sa.open_log(path).series("robot", "requested_control").values
     assert requested[0, 2].tolist() == [0.5, 1.0]
 
