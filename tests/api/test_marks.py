@@ -45,9 +45,12 @@ def test_another_seed_draws_other_noise_as_a_new_simulation_would() -> None:
 
 
 def test_a_simulation_with_a_log_has_no_marks(tmp_path: Path) -> None:
-    with sa.load(SCENARIOS / "hello.yaml").start(output=tmp_path / "log.mcap") as simulation:
-        with pytest.raises(sa.StateError, match="its log is finished"):
-            simulation.mark()
+    scenario = sa.load(SCENARIOS / "hello.yaml")
+    with (
+        scenario.start(output=tmp_path / "log.mcap") as simulation,
+        pytest.raises(sa.StateError, match="its log is finished"),
+    ):
+        simulation.mark()
 
 
 def test_within_a_step_beliefs_are_those_of_the_present_and_inputs_act_at_it() -> None:

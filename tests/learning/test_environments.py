@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import gymnasium
@@ -7,6 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from learning_scenarios import (
+    DURATION,
     HELLO,
     REWARD,
     SCENARIOS,
@@ -25,8 +29,8 @@ from symaware_cli.learning.team import Team
 
 
 def test_the_libraries_accept_the_environment_of_hello() -> None:
-    parallel_api_test(hello(), num_cycles=300)
-    parallel_seed_test(hello)
+    parallel_api_test(hello(changes={"run.duration": 1.0}), num_cycles=30)
+    parallel_seed_test(hello, num_cycles=5)
 
 
 # Gymnasium advises bounded observations and symmetric actions, which a scenario need not have.
@@ -48,7 +52,7 @@ def test_the_aec_wrapper_of_pettingzoo_steps_one_agent_after_the_other() -> None
 
 
 def test_whole_episodes_are_equal_for_equal_seeds_and_actions() -> None:
-    one, other = hello(), hello()
+    one, other = (hello(changes={"run.duration": 2.0}) for _ in range(2))
     first = digest(one, seed=3, actions=0)
     digest(one, seed=4, actions=1)
     assert digest(one, seed=3, actions=0) == digest(other, seed=3, actions=0) == first
@@ -275,6 +279,24 @@ def test_a_scenario_that_does_not_say_who_learns_is_refused() -> None:
         sa.env(HELLO)
 
 
+@pytest.mark.parametrize(("make", "package"), [(sa.env, "pettingzoo"), (sa.single_env, "gymnasium")])
+def test_a_missing_library_is_named_with_its_extra(
+    make: Callable[..., object], package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ImportError, match=rf"environments need {package}: pip install 'symaware-cli\[rl\]'"):
+        make(HELLO, "robot.0")
+
+
+def test_a_scenario_without_the_section_loads_nothing_for_it() -> None:
+    said = f"""if True:
+        import sys, symaware_cli
+        symaware_cli.load({str(HELLO)!r}).run(record=False, duration=0.1)
+        assert not [name for name in sys.modules if "learning" in name or name in ("gymnasium", "pettingzoo")]
+    """
+    subprocess.run([sys.executable, "-c", said], check=True)
+
+
 def test_the_render_mode_of_a_window_is_refused() -> None:
     with pytest.raises(ValueError, match="'human' is not rgb_array"):
         hello(render_mode="human")
@@ -297,7 +319,7 @@ def test_a_frame_shows_the_world_from_above() -> None:
 @pytest.mark.parametrize("name", TEN)
 def test_shipped_scenarios_are_environments_with_repeatable_episodes(name: str, tmp_path: Path) -> None:
     environment = shipped(name)
-    parallel_api_test(shipped(name), num_cycles=100)
+    parallel_api_test(shipped(name), num_cycles=50)
     parallel_seed_test(lambda: shipped(name), num_cycles=5)
     first = digest(environment, 3, 0)
     assert sa.verify_log(environment.record(tmp_path / "episode.mcap")).is_equal
@@ -309,10 +331,10 @@ def test_shipped_scenarios_are_environments_with_repeatable_episodes(name: str, 
 @pytest.mark.parametrize("name", TEN)
 def test_episodes_driven_by_components_equal_their_runs(name: str) -> None:
     environment = shipped(name)
-    scenario = sa.load(next(SCENARIOS.glob(f"{name}.*")))
+    scenario = sa.load(next(SCENARIOS.glob(f"{name}.*")), {"run.duration": DURATION})
     assert scenario.outline is not None
     environment.reset(seed=3)
-    for _ in range(3):
+    for _ in range(2):
         _, infos = environment.reset()
         while environment.agents:
             environment.step({})

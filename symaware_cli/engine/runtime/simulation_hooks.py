@@ -193,7 +193,10 @@ class SimulationHooks:
         """Replace the control inputs that components have requested by the imposed ones."""
         for group, (rows, values) in self.imposed.items():
             requested = group.control_input
-            if not np.array_equal(requested[rows], values[rows]):
+            if rows.all():
+                if not np.array_equal(requested, values):
+                    group.control_input = values.copy()
+            elif not np.array_equal(requested[rows], values[rows]):
                 group.control_input = np.where(rows[:, None], values, requested)
 
     def _is_over(self, until: Expression) -> bool:
