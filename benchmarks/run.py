@@ -241,6 +241,15 @@ def measure_specifications(rounds: int) -> str:
     return "\n".join(["## Specifications", "", *about, "", *table(rows), ""])
 
 
+def measure_learning(rounds: int) -> str:
+    """Measure environments of reinforcement learning, and format the results."""
+    _show_progress("environments of reinforcement learning")
+    program = [sys.executable, str(HERE / "learning.py"), "--rounds", str(rounds)]
+    printed = subprocess.run(program, check=True, capture_output=True, text=True).stdout
+    about = "Agent-steps per CPU-second of environments, resets included, as `benchmarks/learning.py` measures them."
+    return "\n".join(["## Learning", "", about, "", printed])
+
+
 def spread(values: list[float]) -> str:
     """Format the median and the range of values."""
     least, greatest = min(values), max(values)
@@ -267,6 +276,7 @@ def main() -> None:
     parser.add_argument("--no-replays", action="store_true", help="omit the replays")
     parser.add_argument("--no-messages", action="store_true", help="omit the messages")
     parser.add_argument("--no-specifications", action="store_true", help="omit the monitors of specifications")
+    parser.add_argument("--no-learning", action="store_true", help="omit the environments of reinforcement learning")
     parser.add_argument("--no-write", action="store_true", help="do not write RESULTS.md")
     arguments = parser.parse_args()
     if not arguments.no_peers:
@@ -290,6 +300,8 @@ def main() -> None:
         text += "\n" + measure_messages(arguments.rounds)
     if not arguments.no_specifications:
         text += "\n" + measure_specifications(arguments.rounds)
+    if not arguments.no_learning:
+        text += "\n" + measure_learning(arguments.rounds)
     print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
     print(text)
     if not arguments.no_write:

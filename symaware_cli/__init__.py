@@ -132,6 +132,8 @@ if TYPE_CHECKING:
     from symaware_cli.help_place import in_help
     from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
     from symaware_cli.language import Additions, InitialAgents, ScenarioError, ScenarioSection, SectionContext
+    from symaware_cli.learning.environments import env, single_env
+    from symaware_cli.learning.team import LearningError
     from symaware_cli.log import Log, LogError, Series, open_log
     from symaware_cli.plugin_files import component
     from symaware_cli.processes import (
@@ -193,6 +195,7 @@ __all__ = [
     "KnowledgeDatabase",
     "KnowledgeModel",
     "Latency",
+    "LearningError",
     "Level",
     "Links",
     "Log",
@@ -268,6 +271,7 @@ __all__ = [
     "compare_sweeps",
     "component",
     "controller",
+    "env",
     "estimate",
     "falsify",
     "generator",
@@ -278,6 +282,7 @@ __all__ = [
     "open_sweep",
     "scenario",
     "seconds",
+    "single_env",
     "sweep",
     "verify_certificate",
     "verify_log",
@@ -313,6 +318,8 @@ _HOMES = {
     "symaware_cli.assets.vehicle": ("Vehicle",),
     "symaware_cli.engine.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
     "symaware_cli.help_place": ("in_help",),
+    "symaware_cli.learning.environments": ("env", "single_env"),
+    "symaware_cli.learning.team": ("LearningError",),
     "symaware_cli.processes.transport": (
         "Port",
         "PortEvent",

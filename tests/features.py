@@ -20,7 +20,9 @@ from checkout import CHECKOUT
 import symaware_cli
 
 #: The rooms that nothing below them imports.
-FEATURES = frozenset({"evidence", "studies", "views", "processes", "planning", "knowledge", "maps", "worlds"})
+FEATURES = frozenset(
+    {"evidence", "studies", "views", "processes", "planning", "knowledge", "maps", "worlds", "learning"}
+)
 
 #: The verbs that do without: what they import of a feature is for an option of it.
 WHOLE = frozenset({"run", "validate", "inspect", "schema", "show"})

@@ -19,6 +19,7 @@ ROOMS = {
     "cli": (360, 60, "verbs: arguments, call, print"),
     "api": (360, 150, "load, run, step, sweep"),
     "testing": (124, 150, "for authors of plugins"),
+    "learning": (620, 150, "Gymnasium, PettingZoo"),
     "evidence": (360, 275, "verify, diff, certify, falsify"),
     "studies": (360, 365, "sweeps, tables, statistics"),
     "knowledge": (830, 365, "games and their strategies"),

@@ -333,6 +333,7 @@ class Scenario:
         pace: float | None = None,
         output: FilePath | None = None,
         on_event: Subscribers | None = None,
+        within_steps: bool = False,
     ) -> SteppedSimulation:
         """Start the scenario for stepping; use it in a ``with`` statement, which finishes the log.
 
@@ -344,6 +345,9 @@ class Scenario:
             pace: See `run`; time between two steps is included.
             output: The path of the log; replaced if it exists. By default there is no log.
             on_event: See `run`.
+            within_steps: Whether each call of `step` ends within a step, after the turns of all components, instead of
+                before them: beliefs are then those of the present instant, and `set_control` acts at this instant. The
+                first call makes no whole step.
 
         Raises:
             ScenarioError: The scenario has problems.
@@ -361,9 +365,33 @@ class Scenario:
             stack.enter_context(built.simulation.environment)
             log = None if output is None else self._log(built, output)
             _subscribe(built, on_event)
-            simulation = SteppedSimulation(built, log)
+            simulation = SteppedSimulation(built, log, within_steps)
             stack.pop_all()
         return simulation
+
+    def builder(self, changes: Changes | None = None) -> Callable[[int | None], Built]:
+        """Check the scenario in its present form, and return a function that builds it anew for a seed.
+
+        The files are read once, if no file of plugins beside the scenario has to be trusted each time.
+
+        Raises:
+            ScenarioError: It has problems.
+            LogError: The log cannot be read, or contains no scenario.
+        """
+        built = self._build(changes, None, None, None, None)
+        if type(self) is not Scenario or built.document.plugins or self.path.suffix == ".mcap":
+            return lambda seed: self._build(changes, seed, None, None, None)
+        from symaware_cli.language import Catalogue
+        from symaware_cli.language.build import build_composition
+        from symaware_cli.language.compose import compose
+
+        composition, catalogue = compose(self.path, [*self._changes, *assignments(changes)]), Catalogue()
+        own = self.seed
+
+        def build(seed: int | None) -> Built:
+            return build_composition(composition.copy(), self.path.parent, own if seed is None else seed, catalogue)
+
+        return build
 
     def _build(
         self, changes: Changes | None, seed: int | None, mode: Mode | None, duration: float | None, pace: float | None

@@ -33,7 +33,13 @@ def run(
     overrides: terminal.Overrides = None,
     index: Annotated[
         int | None,
-        typer.Option(min=0, help="Of the folder of a sweep, the run to repeat.", metavar="N", rich_help_panel=_WHAT),
+        typer.Option(
+            min=0,
+            help="Of the folder of a sweep, the run to repeat; of a scenario, the run of a sweep, or the episode, with "
+            "this --seed.",
+            metavar="N",
+            rich_help_panel=_WHAT,
+        ),
     ] = None,
     output: Annotated[
         Path | None,
@@ -133,6 +139,10 @@ def run(
     with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.api import Scenario
 
+        if index is not None and seed is not None and not os.path.isdir(scenario):
+            from symaware_cli.studies import seed_of
+
+            seed, index = seed_of(seed, index), None
         if index is not None or os.path.isdir(scenario):
             source = _of_sweep(scenario, index, [seed is not None, overrides, plugins], as_json=as_json)
         else:
@@ -191,7 +201,7 @@ def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_j
             said = f"{folder} is a folder: say which run of its sweep to repeat, with --index"
         terminal.fail(said, terminal.WRONG_INPUT, as_json)
     if not folder.is_dir():
-        terminal.fail("--index goes with the folder of a sweep", terminal.WRONG_INPUT, as_json)
+        terminal.fail("--index goes with the folder of a sweep, or with --seed", terminal.WRONG_INPUT, as_json)
     if any(others):
         terminal.fail("--seed, --set and --plugin would make another run of it", terminal.WRONG_INPUT, as_json)
     return scenario_of(folder, index)

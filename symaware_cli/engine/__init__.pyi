@@ -78,9 +78,12 @@ from .runtime.simulation import Simulation as Simulation
 from .runtime.specifications import Specifications as Specifications
 from .runtime.specifications import rows_begun as rows_begun
 from .runtime.state.capture import capture as capture
+from .runtime.state.capture import mark as mark
 from .runtime.state.capture import restore as restore
+from .runtime.state.capture import return_to as return_to
 from .runtime.state.simulation_state import LARGEST_STATE as LARGEST_STATE
 from .runtime.state.simulation_state import SimulationState as SimulationState
+from .runtime.state.state_mark import StateMark as StateMark
 from .runtime.timing import Coast as Coast
 from .runtime.timing import Moment as Moment
 from .runtime.timing import OnFailure as OnFailure

@@ -252,7 +252,8 @@ class _SimulationBuilder:
             simulation.events.subscribe_matching(use.event, self._factory.plugins["subscribers", name], use.of)
         sections.connect(simulation)
         assets_needed = assets(document, sections.parameters(), folders)
-        files = {**self._composition.files, **self._own_files, **assets_needed, **sections.files}
+        section_files = sections.files()
+        files = {**self._composition.files, **self._own_files, **assets_needed, **section_files}
 
         def find_warnings() -> Sequence[Problem]:
             check.find_warnings()
@@ -270,7 +271,7 @@ class _SimulationBuilder:
             files=files,
             uses=maker.uses,
             sections=sections.built,
-            section_files=tuple(sections.files),
+            section_files=tuple(section_files),
             drawn_sections=tuple(sections.drawn),
             find_warnings=find_warnings,
         )

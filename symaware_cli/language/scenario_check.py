@@ -11,7 +11,7 @@ from symaware_cli.core.component import BaseComponent
 from symaware_cli.engine import ComponentEntry
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
-from symaware_cli.language.plugin_factory import words
+from symaware_cli.language.plugin_factory import mapping, words
 from symaware_cli.language.problem import quoted
 from symaware_cli.language.source import Path
 from symaware_cli.specification import Specification
@@ -137,7 +137,7 @@ class _View(ScenarioView):
         written: Any = self._diagnosis.composition.data
         for key in self.section:
             written = written[key]
-        return str(written["use"])
+        return str(mapping(written).get("use", ".".join(map(str, self.section))))
 
     def report(
         self,

@@ -32,14 +32,11 @@ class Additions:
     Attributes:
         entities: Bodies that become part of the world, by name.
         regions: Sets of the workspace, by the names that formulas and conditions refer to.
-        files: The contents of the files that they were read from, by their paths relative to the scenario's folder. The
-            log keeps them, so that it can be run again without the scenario's folder.
         is_drawn: Whether they depend on the seed, so that every run has others.
     """
 
     entities: Mapping[str, Obstacle] = field(default_factory=dict)
     regions: Mapping[str, Region] = field(default_factory=dict)
-    files: Mapping[str, bytes] = field(default_factory=dict)
     is_drawn: bool = False
 
 
@@ -176,6 +173,13 @@ class ScenarioSection:
 
     def plugins(self, built: Any) -> Mapping[Path, Plugin]:
         """Return the plugins that check the whole scenario, by their places below the section."""
+        return {}
+
+    def files(self, built: Any) -> Mapping[str, bytes]:
+        """Return the files that were read, by their paths below the scenario's folder.
+
+        The log contains them, so that it can be run again without the folder.
+        """
         return {}
 
     def connect(self, built: Any, simulation: Simulation) -> None:

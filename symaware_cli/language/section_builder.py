@@ -50,7 +50,6 @@ class SectionBuilder:
         #: The keys of sections of which a step failed.
         self._failed: list[str] = []
         self.built: dict[str, Any] = {}
-        self.files: dict[str, bytes] = {}
         self.drawn: list[str] = []
 
     def build(self, data: Mapping[str, Any], document: ScenarioDocument | None) -> ScenarioDocument | None:
@@ -110,7 +109,6 @@ class SectionBuilder:
         owners = {name: f"the {kind}" for kind, names in (("entity", entities), ("region", regions)) for name in names}
         owners |= dict.fromkeys(document.agents, "the group")
         for key, additions in added.items():
-            self.files |= additions.files
             if additions.is_drawn:
                 self.drawn.append(key)
             for kind, found in (("entities", additions.entities), ("regions", additions.regions)):
@@ -138,6 +136,14 @@ class SectionBuilder:
             (key, *place): plugin
             for key, section in self._sections.items()
             for place, plugin in section.plugins(self.built[key]).items()
+        }
+
+    def files(self) -> Mapping[str, bytes]:
+        """Return the files that the sections read, besides those that plugins name in parameters."""
+        return {
+            name: content
+            for key, section in self._sections.items()
+            for name, content in section.files(self.built[key]).items()
         }
 
     def connect(self, simulation: Simulation) -> None:

@@ -5,6 +5,7 @@ Reasons: docs/decisions/0084-maps.md
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Any, ClassVar, Literal, Self
 
@@ -50,6 +51,7 @@ class MapSection(ScenarioSection):
 
     def __init__(self) -> None:
         self._floor: Floor | None = None
+        self._files: dict[str, bytes] = {}
 
     def additions(self, written: Any, context: SectionContext) -> Additions:
         """Read the map, and draw the field of obstacles."""
@@ -57,10 +59,9 @@ class MapSection(ScenarioSection):
         if form is None:
             return Additions()
         parts: list[FloorPart] = []
-        files: dict[str, bytes] = {}
         try:
             if form.file is not None:
-                part, files = _read(form.file, form, context)
+                part, self._files = _read(form.file, form, context)
                 parts.append(part)
             if form.scatter is not None:
                 parts.append(_scattered(form.scatter, parts, context))
@@ -75,13 +76,17 @@ class MapSection(ScenarioSection):
             )
             context.report(f"{subject}: {error}", place)
         else:
-            return Additions(floor.bodies, floor.regions, files, is_drawn=form.scatter is not None)
+            return Additions(floor.bodies, floor.regions, is_drawn=form.scatter is not None)
         # What refers to the regions of a map that cannot be read is not wrong as well.
         return Additions(regions=dict.fromkeys(("free", "occupied", "unknown"), _NOWHERE))
 
     def build(self, written: Any, context: SectionContext) -> Floor | None:
         """Return the floor."""
         return self._floor
+
+    def files(self, built: Floor | None) -> Mapping[str, bytes]:
+        """Return the files of the map."""
+        return self._files
 
 
 def _read(name: str, form: MapForm, context: SectionContext) -> tuple[FloorPart, dict[str, bytes]]:

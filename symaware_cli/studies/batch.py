@@ -67,6 +67,8 @@ def _refusals(built: Built) -> Iterator[str]:
         yield "subscribers are called at the events of single runs"
     if options.faults:
         yield "faults are about single runs"
+    if simulation.overrides is not None:
+        yield "the control inputs of one run are given"
     if options.presence:
         yield "agents enter and leave"
     if simulation.exchange.network is not None or document.topology is not None:

@@ -88,3 +88,4 @@ from .views import GroupView as GroupView
 from .views import ObstacleView as ObstacleView
 from .views import RunView as RunView
 from .views import run_view_of as run_view_of
+from .world_frame import WorldFrames as WorldFrames

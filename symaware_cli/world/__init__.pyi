@@ -9,6 +9,7 @@ from .arrays import real as real
 from .arrays import said_of as said_of
 from .chance import AgentChance as AgentChance
 from .chance import Array as Array
+from .chance import DrawCount as DrawCount
 from .chance import GroupChance as GroupChance
 from .chance import Numbers as Numbers
 from .chance import Seed as Seed

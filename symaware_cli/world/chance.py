@@ -60,6 +60,32 @@ class Turn(NamedTuple):
     repetition: int = 0
 
 
+class DrawCount:
+    """Counts the draws within a context; those of other threads are counted as well.
+
+    Attributes:
+        count: The number of calls that drew numbers.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __enter__(self) -> Self:
+        _counts.append(self)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        _counts.remove(self)
+
+
+_counts: list[DrawCount] = []
+
+
+def _note_draw() -> None:
+    for each in _counts:
+        each.count += 1
+
+
 def philox(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, Words]:
     """Scramble counters with keys.
 
@@ -71,6 +97,8 @@ def philox(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, 
     Returns:
         Words 0 and 2, and words 1 and 3, of each counter; each of shape (2, m).
     """
+    if _counts:
+        _note_draw()
     count = len(first)
     keys = np.array(_words(np.array([key], np.uint64) if isinstance(key, int) else key), order="C")
     even, odd = np.zeros((2, count), np.uint64), np.empty((2, count), np.uint32)
@@ -115,6 +143,8 @@ def key_of(seed: int, *purpose: str | int) -> int:
 
 def fraction(seed: int, *purpose: str | int) -> float:
     """Draw a single number from the open interval (0, 1), from the key itself."""
+    if _counts:
+        _note_draw()
     return ((key_of(seed, *purpose) >> 12) + 0.5) * 2.0**-52
 
 
@@ -356,6 +386,8 @@ def generator(seed: int, path: str, turn: Turn | None = None) -> np.random.Gener
 
 
 def _generator_key(seed: int, path: str, turn: Turn | None) -> NDArray[np.uint64]:
+    if _counts:
+        _note_draw()
     text = "\0".join(map(str, (seed, path, *(turn or ()))))
     return np.frombuffer(blake2b(text.encode(), digest_size=16).digest(), "<u8").astype(np.uint64)
 

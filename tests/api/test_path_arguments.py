@@ -28,9 +28,11 @@ CALLS: dict[str, Callable[[Path, Callable[[Path], Any]], Any]] = {
     "check_log": lambda at, to: sa.check_log(to(at / "run.mcap"), to(at / "stated.yaml")),
     "compare": lambda at, to: sa.compare(to(at / "run.mcap"), to(at / "run.mcap")),
     "compare_sweeps": lambda at, to: sa.compare_sweeps(to(at / "out"), to(at / "out")),
+    "env": lambda at, to: sa.env(to(at / "tiny.yaml"), "robot").close(),
     "load": lambda at, to: sa.load(to(at / "tiny.yaml")).run(output=to(at / "loaded.mcap")),
     "open_log": lambda at, to: sa.open_log(to(at / "run.mcap")),
     "open_sweep": lambda at, to: sa.open_sweep(to(at / "out")),
+    "single_env": lambda at, to: sa.single_env(to(at / "tiny.yaml"), "robot.0").close(),
     "sweep": lambda at, to: sa.sweep(to(at / "tiny.yaml"), to(at / "swept"), jobs=0),
     "verify_certificate": lambda at, to: sa.verify_certificate(
         to(at / "out" / "certificate.json"), "arithmetic", folder=to(at / "out")

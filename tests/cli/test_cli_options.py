@@ -62,7 +62,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("run hello.mcap --index 1", "--index goes with the folder of a sweep"),
+        ("run hello.mcap --index 1", "--index goes with the folder of a sweep, or with --seed"),
         ("run swept", "say which run of its sweep to repeat, with --index"),
         ("run swept --index 0 --seed 1", "--seed, --set and --plugin would make another run of it"),
         ("run swept --index 0 --set run.duration=1", "--seed, --set and --plugin would make another run of it"),

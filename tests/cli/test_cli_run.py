@@ -16,6 +16,7 @@ from simulating import COMMAND, Command, present
 from symaware_cli import open_log
 from symaware_cli.cli import terminal
 from symaware_cli.log.digest import digest
+from symaware_cli.studies import seed_of
 
 SCENARIO = """
 symaware: 1
@@ -286,3 +287,11 @@ specifications:
     assert not any(digests[0].differences(each) for each in digests[1:])
     repeated = command("run", "loud.mcap", "-o", "again.mcap")
     assert repeated.stderr.count("has no body") == 1
+
+
+def test_a_run_with_an_index_has_the_seed_of_that_run_of_a_sweep(
+    command: Command, scenario: Path, tmp_path: Path
+) -> None:
+    done = command("run", "swap.yaml", "--seed", "9", "--index", "2", "--set", "run.duration=0.1", "-o", "third.mcap")
+    assert done.returncode == 0
+    assert open_log(tmp_path / "third.mcap").manifest["seed"] == seed_of(9, 2)

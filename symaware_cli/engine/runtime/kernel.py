@@ -58,6 +58,8 @@ class Kernel:
         steps: The greatest number of steps.
         is_at_step: Whether the present instant is a step of the world.
         has_begun: Whether the run has begun.
+        yields_within_steps: Whether `run` yields within each step, once all turns are taken and before anything acts on
+            the control inputs, instead of before it.
     """
 
     def __init__(self, queue: Queue, time_step: int, steps: int) -> None:
@@ -67,7 +69,7 @@ class Kernel:
         self.began = 0
         self.done = 0
         self.steps = steps
-        self.is_at_step = self.has_begun = False
+        self.is_at_step = self.has_begun = self.yields_within_steps = False
         #: The functions called at each step, with their places, in the order of places.
         self.steady: list[tuple[int, Callable[[], object]]] = []
 
@@ -89,7 +91,8 @@ class Kernel:
     def run(self, hooks: Hooks) -> Generator[None, None, str | None]:
         """Process instants, from a step of the world on, yielding before each step but the first.
 
-        Between two steps nothing is in progress, and the clock is at an instant that has not begun.
+        Between two steps nothing is in progress, and the clock is at an instant that has not begun. With
+        `yields_within_steps` it yields within each step, the first one included.
 
         Returns:
             The reason given by a hook that ended the run; None if all steps were made.
@@ -111,6 +114,8 @@ class Kernel:
                 queue.run()
             while hooks.settle() and entries:
                 queue.run()
+            if is_step and self.yields_within_steps:
+                yield
             ending = hooks.end(now, is_step)
             if ending is not None:
                 return ending
@@ -131,4 +136,5 @@ class Kernel:
             hooks.stepped()
             if self.done == self.steps:
                 return None
-            yield
+            if not self.yields_within_steps:
+                yield

@@ -270,7 +270,8 @@ class Run:
                 raise StateError(f"the run of {self.simulation.name} is over, and {reason}: it cannot go on")
 
     def reopen(self) -> None:
-        """Let a run that is over go on, once an earlier state is restored."""
+        """Let a run that is over, or within a step, go on once an earlier state is restored."""
+        self._generator.close()
         self.status = self.failure = self.signal = None
         self._generator = self._run_all()
 

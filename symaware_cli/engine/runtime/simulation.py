@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from itertools import groupby
 from typing import NoReturn
 
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.awareness import Array
 from symaware_cli.core import (
     AgentGroup,
     Clock,
@@ -192,6 +196,10 @@ class ComponentEntry:
             component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
 
 
+#: See `Simulation.overrides`.
+Overrides = Callable[[int], Mapping[AgentGroup, tuple[NDArray[np.bool_], Array]]]
+
+
 class Simulation:
     """The objects of one run.
 
@@ -204,6 +212,8 @@ class Simulation:
         clock: Simulated time.
         events: The event bus.
         exchange: The message exchange.
+        overrides: Returns, for a number of steps made, control inputs that replace those that components request: for
+            each group concerned a mask of its rows, and the values for all rows. None to replace none.
     """
 
     def __init__(
@@ -223,6 +233,7 @@ class Simulation:
         self.environment_use = environment_use
         self.groups = tuple(sorted(groups, key=lambda group: group.name))
         self.entries = tuple(sorted(entries, key=lambda entry: entry.group.name))
+        self.overrides: Overrides | None = None
         self.clock = Clock()
         self.events = EventBus()
         self._ids = frozenset(id for group in groups for id in group.ids)

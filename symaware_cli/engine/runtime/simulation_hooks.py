@@ -126,6 +126,8 @@ class SimulationHooks:
     def end(self, now: int, is_step: bool) -> str | None:
         """Record what changed; return why the run ends, if it does."""
         simulation, until = self._simulation, self._until
+        if is_step and simulation.overrides is not None:
+            self.imposed = dict(simulation.overrides(self._kernel.done))
         if self.imposed:
             self._impose()
         if self._recorder:
@@ -191,7 +193,10 @@ class SimulationHooks:
         """Replace the control inputs that components have requested by the imposed ones."""
         for group, (rows, values) in self.imposed.items():
             requested = group.control_input
-            if not np.array_equal(requested[rows], values[rows]):
+            if rows.all():
+                if not np.array_equal(requested, values):
+                    group.control_input = values.copy()
+            elif not np.array_equal(requested[rows], values[rows]):
                 group.control_input = np.where(rows[:, None], values, requested)
 
     def _is_over(self, until: Expression) -> bool:

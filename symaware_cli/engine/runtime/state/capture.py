@@ -17,6 +17,7 @@ from symaware_cli.engine.runtime.state.counterparts import Counterparts
 from symaware_cli.engine.runtime.state.deserialiser import Deserialiser
 from symaware_cli.engine.runtime.state.serialiser import Serialiser
 from symaware_cli.engine.runtime.state.simulation_state import SimulationState
+from symaware_cli.engine.runtime.state.state_mark import StateMark
 from symaware_cli.engine.runtime.state.transfer import packages, settle
 
 
@@ -114,6 +115,32 @@ def restore(run: Capturable, state: SimulationState, scenario: str, version: str
         ) from error
     if seed is not None:
         deserialiser.reseed(seed)
+
+
+def mark(run: Capturable) -> StateMark:
+    """Mark the state of a run between two steps, for `return_to`.
+
+    Args:
+        run: The run; it has begun.
+
+    Raises:
+        StateError: The run is over or writes a log, or an object cannot be captured; the message gives its path.
+    """
+    _check(run)
+    run.check_reopening()
+    return StateMark(_roots(run, run.faults), _packages(run))
+
+
+def return_to(run: Capturable, marked: StateMark, seed: int | None = None) -> None:
+    """Return to a state of the same run, which may be over.
+
+    Args:
+        run: The run.
+        marked: The state.
+        seed: What is drawn from then on; None for the seed of the state, as if nothing had happened since.
+    """
+    run.reopen()
+    marked.go_back(seed)
 
 
 def _check(run: Capturable) -> None:

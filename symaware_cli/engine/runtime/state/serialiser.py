@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import types
 from collections import defaultdict, deque
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache, partial
 from pathlib import PurePath
 from typing import Any
@@ -78,6 +78,10 @@ class Serialiser:
         while self._waiting:
             # Breadth first, so that each object is named by its shortest path.
             self._waiting.popleft()()
+
+    def objects(self) -> Iterator[tuple[Entry, Any]]:
+        """Yield each entry but the first with the object that it was made of."""
+        return zip(self.entries[1:], self._kept, strict=True)
 
     def _put(self, value: Any, path: Path) -> Any:
         kind: Any = type(value)

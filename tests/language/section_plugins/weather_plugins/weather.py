@@ -60,9 +60,12 @@ class Harbour(ScenarioSection):
                 f"at_{name}": Region.model_validate({"circle": {"centre": tuple(place), "radius": 1.0}})
                 for name, place in written.items()
             },
-            {"buoys.txt": ", ".join(written).encode()},
             is_drawn="drifting" in written,
         )
+
+    def files(self, built: Mapping[str, Any]) -> Mapping[str, bytes]:
+        """Return the list."""
+        return {"buoys.txt": ", ".join(built).encode()}
 
 
 class Broken(ScenarioSection):

@@ -1,0 +1,375 @@
+"""Episodes of a scenario, one after the other: actions in, observations and rewards out, as arrays for each team."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.api import Scenario, SteppedSimulation
+from symaware_cli.core import AgentGroup
+from symaware_cli.core.stateful import StateError
+from symaware_cli.language import unused_path
+from symaware_cli.learning.given_inputs import Given, written
+from symaware_cli.learning.learning_task import LearningTask, bounds_of
+from symaware_cli.learning.reward import Reward
+from symaware_cli.learning.team import LearningError, Team
+from symaware_cli.studies import seed_of
+from symaware_cli.views import WorldFrames
+from symaware_cli.world import DrawCount
+
+if TYPE_CHECKING:
+    from symaware_cli.engine import StateMark
+    from symaware_cli.language.build import Built
+
+Array = NDArray[np.float64]
+Truths = NDArray[np.bool_]
+
+#: Two seeds for which a fresh simulation is compared with one that went back to its beginning.
+_COMPARED = (0, 1)
+
+
+class Functions(NamedTuple):
+    """Functions of a `Team` in place of what the section `learning` says.
+
+    Attributes:
+        observation: Returns the observation of each agent; shape (n,) or (n, k).
+        reward: Returns the reward of each agent for the step that was made; shape (n,).
+        terminate: Returns whether the episode of each agent is over; shape (n,).
+    """
+
+    observation: Callable[[Team], ArrayLike] | None = None
+    reward: Callable[[Team], ArrayLike] | None = None
+    terminate: Callable[[Team], ArrayLike] | None = None
+
+
+class TeamStep(NamedTuple):
+    """What a step brought the agents of a team.
+
+    Attributes:
+        observations: Zeros of agents that are absent; shape (n, k).
+        rewards: Shape (n,).
+        terminated: Whether the agent has left for good, or its condition holds; shape (n,).
+        present: Whether the agent is in the world; shape (n,).
+    """
+
+    observations: Array
+    rewards: Array
+    terminated: Truths
+    present: Truths
+
+
+class _Actions:
+    """The control inputs of the present step, as `Simulation.overrides`."""
+
+    #: They are those of the caller.
+    uncaptured: ClassVar[Collection[str]] = "*"
+
+    def __init__(self) -> None:
+        self.given: Mapping[AgentGroup, Given] = {}
+
+    def __call__(self, step: int) -> Mapping[AgentGroup, Given]:
+        return self.given
+
+
+class _TeamTask:
+    """A team with its functions."""
+
+    def __init__(self, task: LearningTask, team: Team, functions: Functions) -> None:
+        self.team = team
+        self._functions = functions
+        self._observation = task.observation(team)
+        self._reward: Reward = task.reward(team)
+        self._termination = task.termination(team)
+        self._everybody = np.ones(len(team.agents), bool)
+        self._seen = self._everybody
+
+    def begin(self) -> TeamStep:
+        self._seen = self.team.present.copy()
+        if self._functions.reward is None:
+            self._reward.begin()
+        nothing = np.zeros(len(self._seen))
+        return TeamStep(self._observed(self._seen), nothing, nothing > 0.0, self._seen)
+
+    def step(self) -> TeamStep:
+        team, functions = self.team, self._functions
+        present, left = self._everybody, None
+        if team.of.present is not None:
+            present = team.present
+            left = self._seen & ~present
+            self._seen = self._seen | present
+        count = len(team.agents)
+        if functions.reward is None:
+            rewards = self._reward.step(count)
+        else:
+            rewards = _checked("the reward", functions.reward(team), (count,))
+        if functions.terminate is not None:
+            over = _checked("the termination", functions.terminate(team), (count,)) != 0.0
+        else:
+            over = np.zeros(count, bool) if self._termination is None else self._termination()
+        if left is None:
+            return TeamStep(self._observed(present), rewards, over, present)
+        return TeamStep(self._observed(present), np.where(present, rewards, 0.0), left | (present & over), present)
+
+    def _observed(self, present: Truths) -> Array:
+        team, function = self.team, self._functions.observation
+        if function is None:
+            found = self._observation()
+        else:
+            found = np.array(function(team), float)
+            found = found[:, None] if found.ndim == 1 else found
+            _checked("the observation", found, (len(team.agents), found.shape[-1]))
+        unknown = np.isnan(found)
+        if unknown.any():
+            found[unknown] = 0.0
+        if present is not self._everybody:
+            found[~present] = 0.0
+        return found
+
+
+class Episodes:
+    """Episodes of a scenario, in one simulation that begins again, or in a new one for each.
+
+    Attributes:
+        teams: The learning agents by group.
+        spaces: The bounds of the actions of each team, each of shape (nu,).
+        widths: The number of observed values of the agents of each team.
+        seed: The seed of the present episode.
+        index: The number of episodes since a seed was given.
+        returns: Whether a new episode begins by going back to a mark, not by building the scenario.
+    """
+
+    def __init__(self, scenario: Scenario, changes: Mapping[str, Any], functions: Functions) -> None:
+        """Build the scenario.
+
+        Raises:
+            ScenarioError: It has problems.
+            LearningError: It has no section `learning`, or a function returns something else.
+        """
+        self._scenario = scenario
+        self._functions = functions
+        self._build = scenario.builder(changes)
+        self._mark: StateMark | None = None
+        self._simulation: SteppedSimulation | None = None
+        self._actions = _Actions()
+        self._history: list[Mapping[AgentGroup, Given]] = []
+        self._tasks: list[_TeamTask] = []
+        self.seed, self.index = 0, -1
+        self._root: int | None = None
+        with DrawCount() as drawn:
+            self._start(_COMPARED[0])
+        self._own_seed = self._built_seed()
+        if not drawn.count:
+            self._mark = self._marked()
+        self.returns = self._mark is not None
+        simulation = self.simulation
+        simulation.step()
+        self.spaces = [bounds_of(each.team.of, self._task.content.action) for each in self._tasks]
+        self.widths = [each.begin().observations.shape[1] for each in self._tasks]
+        self.teams = tuple(each.team for each in self._tasks)
+
+    def _built_seed(self) -> int:
+        return self._build(None).document.seed
+
+    @property
+    def simulation(self) -> SteppedSimulation:
+        """The simulation of the present episode.
+
+        Raises:
+            LearningError: It was closed.
+        """
+        if self._simulation is None:
+            raise LearningError("the environment was closed")
+        return self._simulation
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the run is over."""
+        return self.simulation.done
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all steps of the run were made."""
+        return self.simulation.steps == self._steps
+
+    @property
+    def time_step(self) -> float:
+        """The time step of the world [s]."""
+        return self.built.simulation.environment.time_step / 1e9
+
+    def _start(self, seed: int) -> None:
+        """Build the simulation of a seed."""
+        self.close()
+        self._frames: WorldFrames | None = None
+        self.built: Built = self._build(seed)
+        task = self.built.sections.get("learning")
+        if not isinstance(task, LearningTask):
+            raise LearningError("say which agents learn: `agents=`, or a section `learning` in the scenario")
+        if task.inputs is not None:
+            raise LearningError("this scenario repeats an episode: `learning.inputs` has its actions")
+        self._task = task
+        simulation = self.built.simulation
+        simulation.overrides = self._actions
+        self._steps = self.built.steps
+        self._simulation = SteppedSimulation(self.built, None, within_steps=True)
+        document, options = self.built.document, self.built.options
+        names = {each.name: each for each in options.specifications}
+        teams = task.teams(simulation.groups, simulation.environment, document.regions, names)
+        self._tasks = [_TeamTask(task, team, self._functions) for team in teams]
+        self.teams = tuple(teams)
+
+    def _marked(self) -> StateMark | None:
+        """Mark the beginning, if a simulation that goes back to it is like a new one of another seed; None if not."""
+        simulation, seed = self.simulation, _COMPARED[1]
+        try:
+            found = simulation.mark()
+            simulation.go_back(found, seed)
+            other = self._build(seed)
+            other.simulation.overrides = _Actions()
+            with SteppedSimulation(other, None, within_steps=True) as fresh:
+                states = [replace(each.capture(), scenario="").to_bytes() for each in (simulation, fresh)]
+            simulation.go_back(found)
+        except StateError:
+            self._start(_COMPARED[0])
+            return None
+        return found if states[0] == states[1] else None
+
+    def begin(self, seed: int | None = None) -> list[TeamStep]:
+        """Begin the next episode.
+
+        Args:
+            seed: The seed from which those of this and the following episodes are derived, like those of the runs
+                of a sweep; None to continue. The first episode without one begins with the scenario's seed.
+
+        Returns:
+            The observations of each team.
+        """
+        if seed is not None or self._root is None:
+            self._root, self.index = self._own_seed if seed is None else int(seed), 0
+        else:
+            self.index += 1
+        self.seed = seed_of(self._root or 0, self.index)
+        self._history, self._actions.given = [], {}
+        if self._mark is not None:
+            self.simulation.go_back(self._mark, self.seed)
+        else:
+            self._start(self.seed)
+        self.simulation.step()
+        return [each.begin() for each in self._tasks]
+
+    def step(self, actions: Mapping[str, ArrayLike]) -> list[TeamStep]:
+        """Make a step.
+
+        Args:
+            actions: The control inputs of learning agents, shape (nu,); components drive agents without one.
+
+        Returns:
+            What it brought each team.
+
+        Raises:
+            KeyError: An agent does not learn.
+            ValueError: An action has another shape, or is not finite.
+            RunFailedError: A component or the world failed.
+        """
+        given: dict[AgentGroup, Given] = {}
+        left = len(actions)
+        for team in self.teams:
+            group = team.of
+            width = len(group.model.control_input)
+            mask, values = np.zeros(len(group), bool), np.zeros((len(group), width))
+            for row, id in zip(team.rows.tolist(), team.agents, strict=True):
+                action = actions.get(id)
+                if action is not None:
+                    mask[row] = True
+                    values[row] = _action(id, action, width)
+                    left -= 1
+            if mask.any():
+                if not np.isfinite(values).all():
+                    row = next(each for each in team.rows.tolist() if not np.isfinite(values[each]).all())
+                    raise ValueError(f"the action of {group.ids[row]} is not finite: {values[row].tolist()}")
+                given[group] = mask, values
+        if left:
+            known = {id for team in self.teams for id in team.agents}
+            unknown = next((id for id in actions if id not in known), None)
+            if unknown is not None:
+                raise KeyError(f"{unknown} is no agent that learns")
+        self._actions.given = given
+        self._history.append(given)
+        self.simulation.step()
+        return [each.step() for each in self._tasks]
+
+    def draw(self) -> NDArray[np.uint8]:
+        """Draw the world at the present instant; see `WorldFrames.draw`."""
+        if self._frames is None:
+            simulation = self.built.simulation
+            self._frames = WorldFrames(simulation.environment, simulation.groups, self.built.document.regions)
+        return self._frames.draw()
+
+    def record(self, output: str | os.PathLike[str] | None = None) -> Path:
+        """Write the log of the present episode, which contains its actions, by repeating it.
+
+        Args:
+            output: The path of the log; by default NAME.mcap, or NAME-2.mcap and so on, in the current folder.
+
+        Returns:
+            The path.
+
+        Raises:
+            LearningError: No step was made, or the repetition differs.
+            LogError: The log cannot be written.
+        """
+        simulation, built = self.simulation, self.built
+        steps = simulation.steps
+        if not steps:
+            raise LearningError("no step of this episode was made")
+        path = unused_path(built.document.name) if output is None else Path(output)
+        with tempfile.TemporaryDirectory(prefix="symaware-") as folder:
+            for name, content in built.files.items():
+                place = Path(folder, name)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_bytes(content)
+            scenario = unused_path("episode", Path(folder), ".yaml")
+            scenario.write_bytes(built.resolved)
+            actions = unused_path("actions", Path(folder), ".csv")
+            actions.write_bytes(written(self._history))
+            changes: dict[str, Any] = {"learning.inputs": actions.name}
+            if not simulation.done:
+                changes["run.duration"] = steps * self.time_step
+            repeated = Scenario(scenario, changes, seed=self.seed, trust=True)
+            result = repeated.run(output=path)
+        if result.summary.steps != steps:
+            raise LearningError(f"{path}: the repetition ended after {result.summary.steps} steps, not {steps}")
+        for group in built.simulation.groups if "world" not in built.document.recording.omit else ():
+            present = np.ones(len(group), bool) if group.present is None else group.present
+            if present.any():
+                expected = built.simulation.environment.state(group)[present]
+                found = result.series(group.name, "world").values[-1].reshape(len(group), -1)[present]
+                if found.tobytes() != np.ascontiguousarray(expected).tobytes():
+                    raise LearningError(f"{path}: the repetition differs in the states of `{group.name}`")
+        return path
+
+    def close(self) -> None:
+        """End the present episode."""
+        if self._simulation is not None:
+            self._simulation.close()
+            self._simulation = None
+
+
+def _action(id: str, action: ArrayLike, width: int) -> Array:
+    found = np.asarray(action, float)
+    if found.shape != (width,):
+        raise ValueError(f"the action of {id} has shape {found.shape}, not {(width,)}")
+    return found
+
+
+def _checked(what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    found = np.asarray(value, float)
+    if found.shape != shape:
+        raise LearningError(f"{what} has shape {found.shape}, not {shape}")
+    return found

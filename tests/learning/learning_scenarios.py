@@ -1,0 +1,77 @@
+"""Environments of shipped scenarios, and whole episodes in them."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import symaware_cli as sa
+from symaware_cli.learning.parallel_environment import ScenarioParallelEnv
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)  # of an environment that its tests import
+    from pettingzoo.test import parallel_api_test as parallel_api_test
+    from pettingzoo.test import parallel_seed_test as parallel_seed_test
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+HELLO = SCENARIOS / "hello.yaml"
+
+REWARD = "-distance(position, goal)"
+
+#: Scenarios whose agents differ in sensors, messages, faults, models and modes.
+TEN = (
+    "asynchronous",
+    "circle-swap",
+    "corridor",
+    "crossing",
+    "fog",
+    "formation",
+    "gatekeeper",
+    "hello",
+    "market",
+    "traffic",
+)
+
+#: How long they are run [s].
+DURATION = 2.0
+
+
+def hello(**options: Any) -> ScenarioParallelEnv:
+    """Return hello.yaml as an environment in which all robots learn."""
+    return sa.env(HELLO, agents="robot", reward=REWARD, **options)
+
+
+def shipped(name: str) -> ScenarioParallelEnv:
+    """Return a shipped scenario as an environment in which its first group learns."""
+    scenario = sa.load(next(SCENARIOS.glob(f"{name}.*")), {"run.duration": DURATION})
+    assert scenario.outline is not None
+    group = next(iter(scenario.outline.groups))
+    return sa.env(scenario, agents=group, observation=["state", {"nearest": 2}], reward="-norm(position)")
+
+
+def sampled(environment: ScenarioParallelEnv, random: np.random.Generator) -> dict[str, NDArray[np.float64]]:
+    """Return an action of each agent."""
+    actions = {}
+    for agent in environment.agents:
+        space = environment.action_space(agent)
+        actions[agent] = random.uniform(np.maximum(space.low, -1.0), np.minimum(space.high, 1.0))
+    return actions
+
+
+def digest(environment: ScenarioParallelEnv, seed: int, actions: int, most: int = 1000) -> str:
+    """Return a digest of everything that an episode with random actions returns."""
+    random, found = np.random.default_rng(actions), hashlib.sha256()
+    observations, infos = environment.reset(seed=seed)
+    found.update(repr((sorted(infos.items()), [each.tobytes() for each in observations.values()])).encode())
+    for _ in range(most):
+        if not environment.agents:
+            break
+        observations, *others = environment.step(sampled(environment, random))
+        found.update(repr(([each.tobytes() for each in observations.values()], others)).encode())
+    return found.hexdigest()
