@@ -13,5 +13,4 @@ from .mesh_file import read_mesh as read_mesh
 from .mesh_file import stl as stl
 from .urdf import material_colour as material_colour
 from .vehicle import Vehicle as Vehicle
-from .vehicle import place_body as place_body
-from .vehicle import read_bodies as read_bodies
+from .vehicle import VehicleBodies as VehicleBodies

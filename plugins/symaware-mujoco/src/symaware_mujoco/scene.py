@@ -25,6 +25,15 @@ IMMOVABLE = 1e6
 #: [m] Radius that a body without a shape has for its inertia.
 _POINT = 0.1
 
+#: [kg m^2] The inertia of a rotor, so great that no load slows it down.
+_ROTOR = 1e4
+
+#: [N m] The torque of a clutch that nobody has set.
+_SLIPPING = 1e-9
+
+#: How exactly a clutch brings a joint to the rate of its rotor in a physics step.
+_GRIP = 0.999
+
 #: [m] From how far bodies push each other, so that those that stand on each other do before they fall.
 MARGIN = 1e-5
 
@@ -165,19 +174,58 @@ class Scene:
         x, y, *rest = position
         height = rest[0] if rest else (self._floor or 0.0) - lowest(robot, np.array(quaternion))
         self.levels[name] = height
-        frame = self._spec.worldbody.add_frame(pos=[x, y, height], quat=list(quaternion))
+        self.attach(name, robot, surface, obstacle.is_free, [x, y, height], quaternion)
+
+    def attach(
+        self,
+        name: str,
+        robot: Any,
+        surface: Surface,
+        is_free: bool = True,
+        position: Sequence[float] = (0.0, 0.0, 0.0),
+        quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+    ) -> Any:
+        """Add a robot, and return its base.
+
+        Args:
+            name: The name of the agent or entity, which those of its joints and links begin with.
+            robot: Its specification, which becomes part of this scene.
+            surface: The surface of all its links.
+            is_free: Whether its base is free; otherwise it is fixed.
+            position: The origin of its base [m].
+            quaternion: The orientation of its base (w, x, y, z).
+        """
+        frame = self._spec.worldbody.add_frame(pos=list(position), quat=list(quaternion))
         base = frame.attach_body(robot.worldbody.first_body(), f"{name}/", "")
-        if obstacle.is_free:
+        if is_free:
             base.add_freejoint(name=f"{name}/free")
         bodies = [base, *base.find_all(mujoco.mjtObj.mjOBJ_BODY)]
         for number, body in enumerate(bodies):
             # Links of one robot pass through each other.
             for other in bodies[:number]:
                 self._spec.add_exclude(bodyname1=other.name, bodyname2=body.name)
-            moves = obstacle.is_free or body is not base
+            moves = is_free or body is not base
             kind, affinity = (BODY, GROUND | BODY | FIXED | ON_PATH) if moves else (FIXED, 0)
             for geometry in body.geoms:
                 self._register(geometry, surface, kind, affinity)
+        return base
+
+    def add_clutch(self, joint: str) -> None:
+        """Connect a joint by a clutch to a rotor of its own, whose rate nothing changes.
+
+        The clutch is dry friction between both rates: it brings the joint to the rate of the rotor as far as its
+        torque, 0 at first, can. The rotor has the name of the joint with `/rotor` behind it, the clutch with `/clutch`.
+        """
+        body = self._spec.worldbody.add_body(name=f"{joint}/rotor")
+        body.mass, body.inertia, body.ipos, body.explicitinertial = 1e-3, [1e-6] * 3, [0, 0, 0], True
+        body.add_joint(name=f"{joint}/rotor", type=mujoco.mjtJoint.mjJNT_HINGE, axis=_unit(2), armature=_ROTOR)
+        clutch = self._spec.add_tendon(name=f"{joint}/clutch")
+        clutch.wrap_joint(joint, 1.0)
+        clutch.wrap_joint(f"{joint}/rotor", -1.0)
+        # A tiny torque, as the engine leaves out what has none.
+        clutch.frictionloss = _SLIPPING
+        clutch.solref_friction = [-1.0, -1.0 / self._spec.option.timestep]
+        clutch.solimp_friction = [_GRIP, _GRIP, 0.001, 0.5, 2.0]
 
     def _add_shape(
         self,

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.assets import AssetFolders
+from symaware_cli.assets import AssetFolders, Vehicle
 from symaware_cli.core import EntityGroup, ErrorCollector, WorldError
 from symaware_cli.engine import appearances
-from symaware_cli.geometry import Array, Articulation, Indices, attitude, continued, yaws
-from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair
+from symaware_cli.geometry import Array, Articulation, Indices, attitude, attitude_columns, continued, yaws
+from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, pair
 from symaware_mujoco.bounce import solref
-from symaware_mujoco.scene import Scene, Surface, body_name
+from symaware_mujoco.scene import Scene, Surface
+from symaware_mujoco.vehicles import MujocoVehicleBodies, add_vehicle, read_vehicle
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
@@ -33,7 +34,7 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _HIDDEN = 5
 
 
-class MujocoEnvironment(PhysicsEnvironment):
+class MujocoEnvironment(VehicleEnvironment):
     """Rigid bodies in space that fall, push, rub and bounce off each other, by MuJoCo.
 
     The z axis points upwards. Agents stay upright; those of models that move in a plane keep their height, and the
@@ -42,16 +43,16 @@ class MujocoEnvironment(PhysicsEnvironment):
     """
 
     dimensions = 3
-    provides = ("tilt",)
+    provides = ("tilt", "vehicles")
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
-        "_articulations",
+        *("_articulations", "_bodies"),
         "_levels",
     )
 
-    class Parameters(PhysicsEnvironment.Parameters):
+    class Parameters(VehicleEnvironment.Parameters):
         """Parameters of the world."""
 
         substeps: int = Field(20, ge=1, le=1000, description="How many physics steps a time step is divided into.")
@@ -89,9 +90,14 @@ class MujocoEnvironment(PhysicsEnvironment):
             scene.add_ground(parameters.ground.height, surface)
         self._heights = np.zeros(len(self._driven))
         errors = ErrorCollector()
-        for actuator, _, part in self._parts:
+        parts = {number: part for _, number, part in self._parts}
+        vehicles: dict[int, Vehicle] = {}
+        for number, group in enumerate(self.groups):
             with errors.catch():
-                self._add_group(scene, actuator.group, part)
+                if number in parts:
+                    self._add_group(scene, group, parts[number])
+                else:
+                    vehicles[number] = self._add_vehicles(scene, group)
         for number, (name, obstacle) in enumerate(self.obstacles.items()):
             with errors.catch():
                 scene.add_obstacle(name, obstacle, Surface(count + number, obstacle.friction, obstacle.elasticity))
@@ -101,14 +107,12 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._data = mujoco.MjData(model)
         self._index_bodies()
         self._index_surfaces(scene)
-        self._articulations = appearances(self.groups, self.obstacles, {}, folders, parameters.height)
+        files = {self.groups[number].name: vehicle.portable_description() for number, vehicle in vehicles.items()}
+        self._articulations = appearances(self.groups, self.obstacles, files, folders, parameters.height)
         self._place_all()
+        self._attach_all(vehicles, errors)
 
     def _add_group(self, scene: Scene, group: EntityGroup, part: slice) -> None:
-        if group.model.vehicle() is not None:
-            raise WorldError(
-                "this world has no vehicles from files yet; `pybullet` has them", "agents", group.name, "model"
-            )
         entity, turns = group.entity, group.model.heading is not None
         planar = len(group.model.position) == 2
         height = scene.level(entity.shape, "agents", group.name, "entity") if planar else None
@@ -117,6 +121,32 @@ class MujocoEnvironment(PhysicsEnvironment):
             self._heights[row] = height or 0.0
             surface = Surface(index, entity.friction, entity.elasticity)
             scene.add_agent(self.roster.ids[index], entity, height, turns, surface, "agents", group.name, "entity")
+
+    def _add_vehicles(self, scene: Scene, group: EntityGroup) -> Vehicle:
+        vehicle = self._vehicle(group)
+        robot = read_vehicle(vehicle.portable_description(), "agents", group.name, "model")
+        start = self.roster.start(group.name)
+        for row, name in enumerate(group.ids):
+            add_vehicle(scene, name, robot, Surface(start + row, group.entity.friction, group.entity.elasticity))
+        return vehicle
+
+    def _attach_all(self, vehicles: Mapping[int, Vehicle], errors: ErrorCollector) -> None:
+        """Put vehicles to their poses, and hand them their bodies."""
+        #: The bodies of each group of vehicles, by its number.
+        self._bodies = {
+            number: MujocoVehicleBodies(self._model, self._data, self.groups[number], self._frictions)
+            for number in vehicles
+        }
+        for number, vehicle in vehicles.items():
+            for row, own in enumerate(self._states[number]):
+                self._bodies[number].put(row, *vehicle.pose(own))
+        mujoco.mj_forward(self._model, self._data)
+        for number, vehicle in vehicles.items():
+            with errors.catch():
+                self._attach(vehicle, number, self._bodies[number])
+        errors.raise_first()
+        self._apply_surfaces()
+        self._pushes = bool(vehicles)
 
     def _index_bodies(self) -> None:
         """Find where the coordinates of bodies are in those of the engine."""
@@ -150,12 +180,18 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._elasticities = np.array([each.elasticity for each in surfaces])
         #: The bits of collisions of each geometry, as they are if its agent is present.
         self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
-        self._geometries = {index: np.flatnonzero(self._owners == index) for index in self._driven.tolist()}
+        self._geometries = {index: np.flatnonzero(self._owners == index) for index in range(len(self.roster))}
+        self._apply_surfaces()
+
+    def _apply_surfaces(self) -> None:
+        """Tell the engine what surfaces are like."""
+        model = self._model
+        surfaces = list(zip(self._frictions.tolist(), self._elasticities.tolist(), strict=True))
         # With one surface for all, the engine's rule for pairs gives what two of it make.
-        self._is_uniform = len({(each.friction, each.elasticity) for each in surfaces}) <= 1
-        for number, each in enumerate(surfaces):
-            model.geom_friction[number] = (max(1e-5, each.friction**2), 0.005, 0.0001)
-            model.geom_solref[number] = solref(each.elasticity**2, self.step_time)
+        self._is_uniform = len(set(surfaces)) <= 1
+        for number, (friction, elasticity) in enumerate(surfaces):
+            model.geom_friction[number] = (max(1e-5, friction**2), 0.005, 0.0001)
+            model.geom_solref[number] = solref(elasticity**2, self.step_time)
 
     def _place_all(self) -> None:
         model, data = self._model, self._data
@@ -192,8 +228,8 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def close(self) -> None:
         """Let go of the engine's model."""
-        self.__dict__.pop("_data", None)
-        self.__dict__.pop("_model", None)
+        for name in ("_bodies", "_data", "_model"):
+            self.__dict__.pop(name, None)
 
     # -- agents that come and go
 
@@ -206,6 +242,31 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._velocity[row] = 0.0
         self._write(self._velocities_at[row], self._data.qvel, self._velocity[row])
         self._show_present()
+
+    def _enter(self, group: EntityGroup, rows: Sequence[int]) -> None:
+        number = self._number[group.name]
+        if number not in self._bodies:
+            super()._enter(group, rows)
+            return
+        vehicle, state = self._vehicle_of(number), self._states[number]
+        for row in rows:
+            self._bodies[number].put(row, *vehicle.pose(state[row]))
+        vehicle.start(rows, state[list(rows)])
+        self._show_present()
+
+    def _leave(self, group: EntityGroup, rows: Sequence[int]) -> None:
+        if self._number[group.name] not in self._bodies:
+            super()._leave(group, rows)
+            return
+        self._show_present()
+
+    def _read_others(self, velocities: Array) -> None:
+        # Nothing holds the bodies of absent vehicles while the world moves.
+        for vehicle, number in self._vehicles:
+            present, state = self.groups[number].present, self._states[number]
+            for row in [] if present is None else np.flatnonzero(~present).tolist():
+                self._bodies[number].put(row, *vehicle.pose(state[row]))
+        super()._read_others(velocities)
 
     def _show_present(self) -> None:
         """Let the bodies of present agents collide and stop rays, and no others."""
@@ -227,6 +288,9 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _push(self, forces: Array | None) -> None:
         """Set the velocities that the forces cause in this physics step, before contacts are solved."""
+        self._push_vehicles()
+        for bodies in self._bodies.values():
+            bodies.turn_rotors()
         if forces is not None:
             self._write(self._velocities_at, self._data.qvel, self._velocity)
 
@@ -367,10 +431,14 @@ class MujocoEnvironment(PhysicsEnvironment):
             start = np.array([*origins[row, :2].tolist(), levels[row] + height])
             towards = np.zeros((count, 3))
             towards[:, :2] = directions[row]
-            own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body_name(self.roster.ids[sender]))
+            # A body may have several parts.
+            own = self._geometries[sender]
+            groups = model.geom_group[own]
+            model.geom_group[own] = _HIDDEN
             mujoco.mj_multiRay(
-                model, data, start, towards.ravel(), visible, True, own, geometries, found, normals, count, reach
+                model, data, start, towards.ravel(), visible, True, -1, geometries, found, normals, count, reach
             )
+            model.geom_group[own] = groups
             distances[row] = np.where(found < 0.0, np.inf, found)
         return distances
 
@@ -383,6 +451,11 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _height_of(self, name: str) -> float:
         if name in self.roster:
+            index = self.roster.index(name)
+            for number, bodies in self._bodies.items():
+                row = index - self.roster.starts[number]
+                if 0 <= row < bodies.count:
+                    return float(bodies.poses()[row, 2])
             row = int(np.flatnonzero(self._driven == self.roster.index(name))[0])
             place = self._positions_at[row, 2]
             return float(self._heights[row] if place < 0 else self._data.qpos[place])
@@ -394,7 +467,11 @@ class MujocoEnvironment(PhysicsEnvironment):
         return self._articulations
 
     def body_poses(self, name: str) -> Array | None:
-        """Return the pose of a free entity; None for all others, which stay upright."""
+        """Return the poses of vehicles and free entities; None for all others, which stay upright."""
+        number = self._number.get(name, -1)
+        if number in self._bodies:
+            known = attitude_columns([element for element, _ in self.groups[number].model.state])
+            return None if known else self._bodies[number].poses()
         row = self._free_rows.get(name)
         if row is None:
             return None
@@ -402,14 +479,16 @@ class MujocoEnvironment(PhysicsEnvironment):
         return np.concatenate([pose[:3], np.roll(pose[3:], -1)])[None]
 
     def joint_positions(self, name: str) -> Array | None:
-        """Return the positions of the joints of a robot from a file [rad] or [m]; shape (1, joints)."""
+        """Return the positions of the joints of vehicles and robots [rad] or [m]; shape (n, joints)."""
         described = self._articulations.get(name)
         if described is None or not described.joints:
             return None
+        ids = self.groups[self._number[name]].ids if name in self._number else [name]
         joints = [
-            mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{each}") for each in described.joints
+            [mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{id}/{each}") for each in described.joints]
+            for id in ids
         ]
-        found: Array = self._data.qpos[self._model.jnt_qposadr[joints]][None]
+        found: Array = self._data.qpos[self._model.jnt_qposadr[np.array(joints)]]
         return found
 
     # -- the state of a run
