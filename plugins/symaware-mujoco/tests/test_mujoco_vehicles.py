@@ -27,9 +27,7 @@ ROOT = Path(__file__).parents[3]
 AWRY = [0.0, 0.0, 1.0, 0.1, -0.2, 0.5, 0.3, 0.2, 0.1, 0.5, -0.4, 0.3]
 
 
-def world(
-    model: Any, states: Any, kind: Any = MujocoEnvironment, **parameters: Any
-) -> tuple[Any, AgentGroup]:
+def world(model: Any, states: Any, kind: Any = MujocoEnvironment, **parameters: Any) -> tuple[Any, AgentGroup]:
     ids = [f"one.{row}" for row in range(len(states))]
     group = AgentGroup("one", ids, model, Entity(), np.array(states, float))
     environment = kind(kind.Parameters.model_validate({"time_step": 0.02, "substeps": 5, **parameters}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
@@ -12,12 +13,16 @@ import numpy as np
 
 from symaware_cli.assets import AssetError, AssetFolders, asset, read_mesh
 from symaware_cli.core import Entity, Mesh, Obstacle, Shape, WorldError
-from symaware_cli.geometry import Array, attitude
+from symaware_cli.geometry import Array, Articulation, Visual, attitude
 from symaware_mujoco.bounce import IMPEDANCE
 from symaware_mujoco.robot import lowest, read_robot
 
 #: Bits of collisions: two geometries collide if one has a bit as its type that the other has as its affinity.
 GROUND, BODY, FIXED, ON_PATH = 1, 2, 4, 8
+
+#: Groups of geometries, by which rays tell them apart: entities, agents, the ground, what cameras alone see, and what
+#: nothing sees, such as absent agents.
+ENTITIES, AGENTS, FLOOR, LOOKS, HIDDEN = 0, 1, 2, 3, 5
 
 #: [kg] The mass of bodies on paths, which nothing diverts.
 IMMOVABLE = 1e6
@@ -209,6 +214,40 @@ class Scene:
             for geometry in body.geoms:
                 self._register(geometry, surface, kind, affinity)
         return base
+
+    def dress(self, name: str, described: Articulation, surface: Surface) -> None:
+        """Add the looks of a robot, which only cameras see.
+
+        Args:
+            name: The name of the agent or entity, which was attached.
+            described: Its links with their visual shapes.
+            surface: Its surface, for its owner.
+        """
+        for link in described.links:
+            body = self._spec.body(f"{name}/{link.name}")
+            for visual in link.visuals:
+                self._add_look(body, visual, surface)
+
+    def _add_look(self, body: Any, visual: Visual, surface: Surface) -> None:
+        x, y, z, w = visual.orientation
+        options: dict[str, Any] = {"pos": visual.position, "quat": [w, x, y, z], "mass": 0.0, "group": LOOKS}
+        options["rgba"] = [1.0, 1.0, 1.0, 1.0] if visual.colour is None else visual.colour
+        if visual.kind == "mesh":
+            faces = read_mesh(Path(visual.mesh)).triangles.reshape(-1, 3) * np.array(visual.size)
+            corners, places = np.unique(faces, axis=0, return_inverse=True)
+            mesh = self._spec.add_mesh(name=f"look{len(self.surfaces)}", uservert=corners.ravel().tolist())
+            mesh.userface, mesh.inertia = places.ravel().tolist(), mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            options |= {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": mesh.name}
+        elif visual.kind == "box":
+            options |= {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [0.5 * each for each in visual.size]}
+        elif visual.kind == "sphere":
+            options |= {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [visual.size[0], 0.0, 0.0]}
+        elif visual.kind in ("cylinder", "capsule"):
+            kind = mujoco.mjtGeom.mjGEOM_CYLINDER if visual.kind == "cylinder" else mujoco.mjtGeom.mjGEOM_CAPSULE
+            options |= {"type": kind, "size": [visual.size[0], 0.5 * visual.size[1], 0.0]}
+        else:
+            return
+        self._add(body, surface, 0, 0, **options)
 
     def add_clutch(self, joint: str) -> None:
         """Connect a joint by a clutch to a rotor of its own, whose rate nothing changes.

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.assets import AssetFolders, Vehicle
-from symaware_cli.core import EntityGroup, ErrorCollector, WorldError
+from symaware_cli.core import EntityGroup, ErrorCollector, Image, WorldError
 from symaware_cli.engine import appearances
-from symaware_cli.geometry import Array, Articulation, Indices, attitude, attitude_columns, continued, yaws
-from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, pair
+from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude, attitude_columns, continued, yaws
+from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, body_colour, pair
 from symaware_mujoco.bounce import solref
-from symaware_mujoco.scene import Scene, Surface
+from symaware_mujoco.cameras import render
+from symaware_mujoco.scene import AGENTS, ENTITIES, FLOOR, HIDDEN, LOOKS, Scene, Surface
 from symaware_mujoco.vehicles import MujocoVehicleBodies, add_vehicle, read_vehicle
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -30,8 +31,8 @@ _TINY = 1e-6
 #: What of the engine is the state of a run: positions, velocities, time, and what the solver begins with.
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
-#: The group of geometries that rays pass through, which are those of absent agents.
-_HIDDEN = 5
+#: What rays of a lidar meet, by the group of geometries; and what hides agents from each other.
+_SOLID, _OPAQUE = np.array([1, 1, 1, 0, 1, 0], np.uint8), np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
 
 class MujocoEnvironment(VehicleEnvironment):
@@ -43,12 +44,12 @@ class MujocoEnvironment(VehicleEnvironment):
     """
 
     dimensions = 3
-    provides = ("tilt", "vehicles")
+    provides = ("images", "tilt", "vehicles")
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
-        *("_articulations", "_bodies"),
+        *("_articulations", "_bodies", "_dressed", "_groups", "_unseen", "_colours", "_hit"),
         "_levels",
     )
 
@@ -64,6 +65,10 @@ class MujocoEnvironment(VehicleEnvironment):
             GroundPlane(), description="The plane that everything falls on; none if null."
         )
         height: float = Field(1.0, gt=0, description="How high what has no height of its own is, such as a wall [m].")
+        visuals: bool = Field(
+            False,
+            description="Whether cameras see what bodies from URDF files look like there; otherwise, what collides.",
+        )
         iterations: int = Field(100, ge=1, le=1000, description="How often the solver goes over all contacts at most.")
 
     @property
@@ -103,12 +108,13 @@ class MujocoEnvironment(VehicleEnvironment):
                 scene.add_obstacle(name, obstacle, Surface(count + number, obstacle.friction, obstacle.elasticity))
         errors.raise_first()
         self._levels = scene.levels
+        files = {self.groups[number].name: vehicle.portable_description() for number, vehicle in vehicles.items()}
+        self._articulations = appearances(self.groups, self.obstacles, files, folders, parameters.height)
+        self._dressed = self._dress(scene, files) if parameters.visuals else ()
         model = self._model = scene.compile()
         self._data = mujoco.MjData(model)
         self._index_bodies()
         self._index_surfaces(scene)
-        files = {self.groups[number].name: vehicle.portable_description() for number, vehicle in vehicles.items()}
-        self._articulations = appearances(self.groups, self.obstacles, files, folders, parameters.height)
         self._place_all()
         self._attach_all(vehicles, errors)
 
@@ -129,6 +135,21 @@ class MujocoEnvironment(VehicleEnvironment):
         for row, name in enumerate(group.ids):
             add_vehicle(scene, name, robot, Surface(start + row, group.entity.friction, group.entity.elasticity))
         return vehicle
+
+    def _dress(self, scene: Scene, vehicles: Collection[str]) -> Sequence[int]:
+        """Add the looks of vehicles and robots, and return the indices of those that have some."""
+        bodies = {self.roster.index(id): (id, name) for name in vehicles for id in self.groups[self._number[name]].ids}
+        first = len(self.roster)
+        bodies |= {
+            first + index: (name, name) for index, name in enumerate(self.obstacles) if self.obstacles[name].shape.urdf
+        }
+        found: list[int] = []
+        for index, (id, name) in bodies.items():
+            described = self._articulations[name]
+            if any(link.visuals for link in described.links):
+                scene.dress(id, described, Surface(index, 0.0, 0.0))
+                found.append(index)
+        return found
 
     def _attach_all(self, vehicles: Mapping[int, Vehicle], errors: ErrorCollector) -> None:
         """Put vehicles to their poses, and hand them their bodies."""
@@ -180,7 +201,16 @@ class MujocoEnvironment(VehicleEnvironment):
         self._elasticities = np.array([each.elasticity for each in surfaces])
         #: The bits of collisions of each geometry, as they are if its agent is present.
         self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
+        agents, ground = len(self.roster), len(self.roster) + len(self.obstacles)
+        looks = model.geom_group == LOOKS
+        kinds = np.select([self._owners < agents, self._owners >= ground], [AGENTS, FLOOR], ENTITIES)
+        model.geom_group[:] = self._groups = np.where(looks, LOOKS, kinds).astype(np.int32)
+        #: What cameras do not see: what collides, where there are looks.
+        self._unseen = np.flatnonzero(~looks & np.isin(self._owners, np.array(self._dressed, np.intp)))
+        plain = [body_colour(index, agents) for index in self._owners.tolist()]
+        self._colours = np.where(looks[:, None], model.geom_rgba[:, :3], np.array(plain).reshape(-1, 3))
         self._geometries = {index: np.flatnonzero(self._owners == index) for index in range(len(self.roster))}
+        self._hit = np.zeros(1, np.int32)
         self._apply_surfaces()
 
     def _apply_surfaces(self) -> None:
@@ -275,7 +305,7 @@ class MujocoEnvironment(VehicleEnvironment):
             there = self.present is None or bool(self.present[index])
             for bits, own in zip((model.geom_contype, model.geom_conaffinity), self._bits, strict=True):
                 bits[geometries] = own[geometries] if there else 0
-            model.geom_group[geometries] = 0 if there else _HIDDEN
+            model.geom_group[geometries] = self._groups[geometries] if there else HIDDEN
 
     # -- steps
 
@@ -423,7 +453,6 @@ class MujocoEnvironment(VehicleEnvironment):
         model, data = self._model, self._data
         mujoco.mj_kinematics(model, data)
         distances = np.full(directions.shape[:2], np.inf)
-        visible = np.array([1, 1, 1, 1, 1, 0], np.uint8)
         count = directions.shape[1]
         geometries, found, normals = np.empty(count, np.int32), np.empty(count), np.empty((3 * count, 1))
         levels = self.body_positions([self.roster.ids[sender] for sender in senders.tolist()])[:, 2]
@@ -434,13 +463,34 @@ class MujocoEnvironment(VehicleEnvironment):
             # A body may have several parts.
             own = self._geometries[sender]
             groups = model.geom_group[own]
-            model.geom_group[own] = _HIDDEN
+            model.geom_group[own] = HIDDEN
             mujoco.mj_multiRay(
-                model, data, start, towards.ravel(), visible, True, -1, geometries, found, normals, count, reach
+                model, data, start, towards.ravel(), _SOLID, True, -1, geometries, found, normals, count, reach
             )
             model.geom_group[own] = groups
             distances[row] = np.where(found < 0.0, np.inf, found)
         return distances
+
+    def in_sight(self, ones: Indices, others: Indices) -> Mask:
+        """Test the lines between the centres of bodies against the shapes of the engine."""
+        model, data = self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        middles, free = self.body_positions(self.roster.ids), np.ones(len(ones), bool)
+        for row, (one, other) in enumerate(zip(ones.tolist(), others.tolist(), strict=True)):
+            # Both directions are one line.
+            start, end = middles[min(one, other)], middles[max(one, other)]
+            hit = mujoco.mj_ray(model, data, start, end - start, _OPAQUE, True, -1, self._hit, None)
+            free[row] = not 0.0 <= hit <= 1.0
+        return free
+
+    def camera_image(
+        self, position: Sequence[float], target: Sequence[float], size: tuple[int, int], field_of_view: float
+    ) -> Image:
+        """Make an image from a position towards a target, by rays; no screen and no graphics library is needed."""
+        mujoco.mj_kinematics(self._model, self._data)
+        ground = np.flatnonzero(self._groups == FLOOR)
+        seen = self._owners, self._colours, self._unseen, ground
+        return render(self._model, self._data, *seen, position, target, size, field_of_view)
 
     def body_positions(self, names: Sequence[str]) -> Array:
         """Return the positions of bodies in space."""
