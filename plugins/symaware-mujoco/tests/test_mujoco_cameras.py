@@ -105,7 +105,7 @@ def test_both_engines_see_the_same() -> None:
     images = []
     for kind in (PyBulletEnvironment, MujocoEnvironment):
         with world(kind, obstacles) as environment:
-            images.append(environment.camera_image([-1.0, 0.0, 0.6], [3.0, 0.0, 0.2], (80, 60), 0.7))
+            images.append(environment.camera_image([0.0, -1.0, 1.2], [3.5, 0.0, 0.2], (80, 60), 0.7))
     theirs, ours = images
     same = theirs.segments == ours.segments
     assert same.mean() > 0.97
