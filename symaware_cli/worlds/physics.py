@@ -76,6 +76,7 @@ class PhysicsEnvironment(ColumnEnvironment):
     """
 
     dimensions: ClassVar[int]
+    provides: ClassVar[Sequence[str]] = ("forces",)
 
     class Parameters(EnvironmentParameters):
         """Parameters of a physics world."""

@@ -45,7 +45,7 @@ class PyBulletEnvironment(OpaqueEngine, VehicleEnvironment):
     """
 
     dimensions = 3
-    provides = ("images", "tilt", "vehicles")
+    provides = ("forces", "images", "tilt", "vehicles")
 
     class Parameters(PhysicsEnvironment.Parameters):
         """Parameters of the spatial world."""

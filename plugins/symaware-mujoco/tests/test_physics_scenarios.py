@@ -15,7 +15,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::symaware_cli.ProcessorWarning")
 
 ROOT = Path(__file__).parents[3]
 WORLDS = sorted(point.name for point in metadata.entry_points(group="symaware.environments"))
-SHIPPED = sorted(path for folder in ("scenarios", "plugins/*/scenarios") for path in ROOT.glob(f"{folder}/[!_]*.yaml"))
+PATTERNS = ("scenarios/[!_]*.yaml", "plugins/*/scenarios/[!_]*.yaml")
+SHIPPED = sorted(path for pattern in PATTERNS for path in ROOT.glob(pattern))
 
 #: [m] How far agents may be from where they are in the world of their scenario, after a second: a racecar accelerates by
 #: 3.0 m/s^2 in MuJoCo, as the torque of its motors says, and by 2.4 m/s^2 in PyBullet.

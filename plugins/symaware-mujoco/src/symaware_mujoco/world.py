@@ -44,7 +44,7 @@ class MujocoEnvironment(VehicleEnvironment):
     """
 
     dimensions = 3
-    provides = ("images", "tilt", "vehicles")
+    provides = ("forces", "images", "tilt", "vehicles")
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
