@@ -18,8 +18,8 @@ WORLDS = sorted(point.name for point in metadata.entry_points(group="symaware.en
 PATTERNS = ("scenarios/[!_]*.yaml", "plugins/*/scenarios/[!_]*.yaml")
 SHIPPED = sorted(path for pattern in PATTERNS for path in ROOT.glob(pattern))
 
-#: [m] How far agents may be from where they are in the world of their scenario, after a second: a racecar accelerates by
-#: 3.0 m/s^2 in MuJoCo, as the torque of its motors says, and by 2.4 m/s^2 in PyBullet.
+#: [m] How far agents may be from where they are in the world of their scenario, after a second: a racecar accelerates
+#: by 3.0 m/s^2 in MuJoCo, as the torque of its motors says, and by 2.4 m/s^2 in PyBullet.
 APART = 0.35
 
 
