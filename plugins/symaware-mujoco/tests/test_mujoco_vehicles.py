@@ -320,3 +320,17 @@ def test_an_obstacle_stands_in_the_way_of_a_car() -> None:
     for _ in range(150):
         environment.step()
     assert 1.0 < environment.state(group)[0, 0] < 1.2
+
+
+def test_the_world_of_another_process_is_followed() -> None:
+    states = [[0.0] * 5, [2.0, 1.0, 0.5, 0.0, 0.0]]
+    host, group = world(Racecar(), states)
+    copy, _ = world(Racecar(), states)
+    driven(host, group, [1.0, 0.3], 0.2)
+    copy.follow(200_000_000, host.share(), host.contacts())
+    assert copy.state(group).tobytes() == host.state(group).tobytes()
+    assert copy.body_positions(group.ids).tobytes() == host.body_positions(group.ids).tobytes()
+    assert copy.body_poses("one").tobytes() == host.body_poses("one").tobytes()
+    assert copy.joint_positions("one").tobytes() == host.joint_positions("one").tobytes()
+    view = [1.0, -2.0, 1.0], [1.0, 0.5, 0.0], (32, 24), 0.8
+    assert (copy.camera_image(*view).segments == host.camera_image(*view).segments).all()
