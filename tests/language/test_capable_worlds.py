@@ -33,8 +33,8 @@ def problems(path: Path, *overrides: Any) -> list[Problem]:
 @pytest.fixture
 def without_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    for name in [each for each in sys.modules if each.startswith("symaware_cli.worlds.")]:
-        monkeypatch.delitem(sys.modules, name)
+    for name in ("bullet", "spatial"):
+        monkeypatch.delitem(sys.modules, f"symaware_cli.worlds.{name}", raising=False)
 
 
 def test_worlds_are_found_by_what_they_provide() -> None:
