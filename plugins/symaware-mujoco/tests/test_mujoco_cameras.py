@@ -92,27 +92,6 @@ def test_absent_agents_are_not_in_the_picture() -> None:
     assert environment.camera_image(*view).segments[4, 4] == 1
 
 
-def test_both_engines_see_the_same() -> None:
-    pytest.importorskip("pybullet")
-    from symaware_cli.worlds.spatial import PyBulletEnvironment
-
-    obstacles = {
-        "ball": Obstacle(shape=BALL, position=[3.0, 1.0], mass=1.0),
-        "can": Obstacle(shape={"cylinder": {"radius": 0.2, "height": 0.5}}, position=[4.0, -0.7]),
-        "crate": Obstacle(shape=CRATE, position=[3.0, 0.0], heading=0.4),
-        "wall": Obstacle(shape={"wall": {"points": [[5, -2], [5, 2]], "thickness": 0.1}}),
-    }
-    images = []
-    for kind in (PyBulletEnvironment, MujocoEnvironment):
-        with world(kind, obstacles) as environment:
-            images.append(environment.camera_image([0.0, -1.0, 1.2], [3.5, 0.0, 0.2], (80, 60), 0.7))
-    theirs, ours = images
-    same = theirs.segments == ours.segments
-    assert same.mean() > 0.96
-    solid = same & (theirs.segments > 1) & (theirs.segments < 6)
-    assert np.median(np.abs(theirs.depth[solid] - ours.depth[solid])) < 0.02
-
-
 def test_lines_of_sight_end_at_obstacles_but_not_at_agents() -> None:
     positions = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]])
     group = AgentGroup(

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import yaml
 from numpy.typing import NDArray
-from symaware_mujoco.vehicles import read_vehicle
 from symaware_mujoco.world import MujocoEnvironment
 
 import symaware_cli as sa
@@ -116,22 +115,6 @@ def test_rays_of_a_car_pass_through_its_own_parts() -> None:
     (found,) = environment.ray_cast(np.array([0]), np.zeros((1, 2)), directions, 10.0, 0.1)
     assert found[0] == pytest.approx(2.0 + 0.265 - 0.05, abs=1e-3)  # the scanner of the other
     assert np.isinf(found[1])
-
-
-def test_the_file_of_the_car_is_that_of_pybullet_data() -> None:
-    pytest.importorskip("pybullet_data")
-    vehicle = Racecar().vehicle()
-    models = [read_vehicle(file).compile() for file in (vehicle.description(), vehicle.portable_description())]
-    theirs, ours = ({model.body(number).name: model.body(number) for number in range(model.nbody)} for model in models)
-    # Lenses of the camera, of 10 mg each.
-    assert theirs.keys() - ours.keys() == {"camera_link", "zed_camera_right_link"}
-    for name, body in ours.items():
-        for what in ("mass", "inertia", "ipos", "pos", "quat"):
-            assert getattr(body, what) == pytest.approx(getattr(theirs[name], what), abs=1e-9), (name, what)
-    shapes = [sorted(map(tuple, model.geom_size.round(9).tolist())) for model in models]
-    assert shapes[0] == shapes[1]
-    joints = [{model.joint(number).name for number in range(model.njnt)} for model in models]
-    assert joints[0] == joints[1]
 
 
 def test_what_a_car_looks_like_is_described_in_its_file() -> None:
