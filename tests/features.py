@@ -101,6 +101,18 @@ def item_uses_missing(item: pytest.Item) -> bool:
     named |= {str(each) for each in given if isinstance(each, str | Path)}
     folders = (CHECKOUT / "scenarios", CHECKOUT / "tests" / "scenarios" / "bad")
     files = [folder / name for name in named for folder in folders]
-    return any(
-        os.path.isfile(file) and uses_missing(file.read_text(encoding="utf-8", errors="replace")) for file in files
-    )
+    if any(os.path.isfile(file) and uses_missing(file.read_text(encoding="utf-8", errors="replace")) for file in files):
+        return True
+    # Messages name the installed worlds that have what a scenario needs.
+    reports = [folder / f"{name}.expected" for name in named for folder in folders]
+    worlds = missing_worlds()
+    texts = [file.read_text(encoding="utf-8") for file in reports if os.path.isfile(file)]
+    return any(f"`{world}`" in text for text in texts for world in worlds)
+
+
+@cache
+def missing_worlds() -> tuple[str, ...]:
+    """The names of the worlds that the installed copy does not have."""
+    points = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+    worlds = points["symaware.environments"]
+    return tuple(name for name, target in worlds.items() if not _exists(target.partition(":")[0]))
