@@ -49,6 +49,7 @@ from symaware_cli.engine.models.racecar import TRACK, WHEEL_RADIUS, WHEELBASE, R
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute
 from symaware_cli.worlds import bullet_collisions as collisions
+from symaware_cli.worlds.bullet_vehicles import MARGIN
 from symaware_cli.worlds.planar import PymunkEnvironment
 from symaware_cli.worlds.spatial import PyBulletEnvironment
 
@@ -56,6 +57,8 @@ Array = NDArray[np.float64]
 Measured = tuple[float, Array | None]
 
 TIME_STEP, SUBSTEPS = 0.05, 10
+#: [m] The radius of a wheel with the engine's margin.
+WHEEL = round(WHEEL_RADIUS + MARGIN, 9)
 RADIUS = 0.3
 CIRCLE = {"circle": {"radius": RADIUS}}
 #: Engine settings that the worlds use.
@@ -251,7 +254,7 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
     )
     file = os.path.join(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
     flags = pybullet.URDF_IGNORE_VISUAL_SHAPES | pybullet.URDF_USE_INERTIA_FROM_FILE
-    height = WHEEL_RADIUS - 0.05
+    height = WHEEL - 0.05
     cars = [
         pybullet.loadURDF(file, (0, 2.0 * row, height), flags=flags, physicsClientId=client) for row in range(count)
     ]
@@ -272,7 +275,7 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
         pybullet.resetBaseVelocity(car, (0, 0, 0), (0, 0, 0), client)
     pybullet.performCollisionDetection(client)
     aside = 0.5 * TRACK * math.tan(0.1) / WHEELBASE
-    wheels = [(1.0 - aside) / WHEEL_RADIUS, (1.0 + aside) / WHEEL_RADIUS]
+    wheels = [(1.0 - aside) / WHEEL, (1.0 + aside) / WHEEL]
     touching: dict[tuple[int, int], Any] = {}
     news: list[tuple[Any, ...]] = []
     started = time.process_time()

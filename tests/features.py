@@ -95,8 +95,10 @@ def module_uses_missing(path: Path) -> bool:
 
 def item_uses_missing(item: pytest.Item) -> bool:
     """Whether a test is about scenario files that name something that is missing."""
-    _, files = _subject(item)
-    return any(map(uses_missing, files))
+    _, files, reports = _subject(item)
+    # Messages name the installed worlds that have what a scenario needs.
+    worlds = missing_worlds()
+    return any(map(uses_missing, files)) or any(f"`{world}`" in report for report in reports for world in worlds)
 
 
 _NEEDS_PYBULLET = re.compile(r"pybullet|racecar|quadrotor|worlds\.(spatial|bullet|body_)")
@@ -119,8 +121,8 @@ def module_needs_pybullet(path: Path) -> bool:
 
 def item_needs_pybullet(item: pytest.Item) -> bool:
     """Whether a test is about scenario files that name PyBullet or what moves there alone."""
-    source, files = _subject(item)
-    return any(map(_NEEDS_PYBULLET.search, (source, item.nodeid, *files)))
+    source, files, reports = _subject(item)
+    return any(map(_NEEDS_PYBULLET.search, (source, item.nodeid, *files, *reports)))
 
 
 def _helpers(path: Path, text: str) -> list[Path]:
@@ -132,8 +134,8 @@ def _helpers(path: Path, text: str) -> list[Path]:
     return [helper for helper in helpers if helper.is_file() and helper != path]
 
 
-def _subject(item: pytest.Item) -> tuple[str, list[str]]:
-    """The source of a test, and the texts of the scenario files that it names or is given."""
+def _subject(item: pytest.Item) -> tuple[str, list[str], list[str]]:
+    """The source of a test, and the texts of the scenario files that it names or is given, and of their reports."""
     function = getattr(item, "function", None)
     source = inspect.getsource(function) if function is not None else ""
     named = set(re.findall(r"[\w-]+\.(?:yaml|toml)", source))
@@ -141,6 +143,17 @@ def _subject(item: pytest.Item) -> tuple[str, list[str]]:
     named |= {str(each) for each in given if isinstance(each, str | Path)}
     named |= {f"{each}.yaml" for each in given if isinstance(each, str) and re.fullmatch(r"[\w-]+", each)}
     folders = (CHECKOUT / "scenarios", CHECKOUT / "tests" / "scenarios" / "bad")
-    files = [folder / name for name in named for folder in folders]
-    found = [file.read_text(encoding="utf-8", errors="replace") for file in files if os.path.isfile(file)]
-    return source, found
+
+    def texts(ending: str) -> list[str]:
+        files = [folder / f"{name}{ending}" for name in named for folder in folders]
+        return [file.read_text(encoding="utf-8", errors="replace") for file in files if os.path.isfile(file)]
+
+    return source, texts(""), texts(".expected")
+
+
+@cache
+def missing_worlds() -> tuple[str, ...]:
+    """The names of the worlds that the installed copy does not have."""
+    points = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+    worlds = points["symaware.environments"]
+    return tuple(name for name, target in worlds.items() if not _exists(target.partition(":")[0]))

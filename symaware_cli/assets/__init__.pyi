@@ -20,5 +20,4 @@ from .mjcf import MjcfDescription as MjcfDescription
 from .robot_joint import RobotJoint as RobotJoint
 from .urdf import material_colour as material_colour
 from .vehicle import Vehicle as Vehicle
-from .vehicle import place_body as place_body
-from .vehicle import read_bodies as read_bodies
+from .vehicle import VehicleBodies as VehicleBodies

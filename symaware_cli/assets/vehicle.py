@@ -1,68 +1,165 @@
-"""Vehicles: bodies with wheels, joints or rotors of their own in the spatial world."""
+"""Vehicles: bodies with wheels, joints or rotors of their own, whatever engine holds them.
+
+Reasons: docs/decisions/0081-vehicles-and-cameras.md
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import ClassVar, Literal
 
-import numpy as np
+from symaware_cli.geometry import Array, Mask
 
-from symaware_cli.geometry import Array
+
+class VehicleBodies(ABC):
+    """The bodies of a group of vehicles in the engine of a world: what a `Vehicle` reads, and by what it moves them.
+
+    A row is an agent of the group. Joints have the names of the file, and so have links the names of the joints that
+    move them.
+
+    Attributes:
+        count: The number of bodies.
+        gravity: Acceleration of free bodies [x, y, z] [m/s^2].
+        margin: How far outside of their shapes bodies touch each other [m].
+    """
+
+    # Handles of an engine follow from the scenario. What does not, a subclass adds by `captured` and `restored`.
+    uncaptured: ClassVar[Collection[str]] = "*"
+
+    count: int
+    gravity: Sequence[float]
+    margin: float = 0.0
+
+    @property
+    def present(self) -> Mask | None:
+        """Which of the agents are in the world, by row; None for all of them."""
+        return None
+
+    # -- once, in `Vehicle.attach`
+
+    @abstractmethod
+    def set_inertia(self, inertia: Sequence[float]) -> None:
+        """Set the moments of inertia of the bases about the axes of the body [kg m^2], and take away all damping."""
+
+    @abstractmethod
+    def set_friction(self, friction: Mapping[str, float]) -> None:
+        """Set the friction of links, 0 for those that are not named, and take away the damping of all joints."""
+
+    @abstractmethod
+    def release(self, joints: Sequence[str]) -> None:
+        """Let joints move freely."""
+
+    @abstractmethod
+    def add_motors(self, joints: Sequence[str], kind: Literal["rate", "angle"], torque: float) -> None:
+        """Add motors, each of which brings a joint to a rate, or to an angle: a tenth of the way in a physics step.
+
+        Args:
+            joints: The joints.
+            kind: What `command` sets.
+            torque: The greatest torque of each [N m].
+        """
+
+    # -- in a run
+
+    @abstractmethod
+    def command(self, row: int, joints: Sequence[str], targets: Sequence[float]) -> None:
+        """Set the targets of motors that were added together: rates [rad/s] or angles [rad]."""
+
+    @abstractmethod
+    def push(self, forces: Array, torques: Array) -> None:
+        """Apply forces [N] at the centres of mass and torques [N m] in the next physics step.
+
+        Args:
+            forces: In the axes of the world; shape (n, 3).
+            torques: In the axes of the world; shape (n, 3).
+        """
+
+    @abstractmethod
+    def read(self) -> Array:
+        """Read the centres of mass of the bases.
+
+        Returns:
+            Positions [m], orientations as quaternions (x, y, z, w), velocities [m/s] and angular velocities [rad/s] in
+            the axes of the world; shape (n, 13).
+        """
+
+    @abstractmethod
+    def place(self, row: int, values: Sequence[float]) -> None:
+        """Set the pose and velocity of a body, as `read` returns them; its joints stay as they are."""
+
+    @abstractmethod
+    def set_velocity(self, row: int, velocity: Sequence[float], spin: Sequence[float]) -> None:
+        """Set the velocity [m/s] and the angular velocity [rad/s] of a body in the axes of the world."""
+
+    @abstractmethod
+    def joint(self, row: int, joint: str) -> tuple[float, float]:
+        """Return the position [rad] and the rate [rad/s] of a joint."""
+
+    @abstractmethod
+    def set_joint(self, row: int, joint: str, position: float, rate: float) -> None:
+        """Set the position [rad] and the rate [rad/s] of a joint."""
 
 
 class Vehicle(ABC):
-    """Moves the bodies of a group in the world `pybullet`, for models with wheels, joints or rotors.
+    """Moves the bodies of a group in worlds that provide ``vehicles``, for models with wheels, joints or rotors.
 
-    `Model.vehicle` creates one for a group. The world loads the bodies, calls `dress` for each if it is visible,
-    `attach` once, `actuate` at the beginning of each time step, `push` before each physics step, and `read` for the
-    states.
+    `Model.vehicle` creates one for a group. The world loads the bodies, calls `attach` once and `start` for all of
+    them, `actuate` at the beginning of each time step, `push` before each physics step, and `read` for the states.
+    Agents that enter later are put to their pose, and `start` is called for them again.
 
     Attributes:
-        flags: Additional flags for ``loadURDF``.
+        inertia_from_file: Whether moments of inertia are those of the file; else PyBullet derives them from shapes.
         needs_ground: Whether it drives on the ground, so that a world without one is refused.
+        colours: Red, green, blue and opacity, from 0 to 1, of links that shall not look as in the file, by joint.
         ground: The height of the ground [m], which the world sets before all calls; None without a ground.
     """
 
-    flags: int = 0
+    inertia_from_file: bool = False
     needs_ground: bool = False
+    colours: ClassVar[Mapping[str, tuple[float, float, float, float]]] = {}
     ground: float | None = 0.0
 
     @abstractmethod
     def description(self) -> Path:
         """Return the URDF file of one body."""
 
+    def portable_description(self) -> Path:
+        """Return a URDF file of the same body that needs no package besides that of the model.
+
+        Worlds of engines other than PyBullet load this one, with the same joints.
+        """
+        return self.description()
+
     @abstractmethod
-    def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
+    def pose(self, state: Array, margin: float = 0.0) -> tuple[Sequence[float], Sequence[float]]:
         """Return the initial position of a body's base [m] and its orientation as a quaternion (x, y, z, w).
 
         Args:
             state: The state of one agent; shape (nx,).
-        """
-
-    def dress(self, engine: Any, client: int, body: int) -> None:  # noqa: B027 (most keep the looks of the file)
-        """Change how a body looks, just after it was loaded with its visual shapes.
-
-        Args:
-            engine: The module ``pybullet``.
-            client: The client's id, for every call.
-            body: The body's id.
+            margin: How far outside of their shapes bodies touch each other [m].
         """
 
     @abstractmethod
-    def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
-        """Adopt the bodies.
+    def attach(self, bodies: VehicleBodies, state: Array) -> None:
+        """Adopt the bodies, and set what never changes.
 
         Args:
-            engine: The module ``pybullet``.
-            client: The client's id, for every call.
-            bodies: The id of each agent's body.
+            bodies: The bodies, at their poses.
             state: The initial states; shape (n, nx).
-            step_time: Duration of a physics step [s].
 
         Raises:
             WorldError: It does not support the world; the path may be that of a parameter: ``("with", "gravity")``.
+        """
+
+    @abstractmethod
+    def start(self, rows: Sequence[int], state: Array) -> None:
+        """Set the initial velocities and joints of some bodies, which are at their poses.
+
+        Args:
+            rows: The rows of the agents in the group.
+            state: The states of these agents; shape (k, nx).
         """
 
     @abstractmethod
@@ -87,41 +184,3 @@ class Vehicle(ABC):
             NotImplementedError: The vehicle does not support this.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be displaced")
-
-
-def place_body(engine: Any, client: int, body: int, values: Sequence[float]) -> None:
-    """Set the pose and velocity of a body; its joints stay as they are.
-
-    Args:
-        engine: The module ``pybullet``.
-        client: The client's id.
-        body: The body's id.
-        values: Pose and velocities, as returned by `read_bodies`.
-    """
-    engine.resetBasePositionAndOrientation(body, values[:3], values[3:7], client)
-    engine.resetBaseVelocity(body, values[7:10], values[10:13], client)
-
-
-def read_bodies(engine: Any, client: int, bodies: Sequence[int]) -> Array:
-    """Read the poses and velocities of bodies' centres of mass.
-
-    Args:
-        engine: The module ``pybullet``.
-        client: The client's id.
-        bodies: Their ids.
-
-    Returns:
-        Positions [m], orientations as quaternions (x, y, z, w), velocities [m/s] and angular velocities [rad/s] in
-        the world's coordinates; shape (n, 13).
-    """
-    pose, motion = engine.getBasePositionAndOrientation, engine.getBaseVelocity
-    # One list and one array at the end: filling an array row by row costs twice as much.
-    flat: list[float] = []
-    for body in bodies:
-        position, orientation = pose(body, client)
-        velocity, spin = motion(body, client)
-        flat += position
-        flat += orientation
-        flat += velocity
-        flat += spin
-    return np.array(flat).reshape(len(bodies), 13)

@@ -41,7 +41,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         path: Its path, such as ``agents.robot.2.steer``; the source of its events.
         period: The time between two turns, in nanoseconds; None for a turn at each step of the world, or for triggered
             turns only.
-        requires: Features that the world must provide (see `Environment.provides`), each with the worlds that do.
+        requires: Features that the world must provide (see `Environment.provides`), each with a
+            description of worlds that do, to which messages add the names of the installed ones.
         specifications: The parameter that lists specifications of its agents by name, if it has one; looked up before a
             run.
         specifications_of_others: Whether they may be about agents of other groups alone.

@@ -46,10 +46,15 @@ class EnvironmentParameters(Parameters):
 
 
 class WorldError(UnsupportedError):
-    """A world does not support something that a scenario requires; `path` is its place in the scenario."""
+    """A world does not support something that a scenario requires; `path` is its place in the scenario.
 
-    def __init__(self, message: str, *path: str | int) -> None:
+    Attributes:
+        needs: The feature that worlds have which do support it, as in `Environment.provides`; None if no feature tells.
+    """
+
+    def __init__(self, message: str, *path: str | int, needs: str | None = None) -> None:
         super().__init__(message, *(path or ("environment",)))
+        self.needs = needs
 
 
 class Environment(Plugin, ABC):
@@ -69,9 +74,10 @@ class Environment(Plugin, ABC):
         ground: The height of the ground plane [m]; None if there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
-        provides: Optional features of this world: ``images``, if it renders camera images; ``vehicles``, if it moves
-            bodies by `Model.vehicle`; ``mechanisms``, if it moves joints by `Model.mechanism`; ``tilt``, if entities
-            may have a roll and a pitch.
+        provides: Optional features of this world: ``forces``, if forces move bodies; ``images``, if it renders camera
+            images; ``vehicles``, if it moves bodies by `Model.vehicle`; ``mechanisms``, if it moves joints by
+            `Model.mechanism`; ``tilt``, if entities may have a roll and a pitch. Messages about a world without a
+            feature name the installed ones that provide it.
         proximity: Finds the pairs of agents that are near each other, with results shared by all callers.
         roster: The ids and indices of all agents.
         is_open: Whether agents can enter and leave this world, by `admit` and `dismiss`.
@@ -123,8 +129,9 @@ class Environment(Plugin, ABC):
             with errors.catch():
                 if obstacle.is_tilted and "tilt" not in self.provides:
                     raise WorldError(
-                        "this world has no third dimension to tilt anything in; `pybullet` has one",
+                        "this world has no third dimension to tilt anything in",
                         *("environment", "entities", name, "roll" if obstacle.roll else "pitch"),
+                        needs="tilt",
                     )
         for group in self.groups:
             with errors.catch():

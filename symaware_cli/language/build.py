@@ -16,6 +16,7 @@ from symaware_cli.core import AgentGroup, Environment, Links, Plugin, WorldError
 from symaware_cli.engine import ComponentEntry, Network, RunError, RunOptions, Simulation, Topology
 from symaware_cli.language.assets import asset_folders, assets, check_assets
 from symaware_cli.language.body_check import check_bodies
+from symaware_cli.language.capable_worlds import expected_world, with_other_worlds
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.changes import Changes
 from symaware_cli.language.compose import Composition, CompositionError, compose
@@ -147,7 +148,28 @@ def build_composition(
     """
     if seed is not None:
         composition.data["seed"] = seed
-    return _SimulationBuilder(composition, catalogue or Catalogue(), found, folder, world).build()
+    known = catalogue or Catalogue()
+
+    def builds(other: str) -> bool:
+        """Whether the scenario can be built with another world."""
+        changed = composition.copy()
+        if not isinstance(changed.data.get("environment"), dict):
+            return False
+        changed.data["environment"]["use"] = other
+        try:
+            built = _SimulationBuilder(changed, known, found, folder, None).build()
+        except ScenarioError:
+            return False
+        built.simulation.environment.close()
+        return True
+
+    try:
+        return _SimulationBuilder(composition, known, found, folder, world).build()
+    except ScenarioError as error:
+        further = with_other_worlds(error, known, builds)
+        if further is error:
+            raise
+        raise further from error
 
 
 class _SimulationBuilder:
@@ -165,7 +187,7 @@ class _SimulationBuilder:
         self._diagnosis = Diagnosis(composition, found)
         self._problems, self._report = self._diagnosis.problems, self._diagnosis.report
         catalogue, own_files = with_own_plugins(catalogue, self._diagnosis, folder)
-        self._own_files = own_files or {}
+        self._own_files, self._catalogue = own_files or {}, catalogue
         self._factory = PluginFactory(self._diagnosis, catalogue, folder, is_complete=own_files is not None)
         #: Whether a fault limits the bandwidth of links.
         self._narrowed = False
@@ -212,7 +234,7 @@ class _SimulationBuilder:
         options, network, links = RunOptions(), None, None
         if isinstance(document, ScenarioDocument) and environment is not None:
             options = self._options(document, environment, groups, component_entries)
-            check_requirements(document, environment, groups, component_entries, self._diagnosis)
+            check_requirements(document, environment, groups, component_entries, self._diagnosis, self._catalogue)
             check_assets(document, sections.parameters(), environment, folders, self._diagnosis)
             if document.topology is not None and len(groups) == len(document.agents):
                 network, links = self._network(document.topology, networks, document, environment, groups)
@@ -406,7 +428,9 @@ class _SimulationBuilder:
             if isinstance(cause, WorldError):
                 for each in (cause, *cause.others):
                     said = f"{quoted(error.plugin)} cannot do this: {words(each)}"
-                    self._report("unsuitable", said, each.path, key=True)
+                    needs = getattr(each, "needs", None)
+                    expected = expected_world(needs, self._catalogue) if needs else None
+                    self._report("unsuitable", said, each.path, key=True, expected=expected)
             else:
                 said = f"{quoted(error.plugin)} cannot set up the world: {error.problem}"
                 self._report("unsuitable", said, ("environment",))

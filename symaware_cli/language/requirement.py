@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.engine import ComponentEntry, Sensor
+from symaware_cli.language.capable_worlds import expected_world
+from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.problem import quoted
@@ -19,6 +21,7 @@ def check_requirements(
     groups: Sequence[AgentGroup],
     entries: Sequence[ComponentEntry],
     diagnosis: Diagnosis,
+    catalogue: Catalogue,
 ) -> None:
     """Report each model and component that cannot work in its world.
 
@@ -28,6 +31,7 @@ def check_requirements(
         groups: The groups that could be built.
         entries: Their component entries.
         diagnosis: Takes problems.
+        catalogue: The installed plugins, for worlds that would do.
     """
     agents = [id for group in groups for id in group.ids]
     names = {
@@ -38,7 +42,7 @@ def check_requirements(
     names["agents or entities"] = [*names["agents"], *document.environment.entities]
     complete = len(groups) == len(document.agents)
     for group in groups:
-        _check_model(document, environment, group, diagnosis)
+        _check_model(document, environment, group, diagnosis, catalogue)
     for entry in entries:
         component, path, variations = entry.components[0], entry.section, entry.variations
         measures = isinstance(component, Sensor) or entry.name in entry.group.awareness.signals
@@ -50,7 +54,8 @@ def check_requirements(
             if name not in environment.provides:
                 world = quoted(document.environment.use)
                 message = f"{quoted(entry.use)} needs {name}, and the world {world} has none"
-                diagnosis.report("unsuitable", message, path, key=True, expected=where)
+                expected = expected_world(name, catalogue, where)
+                diagnosis.report("unsuitable", message, path, key=True, expected=expected)
         for parameter, kind in component.bodies.items() if complete else ():
             if kind not in names or not hasattr(component.parameters, parameter):
                 diagnosis.report(
@@ -68,7 +73,13 @@ def check_requirements(
                     diagnosis.report_unknown(kind, named, (*section, parameter), known)
 
 
-def _check_model(document: ScenarioDocument, environment: Environment, group: AgentGroup, diagnosis: Diagnosis) -> None:
+def _check_model(
+    document: ScenarioDocument,
+    environment: Environment,
+    group: AgentGroup,
+    diagnosis: Diagnosis,
+    catalogue: Catalogue,
+) -> None:
     """Report parameters without effect: of vehicles in worlds without them, and of entities with a built-in body."""
     agents, model, path = document.agents[group.name], group.model, ("agents", group.name)
     for name in model.needs_vehicle:
@@ -77,7 +88,8 @@ def _check_model(document: ScenarioDocument, environment: Environment, group: Ag
             message = (
                 f"{quoted(agents.model.use)} has {quoted(name)} only in worlds with vehicles, and {world} has none"
             )
-            diagnosis.report("unsuitable", message, (*path, "model", "with", name), expected="`pybullet`, or false")
+            expected = f"false, or {expected_world('vehicles', catalogue)}"
+            diagnosis.report("unsuitable", message, (*path, "model", "with", name), expected=expected)
     for name in sorted(agents.entity.model_fields_set - {"shape"}) if model.body else ():
         message = f"{quoted(agents.model.use)} has a built-in body, whose {quoted(name)} cannot be set"
         expected = "only a `shape`, which other agents keep clear of"

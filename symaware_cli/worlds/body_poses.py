@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from symaware_cli.assets import read_bodies
 from symaware_cli.core import Pose
 from symaware_cli.geometry import Array, Articulation, continued, yaws
 from symaware_cli.worlds.body_builder import BodyPart, turn
@@ -121,7 +120,7 @@ class BodyPoses:
         """
         if not bodies:
             return np.empty((0, 3)), np.empty(0), np.empty((0, 4)), np.empty((0, 4))
-        values = read_bodies(engine, self._client, bodies)
+        values = read_bodies(self._client, bodies)
         for row, body in enumerate(bodies if self._any_apart else ()):
             base = self.base(body)
             if base:
@@ -152,3 +151,27 @@ class BodyPoses:
             }
             self._joints[body] = [names[joint] for joint in joints]
         return self._joints[body]
+
+
+def read_bodies(client: int, bodies: Sequence[int]) -> Array:
+    """Read the poses and velocities of bodies' centres of mass.
+
+    Args:
+        client: The client's id.
+        bodies: Their ids.
+
+    Returns:
+        Positions [m], orientations as quaternions (x, y, z, w), velocities [m/s] and angular velocities [rad/s] in
+        the world's coordinates; shape (n, 13).
+    """
+    pose, motion = engine.getBasePositionAndOrientation, engine.getBaseVelocity
+    # One list and one array at the end: filling an array row by row costs twice as much.
+    flat: list[float] = []
+    for body in bodies:
+        position, orientation = pose(body, client)
+        velocity, spin = motion(body, client)
+        flat += position
+        flat += orientation
+        flat += velocity
+        flat += spin
+    return np.array(flat).reshape(len(bodies), 13)

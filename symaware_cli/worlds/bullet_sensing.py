@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from colorsys import hsv_to_rgb
 
 import numpy as np
 
 from symaware_cli.core import Image
 from symaware_cli.geometry import Array, Indices, Mask
 from symaware_cli.worlds.bullet import engine
+from symaware_cli.worlds.colours import body_colour
 
 #: The most rays that PyBullet casts at once.
 _BATCH = engine.MAX_RAY_INTERSECTION_BATCH_SIZE - 1
@@ -28,9 +28,6 @@ _UTMOST = 1e7
 #: [m] The engine's bounding box of an infinite plane reaches this far.
 _PLANE = 1e29
 
-#: Hues that differ by the golden section are spread evenly, however many there are.
-_GOLDEN = 0.6180339887
-_GREY = (0.6, 0.6, 0.63)
 #: The engine's colour of bodies without one.
 _PLAIN = (1.0, 1.0, 1.0, 1.0)
 
@@ -120,8 +117,7 @@ def colour(client: int, owner: Mapping[int, int], agents: int) -> None:
         looks = engine.getVisualShapeData(body, physicsClientId=client)
         if engine.getNumJoints(body, client) or any(tuple(look[7]) != _PLAIN for look in looks):
             continue  # from a file, with colours of its own
-        colour = _GREY if index >= agents else hsv_to_rgb(index * _GOLDEN % 1.0, 0.7, 0.8)
-        engine.changeVisualShape(body, -1, rgbaColor=[*colour, 1.0], physicsClientId=client)
+        engine.changeVisualShape(body, -1, rgbaColor=[*body_colour(index, agents), 1.0], physicsClientId=client)
 
 
 def render(

@@ -76,6 +76,7 @@ class PhysicsEnvironment(ColumnEnvironment):
     """
 
     dimensions: ClassVar[int]
+    provides: ClassVar[Sequence[str]] = ("forces",)
 
     class Parameters(EnvironmentParameters):
         """Parameters of a physics world."""
@@ -185,18 +186,26 @@ class PhysicsEnvironment(ColumnEnvironment):
     def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let absent agents enter: their bodies collide from now on."""
         super().admit(group, rows)
+        self._enter(group, rows)
+        self._read_between_steps()
+
+    def _enter(self, group: EntityGroup, rows: Sequence[int]) -> None:
+        """Let the bodies of agents appear."""
         velocities = np.zeros((len(group), self.dimensions))
         velocities[:, : len(group.model.velocities)] = group.initial_state[:, list(group.model.velocities)]
         for row in rows:
             self._appear(self._part_of(group).start + row, velocities[row].tolist())
-        self._read_between_steps()
 
     def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let agents leave for good: their bodies do not collide any more."""
         super().dismiss(group, rows)
+        self._leave(group, rows)
+        self._read_between_steps()
+
+    def _leave(self, group: EntityGroup, rows: Sequence[int]) -> None:
+        """Let the bodies of agents vanish."""
         for row in rows:
             self._vanish(self._part_of(group).start + row)
-        self._read_between_steps()
 
     def drive(self, group: EntityGroup) -> Drive:
         """Return within which limits forces give bodies the velocities of their model.

@@ -8,20 +8,22 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.assets import Vehicle, asset, read_bodies
+from symaware_cli.assets import asset
 from symaware_cli.assets.asset import AssetFolders
 from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstacle, Scenery, WorldError, seconds
-from symaware_cli.engine import Actuator, appearances, process_noise
+from symaware_cli.engine import appearances
 from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude_columns
 from symaware_cli.worlds import bullet_collisions, bullet_sensing
 from symaware_cli.worlds.body_builder import BodyBuilder, BodyPart, collision_kind, turn
-from symaware_cli.worlds.body_poses import BodyPoses
+from symaware_cli.worlds.body_poses import BodyPoses, read_bodies
 from symaware_cli.worlds.bullet import MOST_SHOWN, Client, engine
 from symaware_cli.worlds.bullet_collisions import Collisions
+from symaware_cli.worlds.bullet_vehicles import MARGIN, BulletVehicleBodies, joint_names
 from symaware_cli.worlds.contact_tracker import GROUND
 from symaware_cli.worlds.engine_files import EngineFiles
 from symaware_cli.worlds.ground import GroundPlane
 from symaware_cli.worlds.physics import BodyStates, OpaqueEngine, PhysicsEnvironment
+from symaware_cli.worlds.vehicles import VehicleEnvironment
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
@@ -35,7 +37,7 @@ _TURN = 0.25 * np.pi
 _BURIED = 1e4
 
 
-class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
+class PyBulletEnvironment(OpaqueEngine, VehicleEnvironment):
     """Rigid bodies in space that fall, push, rub and bounce off each other, by PyBullet.
 
     The z axis points upwards. Agents of models that move in a plane stand upright at one height, and the ground does
@@ -43,7 +45,7 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
     """
 
     dimensions = 3
-    provides = ("images", "tilt", "vehicles")
+    provides = ("forces", "images", "tilt", "vehicles")
 
     class Parameters(PhysicsEnvironment.Parameters):
         """Parameters of the spatial world."""
@@ -72,23 +74,11 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
         )
         gui: bool = Field(False, description="Whether to show the window of PyBullet; it needs a screen.")
 
-    def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
-        """Create all bodies in their initial states."""
-        step = seconds(self.time_step)
-        #: The process noise of groups of vehicles; actuators add that of all others.
-        self._noises = {
-            group.name: process_noise(group, step, seed) for group in groups if group.model.vehicle() is not None
-        }
-        super().initialise(groups, obstacles, seed)
-
     @property
     def gravity(self) -> Sequence[float]:
         """The gravity of the parameters."""
         given: Sequence[float] = self.parameters.gravity
         return given
-
-    def _actuator(self, group: EntityGroup, seed: int) -> Actuator | None:
-        return super()._actuator(group, seed) if group.model.vehicle() is None else None
 
     def _build(self) -> None:
         """Create bodies in a fixed order: the ground, agents, and entities by name."""
@@ -111,7 +101,6 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
         self._index: dict[int, int] = {}
         self.ground = parameters.ground.height if parameters.ground else None
         self._body_poses = BodyPoses(client)
-        self._vehicles: list[tuple[Vehicle, int]] = []
         self._agents = [-1] * len(self._driven)
         #: The collision kind of each agent's body, and the initial poses of absent agents.
         self._collision_kinds = [bullet_collisions.ABSENT] * len(self._driven)
@@ -139,7 +128,7 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
                 with errors.catch():
                     self._add_obstacle(first + index, name, obstacle)
             errors.raise_first()
-        vehicles = {self.groups[number].name: vehicle for vehicle, number in self._vehicles}
+        vehicles = {self.groups[number].name: vehicle.description() for vehicle, number in self._vehicles}
         self._articulations = appearances(self.groups, self.obstacles, vehicles, folders, parameters.height)
         self._drifts = bool(self._planar.any())
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
@@ -223,33 +212,30 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
         self._velocity[row] = 0.0
 
     def _add_vehicles(self, group: EntityGroup, number: int) -> None:
-        vehicle = group.model.vehicle()
-        assert vehicle is not None
         if group.present is not None:
             raise WorldError("vehicles cannot enter or leave this world", "agents", group.name, "present")
-        if vehicle.needs_ground and self.ground is None:
-            where = ("environment", "with", "ground")
-            raise WorldError(f"the vehicles of `{group.name}` drive on the ground, and there is none", *where)
-        vehicle.ground = self.ground
+        vehicle = self._vehicle(group)
         bodies, start, name = [], self.roster.start(group.name), vehicle.description().name
         file = self._builder.robot_file(asset.installed(vehicle.description(), "agents", group.name, "model"))
+        flags = engine.URDF_USE_INERTIA_FROM_FILE if vehicle.inertia_from_file else 0
         for row, own in enumerate(self._states[number]):
-            pose = vehicle.pose(own)
-            body = self._builder.load_robot(file, name, *pose, vehicle.flags, "agents", group.name, "model")
+            pose = vehicle.pose(own, MARGIN)
+            body = self._builder.load_robot(file, name, *pose, flags, "agents", group.name, "model")
             self._index[body] = start + row
             bodies.append(body)
             if not self._loading:
-                vehicle.dress(engine, self._id, body)
+                self._paint(body, vehicle.colours)
         for body in bodies:
             self._builder.set_collision_kind(body, bullet_collisions.FREE)
-        try:
-            vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
-        except WorldError as error:
-            within = error.path if error.path[0] == "with" else ()
-            raise WorldError(str(error), "agents", group.name, "model", *within) from error
-        if self._noises[group.name] and type(vehicle).displace is Vehicle.displace:
-            raise WorldError("its vehicle does not support process noise", "agents", group.name, "model")
-        self._vehicles.append((vehicle, number))
+        self._attach(vehicle, number, BulletVehicleBodies(self._id, bodies))
+
+    def _paint(self, body: int, colours: Mapping[str, tuple[float, float, float, float]]) -> None:
+        """Replace the textures of links by colours: those of a wheel of the racecar take 0.9 MB."""
+        for joint, name in enumerate(joint_names(self._id, body) if colours else ()):
+            if name in colours:
+                engine.changeVisualShape(
+                    body, joint, textureUniqueId=-1, rgbaColor=colours[name], physicsClientId=self._id
+                )
 
     def _add_obstacle(self, index: int, name: str, obstacle: Obstacle) -> None:
         pose = obstacle.pose()
@@ -311,8 +297,6 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
             # Agents that move in a plane are brought back to their height within the time step.
             step = seconds(self.time_step)
             self._plan[:, self._planar, 2] = (self._heights - self._positions[:, 2])[self._planar] / step
-        for vehicle, number in self._vehicles:
-            vehicle.actuate(self._applied[number])
 
     def _refresh(self) -> None:
         self._velocity = self._velocity.copy()
@@ -322,8 +306,7 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
 
     def _push(self, forces: Array | None) -> None:
         """Set the velocities that the forces would cause in this physics step, before contacts are solved."""
-        for vehicle, _ in self._vehicles:
-            vehicle.push()
+        self._push_vehicles()
         rows: Sequence[int] = range(len(self._agents))
         if not self._has_gravity:
             rows = [] if forces is None else np.flatnonzero(forces.any(axis=1)).tolist()
@@ -371,13 +354,9 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
         self._headings[row] += turned
         self._body_poses.displace(self._agents[row], moved.tolist(), float(self._headings[row]), faster.tolist())
 
-    def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
-        vehicle = next(vehicle for vehicle, own in self._vehicles if own == number)
-        vehicle.displace(rows, np.tile(change, (len(rows), 1)))
-
     def _placement(self) -> Mapping[str, Array]:
         """Return the poses of the centres of mass of moving bodies, and the positions of their joints."""
-        poses = read_bodies(engine, self._id, self._mobile)[:, :7]
+        poses = read_bodies(self._id, self._mobile)[:, :7]
         names = [name for name in self._articulations if self._articulations[name].joints]
         joints = {f"joints/{name}": self.joint_positions(name) for name in names}
         return {"bodies": poses, **{name: values for name, values in joints.items() if values is not None}}
@@ -396,21 +375,6 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
         """The bodies of agents in the order of the roster, and of free entities."""
         agents = [self._body_of[index] for index in range(len(self.roster))]
         return [*agents, *(self._entities[name] for name in self._free)]
-
-    def _add_process_noise(self, time: int) -> None:
-        for vehicle, number in self._vehicles:
-            noise = self._noises[self.groups[number].name]
-            if noise:
-                vehicle.displace(range(len(self.groups[number])), noise.draw(time))
-
-    def _read_others(self, velocities: Array) -> None:
-        for vehicle, number in self._vehicles:
-            state, velocity = vehicle.read()
-            state.flags.writeable = False
-            self._states[number] = state
-            group = self.groups[number]
-            start, dimensions = self.roster.start(group.name), len(group.model.position)
-            velocities[start : start + len(group), :dimensions] = velocity[:, :dimensions]
 
     def articulations(self) -> Mapping[str, Articulation]:
         """Return links and visual shapes of bodies; agents without a file look like their shape."""

@@ -146,8 +146,9 @@ def test_a_world_without_a_third_dimension_refuses_what_is_tilted(kind: type[Col
         "one": Obstacle(shape=CRATE, position=[0, 0], roll=0.1),
         "other": Obstacle(shape=CRATE, position=[5, 0], pitch=0.1),
     }
-    with pytest.raises(WorldError, match="pybullet") as refused:
+    with pytest.raises(WorldError, match="no third dimension") as refused:
         world(obstacles, kind)
+    assert refused.value.needs == "tilt"
     paths = [refused.value.path, *(other.path for other in refused.value.others)]
     assert paths == [("environment", "entities", "one", "roll"), ("environment", "entities", "other", "pitch")]
 

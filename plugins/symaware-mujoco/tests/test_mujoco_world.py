@@ -11,6 +11,8 @@ from symaware_mujoco.world import MujocoEnvironment
 
 import symaware_cli as sa
 from symaware_cli.core import AgentGroup, Entity, Obstacle
+from symaware_cli.engine.models.integrator import DoubleIntegrator
+from symaware_cli.engine.models.unicycle import Unicycle
 from symaware_cli.log.digest import digest
 from symaware_cli.testing import check_environment
 
@@ -151,6 +153,26 @@ def test_an_agent_goes_where_its_model_goes_until_something_is_in_its_way() -> N
     x, y = environment.state(group)[0]
     assert x == pytest.approx(0.85, abs=0.01)
     assert y > 0.2
+
+
+def test_forces_and_torques_accelerate_bodies_by_their_mass_and_inertia() -> None:
+    group = robots([[0.0, 0.0]], mass=4.0, max_force=2.0)
+    environment = world(groups=[group])
+    group.control_input = np.array([[10.0, 0.0]])
+    after(environment, 1.0)
+    assert environment.snapshot().velocities[0] == pytest.approx([0.5, 0.0], rel=1e-6)
+    # A ball of 0.1 m: I = 2/5 m r^2
+    body = Entity(shape=BALL, mass=4.0, max_torque=0.008)
+    turning = AgentGroup("cart", ["cart"], Unicycle(Unicycle.Parameters(max_turn_rate=9.0)), body, np.zeros((1, 3)))
+    environment = world(groups=[turning])
+    turning.control_input = np.array([[0.0, 9.0]])
+    after(environment, 1.0)
+    assert environment.state(turning)[0, 2] == pytest.approx(0.5 * 0.008 / (0.4 * 4.0 * 0.01), rel=2e-3)
+    pushed = AgentGroup("puck", ["puck"], DoubleIntegrator(), Entity(shape=BALL), np.zeros((1, 4)))
+    environment = world(groups=[pushed])
+    pushed.control_input = np.array([[1.0, 0.0]])
+    after(environment, 1.0)
+    assert environment.state(pushed)[0] == pytest.approx([0.5, 0.0, 1.0, 0.0], abs=1e-3)
 
 
 def test_a_robot_pushes_what_its_force_can_push() -> None:

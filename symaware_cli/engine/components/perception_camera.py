@@ -20,8 +20,8 @@ class Camera(Sensor):
     """Takes images of each agent's surroundings: the colour, depth and body of each pixel.
 
     It points forwards along the heading, at a point, or at an agent or entity. It stays level however the agent tilts:
-    upwards in the image is upwards in the world. PyBullet renders the images on the CPU, so no screen is needed; other
-    worlds have no images. Bodies from URDF files look as described there if the world has `visuals: true`.
+    upwards in the image is upwards in the world. Images are made on the CPU, so no screen is needed, by worlds that
+    have them. Bodies from URDF files look as described there if the world has `visuals: true`.
 
     Errors are normal, without bias, and independent of each other.
 
@@ -29,7 +29,7 @@ class Camera(Sensor):
     """
 
     bodies: ClassVar = {"look_at": "agent or entity"}
-    requires: ClassVar = {"images": "the world `pybullet`, which has them"}
+    requires: ClassVar = {"images": "a world that has images"}
 
     class Parameters(SensorParameters):
         """Parameters of the camera."""
@@ -65,7 +65,7 @@ class Camera(Sensor):
         super().initialise_component(group)
         environment, look_at = self.environment, self.parameters.look_at
         if "images" not in environment.provides:
-            raise ValueError("this world has no images; `pybullet` has them")
+            raise ValueError("this world has no images")
         if isinstance(look_at, str) and look_at not in environment.roster and look_at not in environment.obstacles:
             raise ValueError(f"`look_at` names `{look_at}`, which is no agent and no entity")
 

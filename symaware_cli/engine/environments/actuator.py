@@ -50,6 +50,7 @@ class Actuator:
                 "bodies have a position, a heading and a velocity, and the model's state has "
                 f"`{'`, `'.join(more)}` too",
                 *path,
+                needs="vehicles" if model.vehicle() is not None else None,
             )
         if model.velocities and len(model.velocities) != len(model.position):
             raise WorldError("the model's state has the velocity along some axes only", *path)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
-from symaware_cli.assets import Vehicle, asset, material_colour
+from symaware_cli.assets import asset, material_colour
 from symaware_cli.assets.asset import AssetFolders
 from symaware_cli.core import EntityGroup, Obstacle, Shape, Wall
 from symaware_cli.geometry import Articulation, Link, Visual, about
@@ -16,7 +16,7 @@ from symaware_cli.geometry import Articulation, Link, Visual, about
 def appearances(
     groups: Sequence[EntityGroup],
     obstacles: Mapping[str, Obstacle],
-    vehicles: Mapping[str, Vehicle],
+    vehicles: Mapping[str, Path],
     folders: AssetFolders,
     height: float,
 ) -> dict[str, Articulation]:
@@ -27,7 +27,7 @@ def appearances(
     Args:
         groups: All groups.
         obstacles: All obstacles by name.
-        vehicles: The vehicles of those groups that have some.
+        vehicles: The URDF files of those groups that are vehicles.
         folders: The folders to which the scenario's file names are relative.
         height: Height of shapes without one of their own [m].
 
@@ -44,9 +44,9 @@ def appearances(
         if shape not in of_shape:
             of_shape[shape] = appearance(shape, folders, height)
     found = {name: of_shape[shape] for name, shape in shapes.items()}
-    for name, vehicle in vehicles.items():
-        robot = asset.installed(vehicle.description())
-        found[name] = robot.description.articulation(robot.paths, name=vehicle.description().stem)
+    for name, file in vehicles.items():
+        robot = asset.installed(file)
+        found[name] = robot.description.articulation(robot.paths, name=file.stem)
     return found
 
 

@@ -58,9 +58,9 @@ class KinematicEnvironment(ColumnEnvironment):
             with errors.catch():
                 if obstacle.velocity or obstacle.turn_rate:
                     raise WorldError(
-                        "only physics worlds, `pymunk` and `pybullet`, move an entity by its `velocity` and "
-                        "`turn_rate`; here, give it a path",
+                        "only physics worlds move an entity by its `velocity` and `turn_rate`; here, give it a path",
                         *("environment", "entities", name),
+                        needs="forces",
                     )
         for group in self.groups:
             with errors.catch():

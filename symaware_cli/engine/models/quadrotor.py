@@ -1,4 +1,4 @@
-"""The quadrotor: a Crazyflie 2.x with four rotor speeds as control input, and its bodies in the world `pybullet`."""
+"""The quadrotor: a Crazyflie 2.x with four rotor speeds as control input, and its bodies in worlds with vehicles."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.assets import Vehicle, place_body, read_bodies
+from symaware_cli.assets import Vehicle, VehicleBodies
 from symaware_cli.core import Cylinder, Entity, Parameters, Quantity, Shape, WorldError
 from symaware_cli.engine.models.crazyflie import (
     INERTIA,
@@ -38,6 +38,9 @@ from symaware_cli.engine.models.vector import (
 from symaware_cli.geometry import Array, attitude, continued
 from symaware_cli.world import columns, rows
 
+#: [m] Where absent agents are, so that they push nobody down.
+_ELSEWHERE = 1e6
+
 
 class Quadrotor(NoisyModel):
     """A Crazyflie 2.x in flight: a rigid body under the thrust of four rotors, with their speeds as control input.
@@ -45,8 +48,8 @@ class Quadrotor(NoisyModel):
     Its attitude is roll, pitch and yaw (first about z, then y, then x), which are singular if the nose points straight
     up or down. Angular rates are about the axes of the body. Rotors reach their speed instantaneously.
 
-    In the world `pybullet` it is a body with collisions. In other worlds the same equations are integrated, without
-    ground effect and downwash.
+    In worlds with vehicles, `pybullet` and `mujoco`, it is a body with collisions. In others the same equations are
+    integrated, without ground effect and downwash.
     """
 
     batchable = True
@@ -76,10 +79,11 @@ class Quadrotor(NoisyModel):
         gravity: float = Field(9.81, gt=0, description="Acceleration of gravity [m/s^2]; that of the world.")
         drag: bool = Field(True, description="Whether the air brakes it.")
         ground_effect: bool = Field(
-            False, description="Whether rotors push more near the height 0, in `pybullet` (Cheeseman and Bennett 1955)."
+            False,
+            description="Whether rotors push more near the ground, in worlds with vehicles (Cheeseman, Bennett 1955).",
         )
         downwash: bool = Field(
-            False, description="Whether those of its group that fly above push it down, in `pybullet`."
+            False, description="Whether those of its group that fly above push it down, in worlds with vehicles."
         )
         max_tilt: float = Field(
             0.6, gt=0, lt=1.3, description="Greatest angle to which it tilts to follow a velocity [rad]."
@@ -200,7 +204,7 @@ class Quadrotor(NoisyModel):
         return rows([speed / self.input_scale for speed in speeds], len(state))
 
     def vehicle(self) -> Vehicle:
-        """Return its body and rotors in the world `pybullet`."""
+        """Return its body and rotors in worlds with vehicles."""
         return QuadrotorVehicle(self.parameters, self.rotor_speeds)
 
 
@@ -225,7 +229,7 @@ def _attitude_error(axes: Axes, wanted: Axes) -> Vector:
 
 
 class QuadrotorVehicle(Vehicle):
-    """The bodies and rotors of quadrotors in the world `pybullet`."""
+    """The bodies and rotors of quadrotors in worlds with vehicles."""
 
     def __init__(self, parameters: Any, rotor_speeds: Callable[[Array], Any]) -> None:
         self._parameters = parameters
@@ -235,20 +239,19 @@ class QuadrotorVehicle(Vehicle):
         """Return the URDF file that comes with this package."""
         return Path(__file__).parent / "assets" / "crazyflie.urdf"
 
-    def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
+    def pose(self, state: Array, margin: float = 0.0) -> tuple[Sequence[float], Sequence[float]]:
         """Return the position of the centre of mass and the attitude."""
         return state[:3].tolist(), attitude(state[3], state[4], state[5]).tolist()
 
-    def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
-        """Set masses and initial velocities of the bodies.
+    def attach(self, bodies: VehicleBodies, state: Array) -> None:
+        """Set the inertia of the bodies.
 
         Raises:
             WorldError: The world has another gravity than the model.
         """
-        self._engine, self._client, self._bodies = engine, client, tuple(bodies)
+        self._bodies = bodies
         self._is_current = False
-        settings = engine.getPhysicsEngineParameters(client)
-        gravity = [settings[f"gravityAcceleration{axis}"] for axis in "XYZ"]
+        gravity = list(bodies.gravity)
         *aside, down = gravity
         if any(aside) or down >= 0.0:
             raise WorldError(f"it needs gravity straight down, and that of the world is {gravity}")
@@ -258,18 +261,15 @@ class QuadrotorVehicle(Vehicle):
                 f"`gravity` to {-down:g}, too",
                 *("with", "gravity"),
             )
-        for body, own, spin in zip(bodies, state, _spins(state), strict=True):
-            engine.changeDynamics(
-                body,
-                -1,
-                linearDamping=0.0,
-                angularDamping=0.0,
-                localInertiaDiagonal=INERTIA,
-                physicsClientId=client,
-            )
-            engine.resetBaseVelocity(body, own[6:9].tolist(), spin.tolist(), client)
+        bodies.set_inertia(INERTIA)
         self._yaws = state[:, 5].copy()
-        self._read_bodies()
+
+    def start(self, rows: Sequence[int], state: Array) -> None:
+        """Set the initial velocities."""
+        for row, own, spin in zip(rows, state, _spins(state), strict=True):
+            self._bodies.set_velocity(row, own[6:9].tolist(), spin.tolist())
+            self._yaws[row] = own[5]
+        self._is_current = False
 
     def actuate(self, control_input: Array) -> None:
         """Set the rotor speeds."""
@@ -289,14 +289,12 @@ class QuadrotorVehicle(Vehicle):
         if parameters.drag:
             force = added(force, drag(axes, self._velocity, self._rotors))
         force, torque = to_world(axes, force), to_world(axes, self._torque)
-        if parameters.downwash and len(self._bodies) > 1:
-            force = (force[0], force[1], force[2] - downwash(self._values[:, :3]))
-        engine, client, frame = self._engine, self._client, self._engine.WORLD_FRAME
-        forces, torques = np.stack(force, axis=1).tolist(), np.stack(torque, axis=1).tolist()
-        places = self._values[:, :3].tolist()
-        for body, place, pushed, turned in zip(self._bodies, places, forces, torques, strict=True):
-            engine.applyExternalForce(body, -1, pushed, place, frame, client)
-            engine.applyExternalTorque(body, -1, turned, frame, client)
+        if parameters.downwash and self._bodies.count > 1:
+            places, present = self._values[:, :3], self._bodies.present
+            if present is not None:
+                places = np.where(present[:, None], places, _ELSEWHERE)
+            force = (force[0], force[1], force[2] - downwash(places))
+        self._bodies.push(np.stack(force, axis=1), np.stack(torque, axis=1))
 
     def read(self) -> tuple[Array, Array]:
         """Read the poses and velocities of the bodies."""
@@ -322,12 +320,12 @@ class QuadrotorVehicle(Vehicle):
         for row, own, state, spin in zip(rows, values, changed, spins, strict=True):
             own[3:7], own[10:13] = attitude(state[3], state[4], state[5]), spin
             self._yaws[row] = state[5]
-            place_body(self._engine, self._client, self._bodies[row], own.tolist())
+            self._bodies.place(row, own.tolist())
         self._is_current = False
 
     def _read_bodies(self) -> None:
         """Read the poses and velocities of all bodies; valid until the next physics step."""
-        values = self._values = read_bodies(self._engine, self._client, self._bodies)
+        values = self._values = self._bodies.read()
         x, y, z, w = columns(values[:, 3:7])
         self._axes = quaternion_axes(x, y, z, w)
         velocity_x, velocity_y, velocity_z = columns(values[:, 7:10])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
@@ -12,18 +13,31 @@ import numpy as np
 
 from symaware_cli.assets import AssetError, AssetFolders, Mechanism, Posture, asset, read_mesh
 from symaware_cli.core import Entity, Mesh, Obstacle, Shape, WorldError
-from symaware_cli.geometry import Array, attitude
+from symaware_cli.geometry import Array, Articulation, Visual, attitude
 from symaware_mujoco.bounce import IMPEDANCE
 from symaware_mujoco.robot import lowest, read_robot
 
 #: Bits of collisions: two geometries collide if one has a bit as its type that the other has as its affinity.
 GROUND, BODY, FIXED, ON_PATH = 1, 2, 4, 8
 
+#: Groups of geometries, by which rays tell them apart: entities, agents, the ground, what cameras alone see, and what
+#: nothing sees, such as absent agents.
+ENTITIES, AGENTS, FLOOR, LOOKS, HIDDEN = 0, 1, 2, 3, 5
+
 #: [kg] The mass of bodies on paths, which nothing diverts.
 IMMOVABLE = 1e6
 
 #: [m] Radius that a body without a shape has for its inertia.
 _POINT = 0.1
+
+#: [kg m^2] The inertia of a rotor, so great that no load slows it down.
+_ROTOR = 1e4
+
+#: [N m] The torque of a clutch that nobody has set.
+_SLIPPING = 1e-9
+
+#: How exactly a clutch brings a joint to the rate of its rotor in a physics step.
+_GRIP = 0.999
 
 #: [m] From how far bodies push each other, so that those that stand on each other do before they fall.
 MARGIN = 1e-5
@@ -166,7 +180,7 @@ class Scene:
         height = rest[0] if rest else (self._floor or 0.0) - lowest(robot, np.array(quaternion))
         self.levels[name] = height
         joint = "free" if obstacle.is_free else None
-        self._attach(name, robot, [x, y, height], quaternion, joint, surface)
+        self.attach(name, robot, surface, joint, [x, y, height], quaternion)
 
     def add_robot_agent(
         self, id: str, shape: Shape, posture: Posture, mechanism: Mechanism, surface: Surface, *where: str
@@ -188,19 +202,28 @@ class Scene:
         place = [*posture.position]
         if mechanism.stands:
             place[2] = (self._floor or 0.0) - lowest(robot, np.array(quaternion))
-        self._attach(id, robot, place, quaternion, None if mechanism.is_fixed else "base", surface)
+        self.attach(id, robot, surface, None if mechanism.is_fixed else "base", place, quaternion)
         return float(place[2])
 
-    def _attach(
+    def attach(
         self,
         name: str,
         robot: Any,
-        position: Sequence[float],
-        quaternion: Sequence[float],
-        joint: str | None,
         surface: Surface,
-    ) -> None:
-        """Put a robot into the scene, with a free base if `joint` names the joint for that."""
+        joint: str | None = "free",
+        position: Sequence[float] = (0.0, 0.0, 0.0),
+        quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+    ) -> Any:
+        """Add a robot, and return its base.
+
+        Args:
+            name: The name of the agent or entity, which those of its joints and links begin with.
+            robot: Its specification, which becomes part of this scene.
+            surface: The surface of all its links.
+            joint: The name of the joint by which its base is free; None if it is fixed.
+            position: The origin of its base [m].
+            quaternion: The orientation of its base (w, x, y, z).
+        """
         frame = self._spec.worldbody.add_frame(pos=list(position), quat=list(quaternion))
         base = frame.attach_body(robot.worldbody.first_body(), f"{name}/", "")
         if joint is not None:
@@ -214,6 +237,58 @@ class Scene:
             kind, affinity = (BODY, GROUND | BODY | FIXED | ON_PATH) if moves else (FIXED, 0)
             for geometry in body.geoms:
                 self._register(geometry, surface, kind, affinity)
+        return base
+
+    def dress(self, name: str, described: Articulation, surface: Surface) -> None:
+        """Add the looks of a robot, which only cameras see.
+
+        Args:
+            name: The name of the agent or entity, which was attached.
+            described: Its links with their visual shapes.
+            surface: Its surface, for its owner.
+        """
+        for link in described.links:
+            body = self._spec.body(f"{name}/{link.name}")
+            for visual in link.visuals:
+                self._add_look(body, visual, surface)
+
+    def _add_look(self, body: Any, visual: Visual, surface: Surface) -> None:
+        x, y, z, w = visual.orientation
+        options: dict[str, Any] = {"pos": visual.position, "quat": [w, x, y, z], "mass": 0.0, "group": LOOKS}
+        options["rgba"] = [1.0, 1.0, 1.0, 1.0] if visual.colour is None else visual.colour
+        if visual.kind == "mesh":
+            faces = read_mesh(Path(visual.mesh)).triangles.reshape(-1, 3) * np.array(visual.size)
+            corners, places = np.unique(faces, axis=0, return_inverse=True)
+            mesh = self._spec.add_mesh(name=f"look{len(self.surfaces)}", uservert=corners.ravel().tolist())
+            mesh.userface, mesh.inertia = places.ravel().tolist(), mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            options |= {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": mesh.name}
+        elif visual.kind == "box":
+            options |= {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [0.5 * each for each in visual.size]}
+        elif visual.kind == "sphere":
+            options |= {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [visual.size[0], 0.0, 0.0]}
+        elif visual.kind in ("cylinder", "capsule"):
+            kind = mujoco.mjtGeom.mjGEOM_CYLINDER if visual.kind == "cylinder" else mujoco.mjtGeom.mjGEOM_CAPSULE
+            options |= {"type": kind, "size": [visual.size[0], 0.5 * visual.size[1], 0.0]}
+        else:
+            return
+        self._add(body, surface, 0, 0, **options)
+
+    def add_clutch(self, joint: str) -> None:
+        """Connect a joint by a clutch to a rotor of its own, whose rate nothing changes.
+
+        The clutch is dry friction between both rates: it brings the joint to the rate of the rotor as far as its
+        torque, 0 at first, can. The rotor has the name of the joint with `/rotor` behind it, the clutch with `/clutch`.
+        """
+        body = self._spec.worldbody.add_body(name=f"{joint}/rotor")
+        body.mass, body.inertia, body.ipos, body.explicitinertial = 1e-3, [1e-6] * 3, [0, 0, 0], True
+        body.add_joint(name=f"{joint}/rotor", type=mujoco.mjtJoint.mjJNT_HINGE, axis=_unit(2), armature=_ROTOR)
+        clutch = self._spec.add_tendon(name=f"{joint}/clutch")
+        clutch.wrap_joint(joint, 1.0)
+        clutch.wrap_joint(f"{joint}/rotor", -1.0)
+        # A tiny torque, as the engine leaves out what has none.
+        clutch.frictionloss = _SLIPPING
+        clutch.solref_friction = [-1.0, -1.0 / self._spec.option.timestep]
+        clutch.solimp_friction = [_GRIP, _GRIP, 0.001, 0.5, 2.0]
 
     def _add_shape(
         self,

@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.assets import AssetFolders, Mechanism
-from symaware_cli.core import EntityGroup, ErrorCollector, WorldError
+from symaware_cli.assets import AssetFolders, Mechanism, Vehicle
+from symaware_cli.core import EntityGroup, ErrorCollector, Image, WorldError
 from symaware_cli.engine import Actuator, appearances
-from symaware_cli.geometry import Array, Articulation, Indices, attitude, attitude_columns, continued, yaws
-from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair
+from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude, attitude_columns, continued, yaws
+from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, body_colour, pair
 from symaware_mujoco.bounce import solref
+from symaware_mujoco.cameras import render
 from symaware_mujoco.motors import Motors
-from symaware_mujoco.scene import Scene, Surface, body_name
+from symaware_mujoco.scene import AGENTS, ENTITIES, FLOOR, HIDDEN, LOOKS, Scene, Surface
+from symaware_mujoco.vehicles import MujocoVehicleBodies, add_vehicle, read_vehicle
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
@@ -30,11 +32,11 @@ _TINY = 1e-6
 #: What of the engine is the state of a run: positions, velocities, time, and what the solver begins with.
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
-#: The group of geometries that rays pass through, which are those of absent agents.
-_HIDDEN = 5
+#: What rays of a lidar meet, by the group of geometries; and what hides agents from each other.
+_SOLID, _OPAQUE = np.array([1, 1, 1, 0, 1, 0], np.uint8), np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
 
-class MujocoEnvironment(PhysicsEnvironment):
+class MujocoEnvironment(VehicleEnvironment):
     """Rigid bodies in space that fall, push, rub and bounce off each other, by MuJoCo.
 
     The z axis points upwards. Agents stay upright; those of models that move in a plane keep their height, and the
@@ -43,17 +45,17 @@ class MujocoEnvironment(PhysicsEnvironment):
     """
 
     dimensions = 3
-    provides = ("mechanisms", "tilt")
+    provides = ("forces", "images", "mechanisms", "tilt", "vehicles")
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
-        "_articulations",
+        *("_articulations", "_bodies", "_dressed", "_groups", "_unseen", "_colours", "_hit"),
         "_levels",
         "_machines",
     )
 
-    class Parameters(PhysicsEnvironment.Parameters):
+    class Parameters(VehicleEnvironment.Parameters):
         """Parameters of the world."""
 
         substeps: int = Field(20, ge=1, le=1000, description="How many physics steps a time step is divided into.")
@@ -65,6 +67,10 @@ class MujocoEnvironment(PhysicsEnvironment):
             GroundPlane(), description="The plane that everything falls on; none if null."
         )
         height: float = Field(1.0, gt=0, description="How high what has no height of its own is, such as a wall [m].")
+        visuals: bool = Field(
+            False,
+            description="Whether cameras see what bodies from URDF files look like there; otherwise, what collides.",
+        )
         iterations: int = Field(100, ge=1, le=1000, description="How often the solver goes over all contacts at most.")
 
     @property
@@ -94,20 +100,27 @@ class MujocoEnvironment(PhysicsEnvironment):
             scene.add_ground(parameters.ground.height, surface)
         self._heights = np.zeros(len(self._driven))
         errors = ErrorCollector()
-        for actuator, _, part in self._parts:
-            with errors.catch():
-                self._add_group(scene, actuator.group, part)
+        parts = {number: part for _, number, part in self._parts}
+        vehicles: dict[int, Vehicle] = {}
         mechanisms: dict[int, Mechanism] = {}
         for number, group in enumerate(self.groups):
-            if (mechanism := group.model.mechanism()) is not None:
-                with errors.catch():
+            with errors.catch():
+                if number in parts:
+                    self._add_group(scene, group, parts[number])
+                elif (mechanism := group.model.mechanism()) is not None:
                     self._add_robots(scene, group, number, mechanism)
                     mechanisms[number] = mechanism
+                else:
+                    vehicles[number] = self._add_vehicles(scene, group)
         for number, (name, obstacle) in enumerate(self.obstacles.items()):
             with errors.catch():
                 scene.add_obstacle(name, obstacle, Surface(count + number, obstacle.friction, obstacle.elasticity))
         errors.raise_first()
         self._levels = scene.levels
+        files = {self.groups[number].name: vehicle.portable_description() for number, vehicle in vehicles.items()}
+        self._articulations = appearances(self.groups, self.obstacles, files, folders, parameters.height)
+        robots = [*files, *(self.groups[number].name for number in mechanisms)]
+        self._dressed = self._dress(scene, robots) if parameters.visuals else ()
         model = self._model = scene.compile()
         self._machines = [
             Motors(model, self.groups[number], number, mechanism, self.step_time)
@@ -116,14 +129,10 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._data = mujoco.MjData(model)
         self._index_bodies()
         self._index_surfaces(scene)
-        self._articulations = appearances(self.groups, self.obstacles, {}, folders, parameters.height)
         self._place_all()
+        self._attach_all(vehicles, errors)
 
     def _add_group(self, scene: Scene, group: EntityGroup, part: slice) -> None:
-        if group.model.vehicle() is not None:
-            raise WorldError(
-                "this world has no vehicles from files yet; `pybullet` has them", "agents", group.name, "model"
-            )
         entity, turns = group.entity, group.model.heading is not None
         planar = len(group.model.position) == 2
         height = scene.level(entity.shape, "agents", group.name, "entity") if planar else None
@@ -146,6 +155,47 @@ class MujocoEnvironment(PhysicsEnvironment):
             surface = Surface(start + row, group.entity.friction, group.entity.elasticity)
             posture = mechanism.posture(state)
             scene.levels[id] = scene.add_robot_agent(id, shape, posture, mechanism, surface, *where, "entity")
+
+    def _add_vehicles(self, scene: Scene, group: EntityGroup) -> Vehicle:
+        vehicle = self._vehicle(group)
+        robot = read_vehicle(vehicle.portable_description(), "agents", group.name, "model")
+        start = self.roster.start(group.name)
+        for row, name in enumerate(group.ids):
+            add_vehicle(scene, name, robot, Surface(start + row, group.entity.friction, group.entity.elasticity))
+        return vehicle
+
+    def _dress(self, scene: Scene, agents: Collection[str]) -> Sequence[int]:
+        """Add the looks of vehicles and robots, and return the indices of those that have some."""
+        bodies = {self.roster.index(id): (id, name) for name in agents for id in self.groups[self._number[name]].ids}
+        first = len(self.roster)
+        bodies |= {
+            first + index: (name, name) for index, name in enumerate(self.obstacles) if self.obstacles[name].shape.robot
+        }
+        found: list[int] = []
+        for index, (id, name) in bodies.items():
+            described = self._articulations[name]
+            if any(link.visuals for link in described.links):
+                scene.dress(id, described, Surface(index, 0.0, 0.0))
+                found.append(index)
+        return found
+
+    def _attach_all(self, vehicles: Mapping[int, Vehicle], errors: ErrorCollector) -> None:
+        """Put vehicles to their poses, and hand them their bodies."""
+        #: The bodies of each group of vehicles, by its number.
+        self._bodies = {
+            number: MujocoVehicleBodies(self._model, self._data, self.groups[number], self._frictions)
+            for number in vehicles
+        }
+        for number, vehicle in vehicles.items():
+            for row, own in enumerate(self._states[number]):
+                self._bodies[number].put(row, *vehicle.pose(own))
+        mujoco.mj_forward(self._model, self._data)
+        for number, vehicle in vehicles.items():
+            with errors.catch():
+                self._attach(vehicle, number, self._bodies[number])
+        errors.raise_first()
+        self._apply_surfaces()
+        self._pushes = bool(vehicles)
 
     def _index_bodies(self) -> None:
         """Find where the coordinates of bodies are in those of the engine."""
@@ -179,12 +229,27 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._elasticities = np.array([each.elasticity for each in surfaces])
         #: The bits of collisions of each geometry, as they are if its agent is present.
         self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
+        agents, ground = len(self.roster), len(self.roster) + len(self.obstacles)
+        looks = model.geom_group == LOOKS
+        kinds = np.select([self._owners < agents, self._owners >= ground], [AGENTS, FLOOR], ENTITIES)
+        model.geom_group[:] = self._groups = np.where(looks, LOOKS, kinds).astype(np.int32)
+        #: What cameras do not see: what collides, where there are looks.
+        self._unseen = np.flatnonzero(~looks & np.isin(self._owners, np.array(self._dressed, np.intp)))
+        plain = [body_colour(index, agents) for index in self._owners.tolist()]
+        self._colours = np.where(looks[:, None], model.geom_rgba[:, :3], np.array(plain).reshape(-1, 3))
         self._geometries = {index: np.flatnonzero(self._owners == index) for index in range(len(self.roster))}
+        self._hit = np.zeros(1, np.int32)
+        self._apply_surfaces()
+
+    def _apply_surfaces(self) -> None:
+        """Tell the engine what surfaces are like."""
+        model = self._model
+        surfaces = list(zip(self._frictions.tolist(), self._elasticities.tolist(), strict=True))
         # With one surface for all, the engine's rule for pairs gives what two of it make.
-        self._is_uniform = len({(each.friction, each.elasticity) for each in surfaces}) <= 1
-        for number, each in enumerate(surfaces):
-            model.geom_friction[number] = (max(1e-5, each.friction**2), 0.005, 0.0001)
-            model.geom_solref[number] = solref(each.elasticity**2, self.step_time)
+        self._is_uniform = len(set(surfaces)) <= 1
+        for number, (friction, elasticity) in enumerate(surfaces):
+            model.geom_friction[number] = (max(1e-5, friction**2), 0.005, 0.0001)
+            model.geom_solref[number] = solref(elasticity**2, self.step_time)
 
     def _place_all(self) -> None:
         model, data = self._model, self._data
@@ -223,8 +288,8 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def close(self) -> None:
         """Let go of the engine's model."""
-        self.__dict__.pop("_data", None)
-        self.__dict__.pop("_model", None)
+        for name in ("_bodies", "_data", "_model"):
+            self.__dict__.pop(name, None)
 
     # -- agents that come and go
 
@@ -238,6 +303,38 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._write(self._velocities_at[row], self._data.qvel, self._velocity[row])
         self._show_present()
 
+    def _enter(self, group: EntityGroup, rows: Sequence[int]) -> None:
+        number = self._number[group.name]
+        if number not in self._bodies:
+            super()._enter(group, rows)
+            return
+        vehicle, state = self._vehicle_of(number), self._states[number]
+        for row in rows:
+            self._bodies[number].put(row, *vehicle.pose(state[row]))
+        vehicle.start(rows, state[list(rows)])
+        self._show_present()
+
+    def _leave(self, group: EntityGroup, rows: Sequence[int]) -> None:
+        if self._number[group.name] not in self._bodies:
+            super()._leave(group, rows)
+            return
+        self._show_present()
+
+    def _read_others(self, velocities: Array) -> None:
+        # Nothing holds the bodies of absent vehicles while the world moves.
+        for vehicle, number in self._vehicles:
+            present, state = self.groups[number].present, self._states[number]
+            for row in [] if present is None else np.flatnonzero(~present).tolist():
+                self._bodies[number].put(row, *vehicle.pose(state[row]))
+        super()._read_others(velocities)
+        for machine in self._machines:
+            number = machine.number
+            state, velocity = machine.states(self._data, self._states[number])
+            state.flags.writeable = False
+            self._states[number] = state
+            start, dimensions = self.roster.starts[number], len(machine.group.model.position)
+            velocities[start : start + len(state), :dimensions] = velocity[:, :dimensions]
+
     def _show_present(self) -> None:
         """Let the bodies of present agents collide and stop rays, and no others."""
         model = self._model
@@ -245,7 +342,7 @@ class MujocoEnvironment(PhysicsEnvironment):
             there = self.present is None or bool(self.present[index])
             for bits, own in zip((model.geom_contype, model.geom_conaffinity), self._bits, strict=True):
                 bits[geometries] = own[geometries] if there else 0
-            model.geom_group[geometries] = 0 if there else _HIDDEN
+            model.geom_group[geometries] = self._groups[geometries] if there else HIDDEN
 
     # -- steps
 
@@ -258,6 +355,9 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _push(self, forces: Array | None) -> None:
         """Set the velocities that the forces cause in this physics step, before contacts are solved."""
+        self._push_vehicles()
+        for bodies in self._bodies.values():
+            bodies.turn_rotors()
         if forces is not None:
             self._write(self._velocities_at, self._data.qvel, self._velocity)
 
@@ -376,20 +476,13 @@ class MujocoEnvironment(PhysicsEnvironment):
             poses[:, :3], headings, np.column_stack([motion[:, :3], rates]) if rates else np.empty((0, 4)), orientations
         )
 
-    def _read_others(self, velocities: Array) -> None:
-        for machine in self._machines:
-            number = machine.number
-            state, velocity = machine.states(self._data, self._states[number])
-            state.flags.writeable = False
-            self._states[number] = state
-            start, dimensions = self.roster.starts[number], len(machine.group.model.position)
-            velocities[start : start + len(state), :dimensions] = velocity[:, :dimensions]
-
     def _machine_of(self, name: str) -> Motors | None:
         return next((each for each in self._machines if each.group.name == name), None)
 
     def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
-        raise NotImplementedError("robots with motors cannot be displaced")
+        if number not in self._bodies:
+            raise NotImplementedError("robots with motors cannot be displaced")
+        super()._push_others(number, rows, change)
 
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
         data = self._data
@@ -412,7 +505,6 @@ class MujocoEnvironment(PhysicsEnvironment):
         model, data = self._model, self._data
         mujoco.mj_kinematics(model, data)
         distances = np.full(directions.shape[:2], np.inf)
-        visible = np.array([1, 1, 1, 1, 1, 0], np.uint8)
         count = directions.shape[1]
         geometries, found, normals = np.empty(count, np.int32), np.empty(count), np.empty((3 * count, 1))
         levels = self.body_positions([self.roster.ids[sender] for sender in senders.tolist()])[:, 2]
@@ -420,16 +512,37 @@ class MujocoEnvironment(PhysicsEnvironment):
             start = np.array([*origins[row, :2].tolist(), levels[row] + height])
             towards = np.zeros((count, 3))
             towards[:, :2] = directions[row]
-            own = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body_name(self.roster.ids[sender]))
-            # A robot from a file has several bodies.
-            groups = model.geom_group[self._geometries[sender]].copy()
-            model.geom_group[self._geometries[sender]] = _HIDDEN
+            # A body may have several parts.
+            own = self._geometries[sender]
+            groups = model.geom_group[own]
+            model.geom_group[own] = HIDDEN
             mujoco.mj_multiRay(
-                model, data, start, towards.ravel(), visible, True, own, geometries, found, normals, count, reach
+                model, data, start, towards.ravel(), _SOLID, True, -1, geometries, found, normals, count, reach
             )
-            model.geom_group[self._geometries[sender]] = groups
+            model.geom_group[own] = groups
             distances[row] = np.where(found < 0.0, np.inf, found)
         return distances
+
+    def in_sight(self, ones: Indices, others: Indices) -> Mask:
+        """Test the lines between the centres of bodies against the shapes of the engine."""
+        model, data = self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        middles, free = self.body_positions(self.roster.ids), np.ones(len(ones), bool)
+        for row, (one, other) in enumerate(zip(ones.tolist(), others.tolist(), strict=True)):
+            # Both directions are one line.
+            start, end = middles[min(one, other)], middles[max(one, other)]
+            hit = mujoco.mj_ray(model, data, start, end - start, _OPAQUE, True, -1, self._hit, None)
+            free[row] = not 0.0 <= hit <= 1.0
+        return free
+
+    def camera_image(
+        self, position: Sequence[float], target: Sequence[float], size: tuple[int, int], field_of_view: float
+    ) -> Image:
+        """Make an image from a position towards a target, by rays; no screen and no graphics library is needed."""
+        mujoco.mj_kinematics(self._model, self._data)
+        ground = np.flatnonzero(self._groups == FLOOR)
+        seen = self._owners, self._colours, self._unseen, ground
+        return render(self._model, self._data, *seen, position, target, size, field_of_view)
 
     def body_positions(self, names: Sequence[str]) -> Array:
         """Return the positions of bodies in space."""
@@ -440,7 +553,12 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _height_of(self, name: str) -> float:
         if name in self.roster:
-            if self.roster.index(name) not in self._driven:
+            index = self.roster.index(name)
+            for number, bodies in self._bodies.items():
+                row = index - self.roster.starts[number]
+                if 0 <= row < bodies.count:
+                    return float(bodies.poses()[row, 2])
+            if index not in self._driven:
                 base = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/base")
                 return self._levels[name] if base < 0 else float(self._data.qpos[self._model.jnt_qposadr[base] + 2])
             row = int(np.flatnonzero(self._driven == self.roster.index(name))[0])
@@ -454,11 +572,13 @@ class MujocoEnvironment(PhysicsEnvironment):
         return self._articulations
 
     def body_poses(self, name: str) -> Array | None:
-        """Return the poses of a free entity or of robots with a free base; None for others, which stay upright."""
+        """Return the poses of vehicles, robots with a free base and free entities; None for what stays upright."""
+        number = self._number.get(name, -1)
         machine = self._machine_of(name)
-        if machine is not None:
-            in_state = attitude_columns([element for element, _ in machine.group.model.state])
-            return None if in_state else machine.poses(self._data)
+        if machine is not None or number in self._bodies:
+            if attitude_columns([element for element, _ in self.groups[number].model.state]):
+                return None
+            return self._bodies[number].poses() if machine is None else machine.poses(self._data)
         row = self._free_rows.get(name)
         if row is None:
             return None
@@ -466,17 +586,19 @@ class MujocoEnvironment(PhysicsEnvironment):
         return np.concatenate([pose[:3], np.roll(pose[3:], -1)])[None]
 
     def joint_positions(self, name: str) -> Array | None:
-        """Return the positions of the joints of robots from files [rad] or [m]; shape (n, joints)."""
+        """Return the positions of the joints of vehicles and robots [rad] or [m]; shape (n, joints)."""
         described = self._articulations.get(name)
         if described is None or not described.joints:
             return None
         machine = self._machine_of(name)
         if machine is not None:
             return machine.joint_positions(self._model, self._data, list(described.joints))
+        ids = self.groups[self._number[name]].ids if name in self._number else [name]
         joints = [
-            mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}/{each}") for each in described.joints
+            [mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, f"{id}/{each}") for each in described.joints]
+            for id in ids
         ]
-        found: Array = self._data.qpos[self._model.jnt_qposadr[joints]][None]
+        found: Array = self._data.qpos[self._model.jnt_qposadr[np.array(joints)]]
         return found
 
     # -- the state of a run
