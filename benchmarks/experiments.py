@@ -1,17 +1,18 @@
 """Closed forms of mechanics in every physics world: ``python benchmarks/experiments.py`` prints three tables.
 
-Each of 31 experiments is a scene in a vertical plane whose outcome is known in closed form: free fall, damping, sliding,
-inclined planes, rolling, collisions, bounces, a pendulum, hovering and a limited force. It runs in every world that has
-what it takes, and in the bare engine: a program that makes the same bodies with the same settings by calls of the engine
-alone. An experiment passes if the error of the world is at most twice that of the bare engine.
+Each of 31 experiments is a scene in a vertical plane whose outcome is known in closed form: free fall, damping,
+sliding, inclined planes, rolling, collisions, bounces, a pendulum, hovering and a limited force. It runs in every world
+that has what it takes, and in the bare engine: a program that makes the same bodies with the same settings by calls of
+the engine alone. An experiment passes if the error of the world is at most twice that of the bare engine.
 
-The second table is the elasticity of a ball that meets a wall, from 0 to 1, over where within a physics step it meets it;
-the third is how fast a crate creeps on a slope that friction should hold it on.
+The second table is the elasticity of a ball that meets a wall, from 0 to 1, over where within a physics step it meets
+it; the third is how fast a crate creeps on a slope that friction should hold it on.
 
-The exit status is 1 if an experiment does not pass. ``--json`` prints figures only; ``--worlds mujoco`` only some worlds.
+The exit status is 1 if an experiment does not pass. ``--json`` prints figures only; ``--worlds mujoco`` measures only
+some worlds.
 
-Sources: R. C. Hibbeler, Engineering Mechanics: Statics, section 8.2 (inclined plane, angle of repose); Dynamics, sections
-14.2 (sliding), 15.4 (restitution), 17.5 (rolling) and 22.1 (pendulum).
+Sources: R. C. Hibbeler, Engineering Mechanics: Statics, section 8.2 (inclined plane, angle of repose); Dynamics,
+sections 14.2 (sliding), 15.4 (restitution), 17.5 (rolling) and 22.1 (pendulum).
 """
 
 import argparse
@@ -33,15 +34,15 @@ import numpy as np
 import pybullet
 import pymunk
 from numpy.typing import NDArray
+from symaware_mujoco.bounce import IMPEDANCE, solref
+from symaware_mujoco.scene import MARGIN, NEAR
+from symaware_mujoco.world import MujocoEnvironment
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle
 from symaware_cli.engine.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.worlds import PhysicsEnvironment
 from symaware_cli.worlds.planar import PymunkEnvironment
 from symaware_cli.worlds.spatial import PyBulletEnvironment
-from symaware_mujoco.bounce import IMPEDANCE, solref
-from symaware_mujoco.scene import MARGIN, NEAR
-from symaware_mujoco.world import MujocoEnvironment
 
 Array = NDArray[np.float64]
 
@@ -59,11 +60,15 @@ SPACE = ("pybullet", "mujoco")
 
 #: A rod of 1 m without mass, with 1 kg at its end, on a hinge at the origin.
 SWING, BOB_INERTIA = 0.1, 1e-3
-PENDULUM = """<robot name="pendulum"><link name="base"/>
-<link name="bob"><inertial><origin xyz="0 0 -1"/><mass value="1"/>
-<inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{i}"/></inertial></link>
-<joint name="hinge" type="continuous"><parent link="base"/><child link="bob"/><origin rpy="0 -{swing} 0"/>
-<axis xyz="0 1 0"/></joint></robot>""".format(i=BOB_INERTIA, swing=SWING)
+_MOMENTS = "".join(
+    f' i{pair}="{moment}"'
+    for pair, moment in zip(("xx", "yy", "zz", "xy", "xz", "yz"), (BOB_INERTIA,) * 3 + (0.0,) * 3, strict=True)
+)
+PENDULUM = f"""<robot name="pendulum">
+<link name="base"><inertial><mass value="1"/><inertia{_MOMENTS}/></inertial></link>
+<link name="bob"><inertial><origin xyz="0 0 -1"/><mass value="1"/><inertia{_MOMENTS}/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="bob"/><origin rpy="0 -{SWING} 0"/>
+<axis xyz="0 1 0"/></joint></robot>"""
 
 
 class Body(NamedTuple):
@@ -115,10 +120,10 @@ class Trial:
 
     def product(self, what: str) -> float:
         """Return the product of a coefficient over the bodies, of which two meet at most."""
-        return math.prod(getattr(body, what) for body in self.bodies.values())
+        return math.prod(float(getattr(body, what)) for body in self.bodies.values())
 
 
-#: For each time step and body x, z and their velocities [m], [m/s]; of a pendulum, sine and cosine of its angle and zeros.
+#: For each time step and body x, z [m] and their velocities [m/s]; shape (n, m, 4). Those of a pendulum are 0.
 Motion = Array
 
 
@@ -355,7 +360,7 @@ def bare_pybullet(trial: Trial) -> Motion:
 
 
 def bare_mujoco(trial: Trial) -> Motion:
-    """Run a trial in MuJoCo alone; both surfaces have the product of the coefficients, of which it takes the greater."""
+    """Run a trial in MuJoCo alone, where both surfaces have the product, as it takes the greater coefficient."""
     parts = []
     stiffness, damping = solref(trial.product("elasticity"), STEP)
     contact = (

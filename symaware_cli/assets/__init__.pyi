@@ -2,6 +2,7 @@
 
 from .asset import AssetFolders as AssetFolders
 from .asset_error import AssetError as AssetError
+from .convexity import is_convex as is_convex
 from .mesh_file import LARGEST_FILE as LARGEST_FILE
 from .mesh_file import MEDIA_TYPES as MEDIA_TYPES
 from .mesh_file import SUFFIXES as SUFFIXES

@@ -3,5 +3,6 @@
 from .contact_tracker import GROUND as GROUND
 from .contact_tracker import pair as pair
 from .ground import GroundPlane as GroundPlane
+from .hull_check import warn_of_hulls as warn_of_hulls
 from .physics import BodyStates as BodyStates
 from .physics import PhysicsEnvironment as PhysicsEnvironment

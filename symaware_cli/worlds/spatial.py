@@ -10,7 +10,17 @@ from pydantic import Field
 
 from symaware_cli.assets import Vehicle, asset, read_bodies
 from symaware_cli.assets.asset import AssetFolders
-from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstacle, Scenery, WorldError, seconds
+from symaware_cli.core import (
+    Entity,
+    EntityGroup,
+    ErrorCollector,
+    Image,
+    Obstacle,
+    ScenarioView,
+    Scenery,
+    WorldError,
+    seconds,
+)
 from symaware_cli.engine import Actuator, appearances, process_noise
 from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude_columns
 from symaware_cli.worlds import bullet_collisions, bullet_sensing
@@ -21,6 +31,7 @@ from symaware_cli.worlds.bullet_collisions import Collisions
 from symaware_cli.worlds.contact_tracker import GROUND
 from symaware_cli.worlds.engine_files import EngineFiles
 from symaware_cli.worlds.ground import GroundPlane
+from symaware_cli.worlds.hull_check import warn_of_hulls
 from symaware_cli.worlds.physics import BodyStates, OpaqueEngine, PhysicsEnvironment
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -411,6 +422,10 @@ class PyBulletEnvironment(OpaqueEngine, PhysicsEnvironment):
             group = self.groups[number]
             start, dimensions = self.roster.start(group.name), len(group.model.position)
             velocities[start : start + len(group), :dimensions] = velocity[:, :dimensions]
+
+    def find_warnings(self, view: ScenarioView) -> None:
+        """Warn of meshes that are not convex."""
+        warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
 
     def articulations(self) -> Mapping[str, Articulation]:
         """Return links and visual shapes of bodies; agents without a file look like their shape."""

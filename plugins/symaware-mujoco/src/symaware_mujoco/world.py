@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.assets import AssetFolders
-from symaware_cli.core import EntityGroup, ErrorCollector, WorldError
+from symaware_cli.core import EntityGroup, ErrorCollector, ScenarioView, WorldError
 from symaware_cli.engine import appearances
 from symaware_cli.geometry import Array, Articulation, Indices, attitude, continued, yaws
-from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair
-from symaware_mujoco.bounce import solref
+from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair, warn_of_hulls
+from symaware_mujoco.bounce import solref, warn_of_bounces
 from symaware_mujoco.scene import Scene, Surface, body_name
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -103,6 +103,11 @@ class MujocoEnvironment(PhysicsEnvironment):
         self._index_surfaces(scene)
         self._articulations = appearances(self.groups, self.obstacles, {}, folders, parameters.height)
         self._place_all()
+
+    def find_warnings(self, view: ScenarioView) -> None:
+        """Warn of meshes that are not convex, and of elasticities that collisions keep less exactly."""
+        warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
+        warn_of_bounces(view, self.parameters.ground)
 
     def _add_group(self, scene: Scene, group: EntityGroup, part: slice) -> None:
         if group.model.vehicle() is not None:
