@@ -1,9 +1,9 @@
 """Benchmark of the MuJoCo world against its bare engine: ``python benchmarks/mujoco_world.py`` prints a table.
 
-100 balls roll on the ground of a yard, and push each other and its walls. A whole run of SymAware goes from reading the scenario's file to closing the log. The
-bare program makes the same bodies from MJCF, with the same settings, and after each engine step reads all contacts: the
-pairs, distances, points and normal forces; after each run step it copies all positions and velocities. Both must end
-with bit-identical positions, or the benchmark stops.
+100 balls roll on the ground of a yard, and push each other and its walls. A whole run of SymAware goes from reading the
+scenario's file to closing the log. The bare program makes the same bodies from MJCF, with the same settings, and after
+each engine step reads all contacts: the pairs, distances, points and normal forces; after each run step it copies all
+positions and velocities. Both must end with bit-identical positions, or the benchmark stops.
 
 Every figure is a ratio of CPU times, of the bare program to the whole run, in the same round; the median and the range
 over the rounds are shown. ``CASES`` takes further cases.
@@ -46,7 +46,7 @@ WALLS = {
 
 
 class Case(NamedTuple):
-    """A comparison: its name, the goal of the ratio, and its two programs, which return CPU time and final positions."""
+    """A comparison: its name, the goal of the ratio, and two programs that return CPU time and final positions."""
 
     name: str
     goal: float

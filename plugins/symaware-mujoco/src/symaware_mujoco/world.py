@@ -17,9 +17,9 @@ from symaware_cli.assets import AssetFolders
 from symaware_cli.core import EntityGroup, ErrorCollector, ScenarioView, WorldError
 from symaware_cli.engine import appearances
 from symaware_cli.geometry import Array, Articulation, Indices, attitude, continued, yaws
-from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, pair, warn_of_hulls
+from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, PhysicsEnvironment, warn_of_hulls
 from symaware_mujoco.bounce import solref, warn_of_bounces
-from symaware_mujoco.scene import Scene, Surface, body_name
+from symaware_mujoco.scene import BODY, Scene, Surface, body_name
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
@@ -28,6 +28,8 @@ _TINY = 1e-6
 
 #: What of the engine is the state of a run: positions, velocities, time, and what the solver begins with.
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+_NONE: NDArray[np.int64] = np.empty(0, np.int64)
 
 #: The group of geometries that rays pass through, which are those of absent agents.
 _HIDDEN = 5
@@ -45,7 +47,8 @@ class MujocoEnvironment(PhysicsEnvironment):
     provides = ("tilt",)
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
-        *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
+        *("_model", "_data", "_owners", "_is_uniform", "_bits", "_geometries", "_count"),
+        *("_surface_kinds", "_pair_frictions", "_pair_solrefs"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
         "_articulations",
         "_levels",
@@ -151,16 +154,28 @@ class MujocoEnvironment(PhysicsEnvironment):
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, number) for number in range(model.ngeom)]
         surfaces = [scene.surfaces[name] for name in names]
         self._owners = np.array([each.owner for each in surfaces], np.intp)
-        self._frictions = np.array([each.friction for each in surfaces])
-        self._elasticities = np.array([each.elasticity for each in surfaces])
         #: The bits of collisions of each geometry, as they are if its agent is present.
         self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
         self._geometries = {index: np.flatnonzero(self._owners == index) for index in self._driven.tolist()}
-        # With one surface for all, the engine's rule for pairs gives what two of it make.
-        self._is_uniform = len({(each.friction, each.elasticity) for each in surfaces}) <= 1
-        for number, each in enumerate(surfaces):
-            model.geom_friction[number] = (max(1e-5, each.friction**2), 0.005, 0.0001)
-            model.geom_solref[number] = solref(each.elasticity**2, self.step_time)
+        kinds = sorted({(each.friction, each.elasticity) for each in surfaces})
+        frictions, elasticities = np.array(kinds).T.reshape(2, -1)
+        #: The kind of surface of each geometry, and what two kinds make: friction, and the engine's reference.
+        self._surface_kinds = np.array([kinds.index((each.friction, each.elasticity)) for each in surfaces], np.intp)
+        self._pair_frictions = np.maximum(np.multiply.outer(frictions, frictions), 1e-5)
+        self._pair_solrefs = np.array(
+            [[solref(one * other, self.step_time) for other in elasticities.tolist()] for one in elasticities.tolist()]
+        ).reshape(len(kinds), len(kinds), 2)
+        # Where all that moves by forces has one surface, contacts are those of it and of what it meets: the engine
+        # takes the parameters of the geometry with the greater priority, and what is fixed or on a path meets nothing
+        # else.
+        moving = (model.geom_contype & BODY) != 0
+        of_moving = sorted(set(self._surface_kinds[moving].tolist()))
+        self._is_uniform = len(of_moving) <= 1
+        other = of_moving[0] if of_moving else 0
+        model.geom_priority[:] = np.where(moving, 0, 1)
+        for number, kind in enumerate(self._surface_kinds.tolist()):
+            model.geom_friction[number] = (self._pair_frictions[kind, other], 0.005, 0.0001)
+            model.geom_solref[number] = self._pair_solrefs[kind, other]
 
     def _place_all(self) -> None:
         model, data = self._model, self._data
@@ -188,7 +203,9 @@ class MujocoEnvironment(PhysicsEnvironment):
             if actuator.group.model.heading is not None:
                 places = self._velocities_at[part, 3]
                 self._inertia[part, 3] = model.dof_M0[places] / self.step_time
-        self._touching: dict[tuple[int, int], None] = {}
+        #: The number of bodies, and the numbers of the pairs that touch, ascending.
+        self._count = len(self.roster) + len(self.obstacles) + 1
+        self._touching: dict[int, None] = {}
 
     @staticmethod
     def _write(places: NDArray[np.intp], into: Array, values: Array) -> None:
@@ -255,10 +272,10 @@ class MujocoEnvironment(PhysicsEnvironment):
         mujoco.mj_step1(model, data)
         if data.ncon:
             # The product of both surfaces; the engine itself would take the greater friction.
-            one, other = data.contact.geom.T
-            data.contact.friction[:, :2] = np.maximum(self._frictions[one] * self._frictions[other], 1e-5)[:, None]
-            elasticity = self._elasticities[one] * self._elasticities[other]
-            data.contact.solref[:] = [solref(each, self.step_time) for each in elasticity.tolist()]
+            contacts = data.contact
+            one, other = self._surface_kinds[contacts.geom.T]
+            contacts.friction[:, :2] = self._pair_frictions[one, other][:, None]
+            contacts.solref[:] = self._pair_solrefs[one, other]
             mujoco.mj_makeConstraint(model, data)
             mujoco.mj_island(model, data)
             mujoco.mj_projectConstraint(model, data)
@@ -267,6 +284,8 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _follow_paths(self, number: int) -> None:
         """Put entities with a path where they are at the beginning of a physics step, with their velocities."""
+        if not self._moving:
+            return
         data = self._data
         for name, positions, velocities in zip(self._moving, *self._path_at, strict=True):
             course, obstacle = self._course(name, number), self.obstacles[name]
@@ -279,52 +298,62 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _track_contacts(self) -> bool:
         """Report what the last physics step brought together or apart; return whether an agent touches something."""
-        data, tracker = self._data, self._tracker
-        near = self._nearest()
-        touching = {
-            bodies: number
-            for bodies, number in near.items()
-            if bodies in self._touching or not data.contact.exclude[number]
-        }
-        for bodies in sorted(touching.keys() - self._touching.keys()):
-            number = touching[bodies]
-            depth = max(0.0, -float(data.contact.dist[number]))
-            tracker.begin(bodies, tuple(data.contact.pos[number].tolist()), depth)
+        contacts, tracker, touching = self._data.contact, self._tracker, self._touching
+        keys = self._pair_keys(contacts)
+        # Pairs touch from when the engine counts one of their contacts until they are not near each other any more. A
+        # hundred numbers are compared faster as sets than as arrays.
+        begun = set(keys[contacts.exclude == 0].tolist()) - touching.keys()
+        ended = touching.keys() - set(keys.tolist())
+        if begun:
+            distances, points = contacts.dist, contacts.pos
+            for key in sorted(begun):
+                number = _nearest(keys, distances, key)
+                depth = max(0.0, -float(distances[number]))
+                tracker.begin(self._pair_of(key), tuple(points[number].tolist()), depth)
         if tracker.fresh:
-            force = np.zeros(6)
-            for number, (one, other) in enumerate(self._owners[data.contact.geom].tolist() if data.ncon else ()):
-                bodies = pair(one, other)
-                if bodies in tracker.fresh:
-                    mujoco.mj_contactForce(self._model, data, number, force)
-                    tracker.add_impulse(bodies, float(force[0]) * self.step_time)
-        for bodies in sorted(self._touching.keys() - touching.keys()):
-            tracker.end(bodies)
-        self._touching = dict.fromkeys(sorted(touching))
+            self._add_impulses(keys, contacts)
+        for key in sorted(ended):
+            tracker.end(self._pair_of(key))
+        if begun or ended:
+            self._touching = dict.fromkeys(sorted(touching.keys() - ended | begun))
         return tracker.agents > 0
 
-    def _nearest(self) -> dict[tuple[int, int], int]:
-        """The engine's nearest contact of each two bodies that are near each other."""
-        data = self._data
-        nearest: dict[tuple[int, int], int] = {}
-        if data.ncon:
-            distances = data.contact.dist.tolist()
-            for number, (one, other) in enumerate(self._owners[data.contact.geom].tolist()):
-                bodies = pair(one, other)
-                if bodies not in nearest or distances[number] < distances[nearest[bodies]]:
-                    nearest[bodies] = number
-        return nearest
+    def _add_impulses(self, keys: NDArray[np.int64], contacts: Any) -> None:
+        """Add the normal forces of this physics step to the impulses of the contacts that began in this time step."""
+        fresh = {one * self._count + other for one, other in self._tracker.fresh}
+        addresses = contacts.efc_address
+        numbers = [number for number, key in enumerate(keys.tolist()) if key in fresh and addresses[number] >= 0]
+        if not numbers:
+            return
+        # With elliptic cones, the first force of a contact is the one along its normal.
+        forces = self._data.efc_force[addresses[numbers]] * self.step_time
+        for key, impulse in zip(keys[numbers].tolist(), forces.tolist(), strict=True):
+            self._tracker.add_impulse(self._pair_of(key), impulse)
+
+    def _pair_keys(self, contacts: Any) -> NDArray[np.int64]:
+        """Return a number for the two bodies of each contact, which sorts as their indices do; shape (contacts,)."""
+        one, other = self._owners[contacts.geom.T] if self._data.ncon else (_NONE, _NONE)
+        keys: NDArray[np.int64] = np.minimum(one, other) * self._count + np.maximum(one, other)
+        return keys
+
+    def _pair_of(self, key: int) -> tuple[int, int]:
+        return divmod(key, self._count)
 
     def _find_overlaps(self) -> None:
         self._show_present()
         mujoco.mj_forward(self._model, self._data)
         contacts = self._data.contact
-        for bodies, number in sorted(self._nearest().items()):
-            depth, point = -float(contacts.dist[number]), tuple(contacts.pos[number].tolist())
+        keys, distances, points = self._pair_keys(contacts), contacts.dist, contacts.pos
+        resting = []
+        for key in np.unique(keys).tolist():
+            number = _nearest(keys, distances, key)
+            depth, point = -float(distances[number]), tuple(points[number].tolist())
             if depth > _TINY:
-                self._tracker.start(bodies, point, depth)
+                self._tracker.start(self._pair_of(key), point, depth)
             elif not contacts.exclude[number]:
-                self._tracker.begin_resting(bodies, point)
-                self._touching[bodies] = None
+                self._tracker.begin_resting(self._pair_of(key), point)
+                resting.append(key)
+        self._touching = dict.fromkeys(resting)
 
     # -- states read from bodies
 
@@ -336,12 +365,10 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def _read_free(self) -> BodyStates:
         poses, motion = self._data.qpos[self._free_positions_at], self._data.qvel[self._free_velocities_at]
-        orientations = np.roll(poses[:, 3:], -1, axis=1)  # (w, x, y, z) to (x, y, z, w)
+        orientations = poses[:, [4, 5, 6, 3]]  # (w, x, y, z) to (x, y, z, w)
         headings = continued(self._free_headings, yaws(orientations)) if len(poses) else np.empty(0)
-        rates = [_rotated(pose[3:], turned, 1.0)[2] for pose, turned in zip(poses, motion[:, 3:], strict=True)]
-        return BodyStates(
-            poses[:, :3], headings, np.column_stack([motion[:, :3], rates]) if rates else np.empty((0, 4)), orientations
-        )
+        motion[:, 3] = _upright_rates(poses, motion[:, 3:])
+        return BodyStates(poses[:, :3], headings, motion[:, :4], orientations)
 
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
         data = self._data
@@ -432,6 +459,27 @@ class MujocoEnvironment(PhysicsEnvironment):
         mujoco.mj_forward(self._model, self._data)
         # What the solver begins with is part of the state, and was just replaced.
         mujoco.mj_setState(self._model, self._data, state, _STATE)
+
+
+def _nearest(keys: NDArray[np.int64], distances: Array, key: int) -> int:
+    """Return the first of the nearest contacts of two bodies."""
+    numbers = np.flatnonzero(keys == key)
+    return int(numbers[np.argmin(distances[numbers])])
+
+
+def _upright_rates(poses: Array, spins: Array) -> Array:
+    """Return turn rates about the vertical [rad/s], shape (n,), of bodies that turn in their own coordinates.
+
+    Args:
+        poses: Positions and quaternions (w, x, y, z); shape (n, 7).
+        spins: Turn rates about the axes of the bodies [rad/s]; shape (n, 3).
+    """
+    w, x, y, z = poses[:, 3:].T
+    return np.asarray(
+        2.0 * (x * z - w * y) * spins[:, 0]
+        + 2.0 * (y * z + w * x) * spins[:, 1]
+        + (1.0 - 2.0 * (x * x + y * y)) * spins[:, 2]
+    )
 
 
 def _rotated(quaternion: Array, vector: Array, direction: float) -> Array:
