@@ -15,6 +15,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -145,8 +146,8 @@ def yard_cases(steps: int) -> Iterator[Case]:
                 f"100 balls in contact, {engine_steps} engine step{'s' * (engine_steps > 1)} per run step"
                 f"{', recorded' * recorded}",
                 goal,
-                lambda folder, n=engine_steps, m=count, log=recorded: our_yard(n, m, log, folder),
-                lambda n=engine_steps, m=count: bare_yard(n, m),
+                partial(our_yard, engine_steps, count, recorded),
+                partial(bare_yard, engine_steps, count),
             )
 
 
@@ -172,7 +173,7 @@ def main() -> None:
     """Measure and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--steps", type=int, default=4000, help="engine steps of a run")
+    parser.add_argument("--steps", type=int, default=20_000, help="engine steps of a run")
     parser.add_argument("--json", action="store_true", help="print figures only")
     arguments = parser.parse_args()
     found = {}

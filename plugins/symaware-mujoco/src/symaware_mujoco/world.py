@@ -48,6 +48,7 @@ class MujocoEnvironment(PhysicsEnvironment):
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_is_uniform", "_bits", "_geometries", "_count"),
+        *("_seen", "_keys", "_apart"),
         *("_surface_kinds", "_pair_frictions", "_pair_solrefs"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
         "_articulations",
@@ -206,6 +207,9 @@ class MujocoEnvironment(PhysicsEnvironment):
         #: The number of bodies, and the numbers of the pairs that touch, ascending.
         self._count = len(self.roster) + len(self.obstacles) + 1
         self._touching: dict[int, None] = {}
+        #: What the last step found: the geometries of its contacts, the numbers of their pairs, and which do not touch.
+        self._seen: bytes | None = None
+        self._keys, self._apart = _NONE, np.empty(0, bool)
 
     @staticmethod
     def _write(places: NDArray[np.intp], into: Array, values: Array) -> None:
@@ -299,11 +303,16 @@ class MujocoEnvironment(PhysicsEnvironment):
     def _track_contacts(self) -> bool:
         """Report what the last physics step brought together or apart; return whether an agent touches something."""
         contacts, tracker, touching = self._data.contact, self._tracker, self._touching
-        keys = self._pair_keys(contacts)
-        # Pairs touch from when the engine counts one of their contacts until they are not near each other any more. A
-        # hundred numbers are compared faster as sets than as arrays.
-        begun = set(keys[contacts.exclude == 0].tolist()) - touching.keys()
-        ended = touching.keys() - set(keys.tolist())
+        # Pairs touch from when the engine counts one of their contacts until they are not near each other any more.
+        # From one step to the next, mostly the same pairs are near.
+        ended: Collection[int] = ()
+        seen = contacts.geom.tobytes()
+        if seen != self._seen:
+            self._seen, self._keys = seen, self._pair_keys(contacts)
+            ended = touching.keys() - set(self._keys.tolist())
+            self._find_apart()
+        keys = self._keys
+        begun = set(keys[self._apart & (contacts.exclude == 0)].tolist())
         if begun:
             distances, points = contacts.dist, contacts.pos
             for key in sorted(begun):
@@ -315,8 +324,13 @@ class MujocoEnvironment(PhysicsEnvironment):
         for key in sorted(ended):
             tracker.end(self._pair_of(key))
         if begun or ended:
-            self._touching = dict.fromkeys(sorted(touching.keys() - ended | begun))
+            self._touching = dict.fromkeys(sorted(touching.keys() - set(ended) | begun))
+            self._find_apart()
         return tracker.agents > 0
+
+    def _find_apart(self) -> None:
+        """Find the contacts of pairs that are near and do not touch."""
+        self._apart = np.array([key not in self._touching for key in self._keys.tolist()], bool)
 
     def _add_impulses(self, keys: NDArray[np.int64], contacts: Any) -> None:
         """Add the normal forces of this physics step to the impulses of the contacts that began in this time step."""
@@ -353,11 +367,13 @@ class MujocoEnvironment(PhysicsEnvironment):
             elif not contacts.exclude[number]:
                 self._tracker.begin_resting(self._pair_of(key), point)
                 resting.append(key)
-        self._touching = dict.fromkeys(resting)
+        self._touching, self._seen = dict.fromkeys(resting), None
 
     # -- states read from bodies
 
     def _read_driven(self) -> BodyStates:
+        if not len(self._driven):
+            return BodyStates(np.empty((0, 3)), np.empty(0), np.empty((0, 4)))
         coordinates = np.where(self._positions_at >= 0, self._data.qpos[self._positions_at], 0.0)
         planar = self._positions_at[:, 2] < 0
         coordinates[planar, 2] = self._heights[planar]
@@ -454,6 +470,7 @@ class MujocoEnvironment(PhysicsEnvironment):
 
     def restored(self, state: Any) -> None:
         """Put the engine into a state."""
+        self._seen = None
         mujoco.mj_setState(self._model, self._data, state, _STATE)
         self._show_present()
         mujoco.mj_forward(self._model, self._data)
