@@ -1,7 +1,6 @@
 # What worlds of other engines use of this room.
 
 from .contact_tracker import GROUND as GROUND
-from .contact_tracker import pair as pair
 from .ground import GroundPlane as GroundPlane
 from .hull_check import warn_of_hulls as warn_of_hulls
 from .physics import BodyStates as BodyStates
