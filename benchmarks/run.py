@@ -250,6 +250,22 @@ def measure_learning(rounds: int) -> str:
     return "\n".join(["## Learning", "", about, "", printed])
 
 
+def experiments() -> str:
+    """Run the experiments in physics worlds, and format the results."""
+    _show_progress("experiments in physics worlds")
+    done = subprocess.run(
+        [sys.executable, str(HERE / "experiments.py")], capture_output=True, text=True, check=False, cwd=HERE
+    )
+    if not done.stdout.startswith("|"):
+        raise SystemExit(f"experiments.py failed:\n{done.stderr}")
+    versions = ", ".join(f"{name} {version(name)}" for name in ("pymunk", "pybullet", "mujoco-core"))
+    about = [
+        "Errors of the physics worlds and of their bare engines at the same settings, physics steps of 2 ms, as",
+        "`benchmarks/experiments.py` measures them.",
+    ]
+    return "\n".join(["## Experiments in physics worlds", "", *about, "", f"{versions}.", "", done.stdout])
+
+
 def spread(values: list[float]) -> str:
     """Format the median and the range of values."""
     least, greatest = min(values), max(values)
@@ -277,6 +293,7 @@ def main() -> None:
     parser.add_argument("--no-messages", action="store_true", help="omit the messages")
     parser.add_argument("--no-specifications", action="store_true", help="omit the monitors of specifications")
     parser.add_argument("--no-learning", action="store_true", help="omit the environments of reinforcement learning")
+    parser.add_argument("--no-experiments", action="store_true", help="omit the experiments in physics worlds")
     parser.add_argument("--no-write", action="store_true", help="do not write RESULTS.md")
     arguments = parser.parse_args()
     if not arguments.no_peers:
@@ -302,6 +319,8 @@ def main() -> None:
         text += "\n" + measure_specifications(arguments.rounds)
     if not arguments.no_learning:
         text += "\n" + measure_learning(arguments.rounds)
+    if not arguments.no_experiments:
+        text += "\n" + experiments()
     print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
     print(text)
     if not arguments.no_write:

@@ -132,6 +132,8 @@ def installed(document: Path, folder: Path) -> None:
 def folder(tmp_path: Path) -> Path:
     for name in ("scenarios", "sweeps"):
         shutil.copytree(TOP / name, tmp_path / name)
+    for place in TOP.glob("plugins/*/scenarios"):
+        shutil.copytree(place, tmp_path / place.relative_to(TOP))
     (tmp_path / "docs").mkdir()
     for script in (TOP / "docs").glob("*.py"):
         shutil.copy(script, tmp_path / "docs")

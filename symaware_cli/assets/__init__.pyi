@@ -3,6 +3,7 @@
 from .asset import AssetFolders as AssetFolders
 from .asset import Robot as Robot
 from .asset_error import AssetError as AssetError
+from .convexity import is_convex as is_convex
 from .mechanism import Mechanism as Mechanism
 from .mechanism import Motor as Motor
 from .mechanism import Posture as Posture

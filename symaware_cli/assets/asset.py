@@ -302,6 +302,9 @@ class _Search:
             if root.name == package or _package_name(root) == package:
                 yield root / rest, alone
             yield root / package / rest, alone
+        # Collections of robots often keep a package in a folder of another name. A bare file name would say too little.
+        for each in above[: above.index(self._home) + 1] if "/" in rest else ():
+            yield each / rest, str(PurePosixPath(each.relative_to(self._home), rest))
 
     def _shown(self, at: Path) -> str:
         return str(at.relative_to(self._home)) if at.is_relative_to(self._home) else str(at)

@@ -10,7 +10,17 @@ from pydantic import Field
 
 from symaware_cli.assets import asset
 from symaware_cli.assets.asset import AssetFolders
-from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstacle, Scenery, WorldError, seconds
+from symaware_cli.core import (
+    Entity,
+    EntityGroup,
+    ErrorCollector,
+    Image,
+    Obstacle,
+    ScenarioView,
+    Scenery,
+    WorldError,
+    seconds,
+)
 from symaware_cli.engine import appearances
 from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude_columns
 from symaware_cli.worlds import bullet_collisions, bullet_sensing
@@ -22,6 +32,7 @@ from symaware_cli.worlds.bullet_vehicles import MARGIN, BulletVehicleBodies, joi
 from symaware_cli.worlds.contact_tracker import GROUND
 from symaware_cli.worlds.engine_files import EngineFiles
 from symaware_cli.worlds.ground import GroundPlane
+from symaware_cli.worlds.hull_check import warn_of_hulls
 from symaware_cli.worlds.physics import BodyStates, OpaqueEngine, PhysicsEnvironment
 from symaware_cli.worlds.vehicles import VehicleEnvironment
 
@@ -375,6 +386,10 @@ class PyBulletEnvironment(OpaqueEngine, VehicleEnvironment):
         """The bodies of agents in the order of the roster, and of free entities."""
         agents = [self._body_of[index] for index in range(len(self.roster))]
         return [*agents, *(self._entities[name] for name in self._free)]
+
+    def find_warnings(self, view: ScenarioView) -> None:
+        """Warn of meshes that are not convex."""
+        warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
 
     def articulations(self) -> Mapping[str, Articulation]:
         """Return links and visual shapes of bodies; agents without a file look like their shape."""

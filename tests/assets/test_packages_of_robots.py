@@ -177,3 +177,13 @@ def test_a_scenario_without_files_of_robots_imports_none_of_their_readers() -> N
     done = subprocess.run([sys.executable, "-c", code, hello], capture_output=True, text=True, check=True)
     readers = {f"symaware_cli.assets.{name}" for name in ("collada", "mesh_file", "urdf", "xml_tree")}
     assert not readers & {*done.stdout.split()}
+
+
+def test_a_package_in_a_folder_of_another_name_is_found_by_the_path_within_it(tmp_path: Path) -> None:
+    write(tmp_path / "arm" / "meshes" / "b.stl", MESH)
+    write(tmp_path / "arm" / "urdf" / "r.urdf", URDF.format("package://arm_support/meshes/b.stl"))
+    log = tmp_path / "log.mcap"
+    execute(build(scenario(tmp_path, "arm/urdf/r.urdf")), log)
+    execute(open_scenario(log), tmp_path / "again.mcap")
+    write(tmp_path / "arm" / "urdf" / "r.urdf", URDF.format("package://arm_support/other/b.stl"))
+    assert "looked for" in problem(scenario(tmp_path, "arm/urdf/r.urdf"))

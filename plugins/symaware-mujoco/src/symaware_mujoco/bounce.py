@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import cache
+from typing import NamedTuple
+
+from symaware_cli.core import ScenarioView
+from symaware_cli.worlds import GroundPlane
 
 #: How far the phase of the spring turns in a physics step [rad]: the smaller, the softer contacts are, and the more
 #: exact their elasticity.
 PHASE = 0.25
+
+#: The same of contacts that take all of the speed: a softer spring gives less of it back.
+DEAD_PHASE = 0.2
+
+#: By which part of it the speed after a collision may differ from what the elasticity says, before users are warned.
+TOLERANCE = 0.05
+
+#: Where within a step collisions are assumed to begin.
+_PHASES = 8
 
 #: The part of the motion at a contact that the constraint determines; the rest is left to forces.
 IMPEDANCE = 0.99
@@ -19,6 +33,9 @@ def solref(elasticity: float, step: float) -> tuple[float, float]:
         elasticity: The part of the speed that is left after a collision, from 0 to 1.
         step: The physics step [s].
     """
+    if elasticity == 0.0:
+        frequency = DEAD_PHASE / step
+        return -frequency * frequency, -1.0 / step
     frequency = PHASE / step
     return -frequency * frequency, -2.0 * damping_ratio(elasticity) * frequency
 
@@ -44,16 +61,77 @@ def rebound(ratio: float) -> float:
     The mean over where within a step it begins. The engine changes velocities by the constraint, which only pushes, and
     moves bodies by the velocities after that (semi-implicit Euler).
     """
-    phases, total = 8, 0.0
-    for number in range(phases):
+    return sum(_rebounds(PHASE, ratio)) / _PHASES
+
+
+@cache
+def rebound_range(elasticity: float) -> tuple[float, float]:
+    """Return the least and the greatest part of the speed that a collision leaves, over where in a step it begins."""
+    stiffness, damping = solref(elasticity, 1.0)
+    phase = (-stiffness) ** 0.5
+    found = list(_rebounds(phase, -damping / (2.0 * phase)))
+    return min(found), max(found)
+
+
+def _rebounds(phase: float, ratio: float) -> Iterator[float]:
+    for number in range(_PHASES):
         # In units of a step: the distance from contact, and the velocity in these per step.
-        distance, velocity = -(number + 0.5) / phases, -1.0
+        distance, velocity = -(number + 0.5) / _PHASES, -1.0
         while distance < 0.0 or velocity < 0.0:
-            push = -PHASE * PHASE * distance - 2.0 * ratio * PHASE * velocity if distance < 0.0 else 0.0
+            push = -phase * phase * distance - 2.0 * ratio * phase * velocity if distance < 0.0 else 0.0
             # The constraint is solved for the velocity after the step.
             velocity += IMPEDANCE * max(push, 0.0)
             distance += velocity
             if distance < 0.0 and 0.0 <= velocity < 1e-6:
                 break
-        total += max(velocity, 0.0)
-    return total / phases
+        yield max(velocity, 0.0)
+
+
+class _Bouncing(NamedTuple):
+    """A body, or all of a group: where the scenario has it, its elasticity, and what it may meet."""
+
+    section: tuple[str, ...]
+    elasticity: float
+    moves: bool
+    meets_ground: bool
+
+
+def warn_of_bounces(view: ScenarioView, ground: GroundPlane | None) -> None:
+    """Warn of elasticities that collisions keep within more than 5 % of the speed after them.
+
+    One warning for each product of two elasticities, at the body whose own is the smaller. Bodies that do not bounce at
+    all are left out.
+
+    Args:
+        view: The scenario; takes the warnings.
+        ground: The ground, if there is one.
+    """
+    bodies = _bodies(view)
+    told: set[float] = set()
+    for body in bodies:
+        others = [each.elasticity for each in bodies if each is not body and (each.moves or body.moves)]
+        if ground is not None and body.meets_ground:
+            others.append(ground.elasticity)
+        for elasticity in sorted({body.elasticity * other for other in others if other >= body.elasticity} - told):
+            low, high = rebound_range(elasticity)
+            if elasticity and max(elasticity - low, high - elasticity) > TOLERANCE * elasticity:
+                told.add(elasticity)
+                said = (
+                    f"a collision of this elasticity, {elasticity:g} with that of the other body, leaves {low:.2f} to "
+                    f"{high:.2f} of the speed in this world, depending on where in a physics step it begins"
+                )
+                view.warn(said, "elasticity", section=body.section, code="inexact-elasticity")
+
+
+def _bodies(view: ScenarioView) -> Sequence[_Bouncing]:
+    found = [
+        _Bouncing(("agents", group.name, "entity"), group.entity.elasticity, True, len(group.model.position) == 3)
+        for group in view.groups
+        if group.entity.shape is not None
+    ]
+    return found + [
+        _Bouncing(
+            ("environment", "entities", name), each.elasticity, each.is_free or each.path is not None, each.is_free
+        )
+        for name, each in view.document.environment.entities.items()
+    ]

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.assets import AssetFolders, Mechanism, Vehicle
-from symaware_cli.core import EntityGroup, ErrorCollector, Image, WorldError
+from symaware_cli.core import EntityGroup, ErrorCollector, Image, ScenarioView, WorldError
 from symaware_cli.engine import Actuator, appearances
 from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude, attitude_columns, continued, yaws
-from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, body_colour, pair
-from symaware_mujoco.bounce import solref
+from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, body_colour, warn_of_hulls
+from symaware_mujoco.bounce import solref, warn_of_bounces
 from symaware_mujoco.cameras import render
 from symaware_mujoco.motors import Motors
-from symaware_mujoco.scene import AGENTS, ENTITIES, FLOOR, HIDDEN, LOOKS, Scene, Surface
+from symaware_mujoco.scene import AGENTS, BODY, ENTITIES, FLOOR, HIDDEN, LOOKS, Scene, Surface
 from symaware_mujoco.vehicles import MujocoVehicleBodies, add_vehicle, read_vehicle
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -31,6 +31,8 @@ _TINY = 1e-6
 
 #: What of the engine is the state of a run: positions, velocities, time, and what the solver begins with.
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+_NONE: NDArray[np.int64] = np.empty(0, np.int64)
 
 #: What rays of a lidar meet, by the group of geometries; and what hides agents from each other.
 _SOLID, _OPAQUE = np.array([1, 1, 1, 0, 1, 0], np.uint8), np.array([1, 0, 0, 0, 0, 0], np.uint8)
@@ -48,7 +50,9 @@ class MujocoEnvironment(VehicleEnvironment):
     provides = ("forces", "images", "mechanisms", "tilt", "vehicles")
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
-        *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries"),
+        *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries", "_count"),
+        *("_seen", "_keys", "_apart"),
+        *("_surface_kinds", "_pair_frictions", "_pair_solrefs"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
         *("_articulations", "_bodies", "_dressed", "_groups", "_unseen", "_colours", "_hit"),
         "_levels",
@@ -131,6 +135,11 @@ class MujocoEnvironment(VehicleEnvironment):
         self._index_surfaces(scene)
         self._place_all()
         self._attach_all(vehicles, errors)
+
+    def find_warnings(self, view: ScenarioView) -> None:
+        """Warn of meshes that are not convex, and of elasticities that collisions keep less exactly."""
+        warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
+        warn_of_bounces(view, self.parameters.ground)
 
     def _add_group(self, scene: Scene, group: EntityGroup, part: slice) -> None:
         entity, turns = group.entity, group.model.heading is not None
@@ -245,11 +254,25 @@ class MujocoEnvironment(VehicleEnvironment):
         """Tell the engine what surfaces are like."""
         model = self._model
         surfaces = list(zip(self._frictions.tolist(), self._elasticities.tolist(), strict=True))
-        # With one surface for all, the engine's rule for pairs gives what two of it make.
-        self._is_uniform = len(set(surfaces)) <= 1
-        for number, (friction, elasticity) in enumerate(surfaces):
-            model.geom_friction[number] = (max(1e-5, friction**2), 0.005, 0.0001)
-            model.geom_solref[number] = solref(elasticity**2, self.step_time)
+        kinds = sorted(set(surfaces))
+        frictions, elasticities = np.array(kinds).T.reshape(2, -1)
+        #: The kind of surface of each geometry, and what two kinds make: friction, and the engine's reference.
+        self._surface_kinds = np.array([kinds.index(each) for each in surfaces], np.intp)
+        self._pair_frictions = np.maximum(np.multiply.outer(frictions, frictions), 1e-5)
+        self._pair_solrefs = np.array(
+            [[solref(one * other, self.step_time) for other in elasticities.tolist()] for one in elasticities.tolist()]
+        ).reshape(len(kinds), len(kinds), 2)
+        # Where all that moves by forces has one surface, contacts are those of it and of what it meets: the engine
+        # takes the parameters of the geometry with the greater priority, and what is fixed or on a path meets nothing
+        # else.
+        moving = (self._bits[0] & BODY) != 0
+        of_moving = sorted(set(self._surface_kinds[moving].tolist()))
+        self._is_uniform = len(of_moving) <= 1
+        other = of_moving[0] if of_moving else 0
+        model.geom_priority[:] = np.where(moving, 0, 1)
+        for number, kind in enumerate(self._surface_kinds.tolist()):
+            model.geom_friction[number] = (self._pair_frictions[kind, other], 0.005, 0.0001)
+            model.geom_solref[number] = self._pair_solrefs[kind, other]
 
     def _place_all(self) -> None:
         model, data = self._model, self._data
@@ -279,7 +302,12 @@ class MujocoEnvironment(VehicleEnvironment):
             if actuator.group.model.heading is not None:
                 places = self._velocities_at[part, 3]
                 self._inertia[part, 3] = model.dof_M0[places] / self.step_time
-        self._touching: dict[tuple[int, int], None] = {}
+        #: The number of bodies, and the numbers of the pairs that touch, ascending.
+        self._count = len(self.roster) + len(self.obstacles) + 1
+        self._touching: dict[int, None] = {}
+        #: What the last step found: the geometries of its contacts, the numbers of their pairs, and which do not touch.
+        self._seen: bytes | None = None
+        self._keys, self._apart = _NONE, np.empty(0, bool)
 
     @staticmethod
     def _write(places: NDArray[np.intp], into: Array, values: Array) -> None:
@@ -381,10 +409,10 @@ class MujocoEnvironment(VehicleEnvironment):
         mujoco.mj_step1(model, data)
         if data.ncon and not self._is_uniform:
             # The product of both surfaces; the engine itself would take the greater friction.
-            one, other = data.contact.geom.T
-            data.contact.friction[:, :2] = np.maximum(self._frictions[one] * self._frictions[other], 1e-5)[:, None]
-            elasticity = self._elasticities[one] * self._elasticities[other]
-            data.contact.solref[:] = [solref(each, self.step_time) for each in elasticity.tolist()]
+            contacts = data.contact
+            one, other = self._surface_kinds[contacts.geom.T]
+            contacts.friction[:, :2] = self._pair_frictions[one, other][:, None]
+            contacts.solref[:] = self._pair_solrefs[one, other]
             mujoco.mj_makeConstraint(model, data)
             mujoco.mj_island(model, data)
             mujoco.mj_projectConstraint(model, data)
@@ -400,6 +428,8 @@ class MujocoEnvironment(VehicleEnvironment):
 
     def _follow_paths(self, number: int) -> None:
         """Put entities with a path where they are at the beginning of a physics step, with their velocities."""
+        if not self._moving:
+            return
         data = self._data
         for name, positions, velocities in zip(self._moving, *self._path_at, strict=True):
             course, obstacle = self._course(name, number), self.obstacles[name]
@@ -412,56 +442,78 @@ class MujocoEnvironment(VehicleEnvironment):
 
     def _track_contacts(self) -> bool:
         """Report what the last physics step brought together or apart; return whether an agent touches something."""
-        data, tracker = self._data, self._tracker
-        near = self._nearest()
-        touching = {
-            bodies: number
-            for bodies, number in near.items()
-            if bodies in self._touching or not data.contact.exclude[number]
-        }
-        for bodies in sorted(touching.keys() - self._touching.keys()):
-            number = touching[bodies]
-            depth = max(0.0, -float(data.contact.dist[number]))
-            tracker.begin(bodies, tuple(data.contact.pos[number].tolist()), depth)
+        contacts, tracker, touching = self._data.contact, self._tracker, self._touching
+        # Pairs touch from when the engine counts one of their contacts until they are not near each other any more.
+        # From one step to the next, mostly the same pairs are near.
+        ended: Collection[int] = ()
+        seen = contacts.geom.tobytes()
+        if seen != self._seen:
+            self._seen, self._keys = seen, self._pair_keys(contacts)
+            ended = touching.keys() - set(self._keys.tolist())
+            self._find_apart()
+        keys = self._keys
+        begun = set(keys[self._apart & (contacts.exclude == 0)].tolist())
+        if begun:
+            distances, points = contacts.dist, contacts.pos
+            for key in sorted(begun):
+                number = _nearest(keys, distances, key)
+                depth = max(0.0, -float(distances[number]))
+                tracker.begin(self._pair_of(key), tuple(points[number].tolist()), depth)
         if tracker.fresh:
-            force = np.zeros(6)
-            for number, (one, other) in enumerate(self._owners[data.contact.geom].tolist() if data.ncon else ()):
-                bodies = pair(one, other)
-                if bodies in tracker.fresh:
-                    mujoco.mj_contactForce(self._model, data, number, force)
-                    tracker.add_impulse(bodies, float(force[0]) * self.step_time)
-        for bodies in sorted(self._touching.keys() - touching.keys()):
-            tracker.end(bodies)
-        self._touching = dict.fromkeys(sorted(touching))
+            self._add_impulses(keys, contacts)
+        for key in sorted(ended):
+            tracker.end(self._pair_of(key))
+        if begun or ended:
+            self._touching = dict.fromkeys(sorted(touching.keys() - set(ended) | begun))
+            self._find_apart()
         return tracker.agents > 0
 
-    def _nearest(self) -> dict[tuple[int, int], int]:
-        """The engine's nearest contact of each two bodies that are near each other."""
-        data = self._data
-        nearest: dict[tuple[int, int], int] = {}
-        if data.ncon:
-            distances = data.contact.dist.tolist()
-            for number, (one, other) in enumerate(self._owners[data.contact.geom].tolist()):
-                bodies = pair(one, other)
-                if bodies not in nearest or distances[number] < distances[nearest[bodies]]:
-                    nearest[bodies] = number
-        return nearest
+    def _find_apart(self) -> None:
+        """Find the contacts of pairs that are near and do not touch."""
+        self._apart = np.array([key not in self._touching for key in self._keys.tolist()], bool)
+
+    def _add_impulses(self, keys: NDArray[np.int64], contacts: Any) -> None:
+        """Add the normal forces of this physics step to the impulses of the contacts that began in this time step."""
+        fresh = {one * self._count + other for one, other in self._tracker.fresh}
+        addresses = contacts.efc_address
+        numbers = [number for number, key in enumerate(keys.tolist()) if key in fresh and addresses[number] >= 0]
+        if not numbers:
+            return
+        # With elliptic cones, the first force of a contact is the one along its normal.
+        forces = self._data.efc_force[addresses[numbers]] * self.step_time
+        for key, impulse in zip(keys[numbers].tolist(), forces.tolist(), strict=True):
+            self._tracker.add_impulse(self._pair_of(key), impulse)
+
+    def _pair_keys(self, contacts: Any) -> NDArray[np.int64]:
+        """Return a number for the two bodies of each contact, which sorts as their indices do; shape (contacts,)."""
+        one, other = self._owners[contacts.geom.T] if self._data.ncon else (_NONE, _NONE)
+        keys: NDArray[np.int64] = np.minimum(one, other) * self._count + np.maximum(one, other)
+        return keys
+
+    def _pair_of(self, key: int) -> tuple[int, int]:
+        return divmod(key, self._count)
 
     def _find_overlaps(self) -> None:
         self._show_present()
         mujoco.mj_forward(self._model, self._data)
         contacts = self._data.contact
-        for bodies, number in sorted(self._nearest().items()):
-            depth, point = -float(contacts.dist[number]), tuple(contacts.pos[number].tolist())
+        keys, distances, points = self._pair_keys(contacts), contacts.dist, contacts.pos
+        resting = []
+        for key in np.unique(keys).tolist():
+            number = _nearest(keys, distances, key)
+            depth, point = -float(distances[number]), tuple(points[number].tolist())
             if depth > _TINY:
-                self._tracker.start(bodies, point, depth)
+                self._tracker.start(self._pair_of(key), point, depth)
             elif not contacts.exclude[number]:
-                self._tracker.begin_resting(bodies, point)
-                self._touching[bodies] = None
+                self._tracker.begin_resting(self._pair_of(key), point)
+                resting.append(key)
+        self._touching, self._seen = dict.fromkeys(resting), None
 
     # -- states read from bodies
 
     def _read_driven(self) -> BodyStates:
+        if not len(self._driven):
+            return BodyStates(np.empty((0, 3)), np.empty(0), np.empty((0, 4)))
         coordinates = np.where(self._positions_at >= 0, self._data.qpos[self._positions_at], 0.0)
         planar = self._positions_at[:, 2] < 0
         coordinates[planar, 2] = self._heights[planar]
@@ -469,12 +521,10 @@ class MujocoEnvironment(VehicleEnvironment):
 
     def _read_free(self) -> BodyStates:
         poses, motion = self._data.qpos[self._free_positions_at], self._data.qvel[self._free_velocities_at]
-        orientations = np.roll(poses[:, 3:], -1, axis=1)  # (w, x, y, z) to (x, y, z, w)
+        orientations = poses[:, [4, 5, 6, 3]]  # (w, x, y, z) to (x, y, z, w)
         headings = continued(self._free_headings, yaws(orientations)) if len(poses) else np.empty(0)
-        rates = [_rotated(pose[3:], turned, 1.0)[2] for pose, turned in zip(poses, motion[:, 3:], strict=True)]
-        return BodyStates(
-            poses[:, :3], headings, np.column_stack([motion[:, :3], rates]) if rates else np.empty((0, 4)), orientations
-        )
+        motion[:, 3] = _upright_rates(poses, motion[:, 3:])
+        return BodyStates(poses[:, :3], headings, motion[:, :4], orientations)
 
     def _machine_of(self, name: str) -> Motors | None:
         return next((each for each in self._machines if each.group.name == name), None)
@@ -611,11 +661,33 @@ class MujocoEnvironment(VehicleEnvironment):
 
     def restored(self, state: Any) -> None:
         """Put the engine into a state."""
+        self._seen = None
         mujoco.mj_setState(self._model, self._data, state, _STATE)
         self._show_present()
         mujoco.mj_forward(self._model, self._data)
         # What the solver begins with is part of the state, and was just replaced.
         mujoco.mj_setState(self._model, self._data, state, _STATE)
+
+
+def _nearest(keys: NDArray[np.int64], distances: Array, key: int) -> int:
+    """Return the first of the nearest contacts of two bodies."""
+    numbers = np.flatnonzero(keys == key)
+    return int(numbers[np.argmin(distances[numbers])])
+
+
+def _upright_rates(poses: Array, spins: Array) -> Array:
+    """Return turn rates about the vertical [rad/s], shape (n,), of bodies that turn in their own coordinates.
+
+    Args:
+        poses: Positions and quaternions (w, x, y, z); shape (n, 7).
+        spins: Turn rates about the axes of the bodies [rad/s]; shape (n, 3).
+    """
+    w, x, y, z = poses[:, 3:].T
+    return np.asarray(
+        2.0 * (x * z - w * y) * spins[:, 0]
+        + 2.0 * (y * z + w * x) * spins[:, 1]
+        + (1.0 - 2.0 * (x * x + y * y)) * spins[:, 2]
+    )
 
 
 def _rotated(quaternion: Array, vector: Array, direction: float) -> Array:
