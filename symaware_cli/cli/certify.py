@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from symaware_cli.cli.result_files import Results, note
 from symaware_cli.cli.terminal import VIOLATED, WRONG_INPUT, Json, fail, output_kept, print_json, trouble_shown
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.evidence import Certificate
+    from symaware_cli.evidence import Certificate, ResultCase
 
 #: How many combinations are shown.
 _MOST = 20
@@ -38,6 +39,7 @@ def certify(
         Path | None,
         typer.Option("--output", "-o", help="The certificate, by default certificate.json in DIR.", metavar="FILE"),
     ] = None,
+    results: Results = None,
     as_json: Json = False,
 ) -> None:
     """Decide the claim in the plan of a sweep. Exit status 3 if it is not established."""
@@ -50,11 +52,18 @@ def certify(
             if claim is None:
                 raise
             fail(f"--claim {claim}: {error}", WRONG_INPUT, as_json)
+    note(lambda: _cases(folder, made))
     if as_json:
         print_json(made.to_json())
     else:
         typer.echo("\n".join(_lines(folder, made)))
     raise typer.Exit(0 if made.is_established else VIOLATED)
+
+
+def _cases(folder: Path, made: Certificate) -> Iterable[ResultCase]:
+    from symaware_cli.evidence import certificate_cases
+
+    return certificate_cases(folder, made)
 
 
 def _lines(folder: Path, made: Certificate) -> Iterator[str]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from symaware_cli.cli.result_files import Results, note
 from symaware_cli.cli.terminal import (
     DATA_LOST,
     FAILED,
@@ -27,7 +29,7 @@ from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.evidence import CheckResult
+    from symaware_cli.evidence import CheckResult, ResultCase
 
 
 @in_help("check", 20)
@@ -53,6 +55,7 @@ def check(
         bool, typer.Option("--again", help="Repeat the run instead of reading what was recorded of it.")
     ] = False,
     trust: Trust = False,
+    results_to: Results = None,
     as_json: Json = False,
 ) -> None:
     """Check specifications on logs: those of the run, or new ones."""
@@ -87,6 +90,7 @@ def check(
                 results.append(check_log(log, stated, again))
             except RunError as error:
                 fail(str(error), FAILED, as_json)
+            note(partial(_cases, results[-1], file, has_places=formula is None))
     if as_json:
         found = [result.to_json() for result in results]
         print_json(found[0] if len(found) == 1 and paths[0].is_file() else {"logs": found})
@@ -100,6 +104,13 @@ def check(
     if any(result.violated for result in results):
         raise typer.Exit(VIOLATED)
     raise typer.Exit(DATA_LOST if any(result.damage for result in results) else 0)
+
+
+def _cases(result: CheckResult, file: Path | None, *, has_places: bool) -> Iterable[ResultCase]:
+    """The specifications as test cases, with their places in the scenario or in the file of specifications."""
+    from symaware_cli.evidence import check_cases, specification_spans
+
+    return check_cases(result, specification_spans(result.log, None, file) if has_places else {})
 
 
 def _logs(paths: Sequence[Path], *, as_json: bool) -> list[Path]:

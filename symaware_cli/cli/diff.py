@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from symaware_cli.cli.result_files import Results, note
 from symaware_cli.cli.terminal import FAILED, WRONG_INPUT, Json, fail, print_json, printable, trouble_shown
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.evidence import ComparisonResult, SweepComparison
+    from symaware_cli.evidence import ComparisonResult, ResultCase, SweepComparison
     from symaware_cli.log import ChannelDifference
 
 #: How many lines of a kind are shown.
@@ -34,12 +35,26 @@ def diff(
             metavar="FILE",
         ),
     ] = None,
+    tolerance: Annotated[
+        Path | None,
+        typer.Option(
+            help="For two logs, a file that says by how much numbers may differ, by channels and columns.",
+            metavar="FILE",
+        ),
+    ] = None,
+    results: Results = None,
     as_json: Json = False,
 ) -> None:
-    """Compare two logs, scenarios or sweeps. Exit status 0 if they are equal, 1 if they differ."""
+    """Compare two logs, scenarios or sweeps. Exit status 0 if they are equal, 1 if they differ.
+
+    With ``--tolerance``, two logs are equal if all numbers are as near to each other as it says: a test that a run is
+    still the one in a log that was kept.
+    """
     result: ComparisonResult | SweepComparison
     if plot and not (one.suffix == other.suffix == ".mcap" or (one.is_dir() and other.is_dir())):
         fail("--plot goes with two logs, or with two sweeps", WRONG_INPUT, as_json)
+    if tolerance and not one.suffix == other.suffix == ".mcap":
+        fail("--tolerance goes with two logs", WRONG_INPUT, as_json)
     with trouble_shown(as_json):
         if one.is_dir() and other.is_dir():
             result = _compared_sweeps(one, other, plot, as_json=as_json)
@@ -50,13 +65,20 @@ def diff(
                     fail(f"{path} is a folder, which is compared with another folder of a sweep", WRONG_INPUT, as_json)
             from symaware_cli.evidence import compare
 
-            result = compare(one, other, plot)
+            result = compare(one, other, plot, tolerance)
             lines = _lines(result)
+        note(lambda: _cases(result))
     if as_json:
         print_json(result.to_json())
     else:
         typer.echo("\n".join(lines))
     raise typer.Exit(0 if result.is_equal else FAILED)
+
+
+def _cases(result: ComparisonResult | SweepComparison) -> Iterable[ResultCase]:
+    from symaware_cli.evidence import ComparisonResult, comparison_cases, sweep_comparison_cases
+
+    return comparison_cases(result) if isinstance(result, ComparisonResult) else sweep_comparison_cases(result)
 
 
 def _compared_sweeps(one: Path, other: Path, plot: Path | None, *, as_json: bool) -> SweepComparison:

@@ -120,6 +120,9 @@ def plugin(
     report: Annotated[
         bool, typer.Option("--report", help="A section of `symaware report`.", rich_help_panel=_ABOUT_RUNS)
     ] = False,
+    result: Annotated[
+        bool, typer.Option("--result", help="A format of results (`--results`).", rich_help_panel=_ABOUT_RUNS)
+    ] = False,
     search: Annotated[
         bool, typer.Option("--search", help="A method of `symaware falsify`.", rich_help_panel=_ABOUT_RUNS)
     ] = False,
@@ -148,6 +151,7 @@ def plugin(
         "section": section,
         "export": export,
         "report": report,
+        "result": result,
         "search": search,
         "executor": executor,
         "abstraction": abstraction,

@@ -237,6 +237,14 @@ SCAFFOLDS: Sequence[PluginScaffold] = (
         "plot",
     ),
     _kind(
+        "result",
+        "symaware.results",
+        "plain_lines",
+        "A format of results: a line of text for each test case",
+        {"$name-lines": "PlainLines"},
+        ["symaware validate scenarios/$name.yaml --results $name-lines:results.txt"],
+    ),
+    _kind(
         "search",
         "symaware.searches",
         "halving",

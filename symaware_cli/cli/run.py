@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,11 +15,14 @@ import typer
 from symaware_cli import processor
 from symaware_cli.api import RunFailedError, RunInterrupted
 from symaware_cli.cli import terminal
+from symaware_cli.cli.result_files import note, note_problems, results_option
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
     from symaware_cli.api import Scenario
     from symaware_cli.core import Event
+    from symaware_cli.engine import RunSummary
+    from symaware_cli.evidence import ResultCase
     from symaware_cli.language import Problem
     from symaware_cli.processes import Place
 
@@ -71,6 +74,7 @@ def run(
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.", rich_help_panel=_RESULT)
     ] = False,
+    results: Annotated[list[str] | None, results_option(_RESULT)] = None,
     trust: Annotated[bool, terminal.trust_option(_WHAT)] = False,
     plugins: Annotated[list[Path] | None, terminal.own_plugins_option(_WHAT)] = None,
     as_json: terminal.Json = False,
@@ -158,10 +162,12 @@ def run(
                 place=place,
                 may_exit=True,
                 # The host's warnings are about the whole run.
-                on_warnings=None if quiet or join is not None else warn,
+                on_warnings=None if (quiet and not results) or join is not None else warn,
             )
         except (RunFailedError, RunInterrupted) as ended:
             result = ended.run
+        note_problems(doubtful, is_warning=True)
+        note(lambda: _cases(result.summary, source, overrides))
     summary, shortfall = result.summary, processor.shortfall()
     if shortfall and not quiet:
         typer.echo(f"symaware: {shortfall}", err=True)
@@ -187,6 +193,12 @@ def run(
     raise typer.Exit(
         {"finished": finished, "failed": terminal.FAILED, "interrupted": terminal.INTERRUPTED}[result.status]
     )
+
+
+def _cases(summary: RunSummary, scenario: Scenario, overrides: Sequence[str] | None) -> Iterable[ResultCase]:
+    from symaware_cli.evidence import run_cases, specification_spans
+
+    return run_cases(summary, specification_spans(Path(scenario.path), overrides))
 
 
 def _of_sweep(folder: Path, index: int | None, others: Sequence[object], *, as_json: bool) -> Scenario:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.cli.result_files import Results, note
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
+    from symaware_cli.evidence import ResultCase
     from symaware_cli.studies import SweepFolder, SweepOutcome, SweepProgress, SweepRequest
 
 #: The width of a terminal in which progress is not shortened, and the most of a name in a narrower one [characters].
@@ -83,6 +85,7 @@ def sweep(
     batch: Batch = "auto",
     fail_fast: FailFast = False,
     quiet: Quiet = False,
+    results: Results = None,
     as_json: terminal.Json = False,
 ) -> None:
     """Run a scenario many times, over parameters, variants and seeds; resumable, with one table at the end."""
@@ -110,6 +113,7 @@ def resume(
     batch: Batch = "auto",
     fail_fast: FailFast = False,
     quiet: Quiet = False,
+    results: Results = None,
     as_json: terminal.Json = False,
 ) -> None:
     """Resume a sweep: execute its remaining runs, or additional ones."""
@@ -195,6 +199,7 @@ def _conduct(
                 fail_fast=fail_fast,
                 on_progress=tell,
             )
+        note(lambda: _cases(folder, outcome))
     if as_json:
         terminal.print_json(outcome.to_json())
     elif not quiet:
@@ -202,6 +207,12 @@ def _conduct(
     if outcome.is_interrupted:
         raise typer.Exit(terminal.INTERRUPTED)
     raise typer.Exit(terminal.FAILED if outcome.counts.done < outcome.planned else 0)
+
+
+def _cases(folder: SweepFolder, outcome: SweepOutcome) -> Iterable[ResultCase]:
+    from symaware_cli.evidence import sweep_cases
+
+    return sweep_cases(folder, outcome.rule)
 
 
 def _is_count(text: str) -> bool:

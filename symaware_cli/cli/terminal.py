@@ -14,10 +14,15 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
 
 import typer
 
+from symaware_cli.cli import result_files
+
 if TYPE_CHECKING:
     from symaware_cli.plugin_files import FileSet
 
 FAILED, WRONG_INPUT, DATA_LOST, VIOLATED, INTERRUPTED = 1, 2, 3, 3, 130
+
+#: What is said of a command that ends with a status, in files with results.
+_RULES = {WRONG_INPUT: "invalid-input", INTERRUPTED: "interrupted"}
 
 ScenarioPath = Annotated[
     Path, typer.Argument(help="A scenario in YAML or TOML, or a log that contains one.", metavar="SCENARIO")
@@ -176,6 +181,7 @@ def _finite(content: Any) -> Any:
 
 def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
     """Print an error and exit."""
+    result_files.note_error(_RULES.get(status, "failed-command"), message)
     if as_json:
         print_json({"error": message})
     else:
@@ -253,6 +259,7 @@ def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator
         with _plugins_reported():
             yield
     except ScenarioError as error:
+        result_files.note_problems(error.problems)
         if as_json:
             print_json({"valid": False, "problems": to_json(error.problems)})
         else:

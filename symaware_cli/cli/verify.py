@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.cli.result_files import Results, note
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.evidence import Finding, Level, SweepVerification, VerificationResult
+    from symaware_cli.evidence import Finding, Level, ResultCase, SweepVerification, VerificationResult
     from symaware_cli.log import LogDifference
 
 #: How many findings are shown.
@@ -43,6 +44,7 @@ def verify(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
     trust: terminal.Trust = False,
+    results: Results = None,
     as_json: terminal.Json = False,
 ) -> None:
     """Repeat runs, and report whether they are equal or where they differ. Exit status 1 if they differ."""
@@ -64,6 +66,7 @@ def verify(
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
             result = verify_log(path, shown)
+        note(lambda: _log_cases(result))
     if as_json:
         terminal.print_json(result.to_json())
     elif not quiet:
@@ -79,6 +82,7 @@ def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, *, quie
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
             result = verify_sweep(folder, _level(level, as_json=as_json), rows=rows, seed=seed, on_progress=shown)
+        note(lambda: _cases(str(folder), result.findings))
     if as_json:
         terminal.print_json(result.to_json())
     elif not quiet:
@@ -97,6 +101,8 @@ def _verify_certificate(
             result = verify_certificate(
                 path, _level(level, as_json=as_json), key=key, rows=rows, seed=seed, on_progress=shown
             )
+        note(lambda: _cases(str(path), result.findings))
+        note(lambda: _cases(str(result.sweep.folder), result.sweep.findings))
     if as_json:
         terminal.print_json(result.to_json())
     elif not quiet:
@@ -111,6 +117,18 @@ def _verify_certificate(
             typer.echo(f"  {'signed by':<12} nobody")
         typer.echo("\n".join([*_findings(findings), *_report(result.sweep)]))
     return 0 if result.is_sound else terminal.FAILED
+
+
+def _cases(suite: str, findings: Sequence[Finding]) -> Iterable[ResultCase]:
+    from symaware_cli.evidence import finding_cases
+
+    return finding_cases(suite, findings)
+
+
+def _log_cases(result: VerificationResult) -> Iterable[ResultCase]:
+    from symaware_cli.evidence import verification_cases
+
+    return verification_cases(result)
 
 
 def _level(level: str, *, as_json: bool) -> Level:

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from symaware_cli.evidence.tolerances import Tolerances
 from symaware_cli.evidence.verification import VersionDifference, logged_versions, version_differences
 from symaware_cli.language import RESOLVED, extracted
 from symaware_cli.language.compose import Composition, compose
@@ -20,6 +21,7 @@ from symaware_cli.log import (
     LogError,
     attachment_differences,
     channel_differences,
+    compared_channels,
     first_difference,
     open_log,
 )
@@ -53,6 +55,7 @@ class ComparisonResult:
         attachments: The differences in attachments, outcome and channel metadata about columns.
         events: The numbers of occurrences in each log of events for which they differ.
         versions: The differences in versions and machine.
+        compared: All channels that were compared, whether they differ or not; empty for scenarios.
     """
 
     paths: tuple[Path, Path]
@@ -62,10 +65,11 @@ class ComparisonResult:
     attachments: Sequence[LogDifference] = ()
     events: Mapping[str, tuple[int, int]] | None = None
     versions: Sequence[VersionDifference] = ()
+    compared: Sequence[str] = ()
 
     @property
     def is_equal(self) -> bool:
-        """Whether they are equal, regardless of versions."""
+        """Whether they are equal, regardless of versions and of what is within tolerances."""
         return not (self.scenario or self.first or self.attachments)
 
     def to_json(self) -> dict[str, Any]:
@@ -74,7 +78,10 @@ class ComparisonResult:
 
 
 def compare(
-    one: str | os.PathLike[str], other: str | os.PathLike[str], plot: str | os.PathLike[str] | None = None
+    one: str | os.PathLike[str],
+    other: str | os.PathLike[str],
+    plot: str | os.PathLike[str] | None = None,
+    tolerance: str | os.PathLike[str] | None = None,
 ) -> ComparisonResult:
     """Compare two logs or two scenarios; for a log and a scenario, their scenarios.
 
@@ -82,32 +89,42 @@ def compare(
         one: A log or a scenario.
         other: Another log or scenario.
         plot: A file for a figure of two logs; None for no figure.
+        tolerance: A file with the tolerances of numbers in two logs; None to compare them exactly.
 
     Raises:
-        LogError: A log cannot be read or plotted, or a figure is requested for anything but two logs.
+        LogError: A log cannot be read or plotted, or a figure or a tolerance is given for anything but two logs.
         OutputError: The figure cannot be written.
-        ScenarioError: A scenario cannot be read.
+        ScenarioError: A scenario or the tolerances cannot be read.
     """
     one, other = Path(one), Path(other)
+    allowed = None if tolerance is None else Tolerances.read(Path(tolerance)).allow
     with tempfile.TemporaryDirectory() as folder:
         composed = [_composed(path, Path(folder, str(number))) for number, path in enumerate((one, other))]
     changes = list(_changes(*composed))
     if not (one.suffix == other.suffix == ".mcap"):
         if plot is not None:
             raise LogError("a figure of a difference is one of two logs")
+        if allowed is not None:
+            raise LogError("tolerances are for two logs")
         return ComparisonResult((one, other), changes)
     logs = open_log(one), open_log(other)
-    first = first_difference(*logs)
+    channels = channel_differences(*logs, allowed)
+    if allowed is None:
+        first = first_difference(*logs)
+    else:
+        # The order of channels within an instant does not count then.
+        first = channels[0].first if channels else None
     if plot is not None:
         plot_logs(*logs, plot, None if first is None else first.time)
     return ComparisonResult(
         (one, other),
         changes,
         first,
-        channel_differences(*logs),
-        attachment_differences(*logs),
+        channels,
+        attachment_differences(*logs, allowed),
         _events(*logs),
         version_differences(*map(logged_versions, logs)),
+        compared_channels(*logs),
     )
 
 

@@ -9,10 +9,10 @@ import hashlib
 import math
 import struct
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, zip_longest
-from typing import Any
+from typing import Any, TypeAlias
 
 from symaware_cli.log.log_message import LogMessage
 from symaware_cli.log.log_schema import OUTCOME, TIMING
@@ -56,6 +56,10 @@ class LogDifference:
         return f"{when}on {self.topic}{what}: {first} and {second}"
 
 
+Allowed: TypeAlias = Callable[["LogDifference"], bool] | None
+"""Tells whether a difference is within a tolerance; None if none is."""
+
+
 @dataclass(frozen=True, slots=True)
 class ChannelDifference:
     """How a channel of two logs differs.
@@ -91,19 +95,35 @@ def first_difference(one: Log, other: Log) -> LogDifference | None:
     return None
 
 
-def channel_differences(one: Log, other: Log) -> Sequence[ChannelDifference]:
+def compared_channels(one: Log, other: Log) -> Sequence[str]:
+    """Return the channels that two logs are compared in, sorted: those that one of them has, but for /timing."""
+    return sorted({*one.channels, *other.channels} - {TIMING})
+
+
+def channel_differences(one: Log, other: Log, allowed: Allowed = None) -> Sequence[ChannelDifference]:
     """Return how each channel differs, the earliest first.
+
+    Args:
+        one: A log.
+        other: Another log.
+        allowed: Tells which differences between elements of messages do not count.
 
     Raises:
         LogError: A log can no longer be read.
     """
-    topics = sorted({*one.channels, *other.channels} - {TIMING})
-    found = [each for topic in topics if (each := _in_channel(topic, one, other)) is not None]
+    topics = compared_channels(one, other)
+    found = [each for topic in topics if (each := _in_channel(topic, one, other, allowed)) is not None]
     return sorted(found, key=lambda each: -1 if each.first.time is None else each.first.time)
 
 
-def attachment_differences(one: Log, other: Log) -> Sequence[LogDifference]:
-    """Return how attachments differ, but for the versions, the outcome, and what channels say of their columns."""
+def attachment_differences(one: Log, other: Log, allowed: Allowed = None) -> Sequence[LogDifference]:
+    """Return how attachments differ, but for the versions, the outcome, and what channels say of their columns.
+
+    Args:
+        one: A log.
+        other: Another log.
+        allowed: Tells which differences do not count.
+    """
     mine, theirs = one.attachments, other.attachments
     found = [
         LogDifference(None, name, "", "", (_size(mine.get(name)), _size(theirs.get(name))))
@@ -120,7 +140,7 @@ def attachment_differences(one: Log, other: Log) -> Sequence[LogDifference]:
         columns = [(log.channels[topic].schema, log.channels[topic].metadata) for log in (one, other)]
         if columns[0] != columns[1]:
             found.append(LogDifference(None, topic, "", "metadata", (str(columns[0]), str(columns[1]))))
-    return found
+    return found if allowed is None else [each for each in found if not allowed(each)]
 
 
 def _size(content: bytes | None) -> str | None:
@@ -191,7 +211,7 @@ def _equal(first: Any, second: Any) -> bool:
     return bool(first == second)
 
 
-def _in_channel(topic: str, one: Log, other: Log) -> ChannelDifference | None:
+def _in_channel(topic: str, one: Log, other: Log, allowed: Allowed) -> ChannelDifference | None:
     messages = [
         {time: list(own) for time, own in groupby(log.messages(topic), key=lambda message: message.time)}
         if topic in log.channels
@@ -205,13 +225,18 @@ def _in_channel(topic: str, one: Log, other: Log) -> ChannelDifference | None:
         for mine, theirs in zip_longest(messages[0].get(time, ()), messages[1].get(time, ())):
             if mine is not None and theirs is not None and _is_same(mine, theirs):
                 continue
-            count += 1
-            if mine is None or theirs is None:
-                found = [
-                    _only_in(mine, one, is_first=True) if theirs is None else _only_in(theirs, other, is_first=False)
-                ]
+            if theirs is None:
+                assert mine is not None
+                found = [_only_in(mine, one, is_first=True)]
+            elif mine is None:
+                found = [_only_in(theirs, other, is_first=False)]
             else:
                 found = list(_of_messages(mine, theirs, one, other))
+            if allowed is not None:
+                found = [each for each in found if not allowed(each)]
+                if not found:
+                    continue
+            count += 1
             first = first or found[0]
             agents.update(each.agent for each in found if each.agent)
             greatest = max([each for each in (greatest, *found) if each is not None], key=_weight)
