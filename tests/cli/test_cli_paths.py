@@ -44,6 +44,8 @@ FILES: Mapping[str, str] = {
     "key_file": "secret",
     "plugins": "mine.py",
     "file": "specifications.yaml",
+    "scenarios": "room.yaml",
+    "tolerance": "tolerance.yaml",
 }
 """The sound file for a parameter, by its name; that of others is given by the call."""
 
@@ -53,6 +55,7 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
     "resume": [["--jobs", "0"]],
     "plan": [["target=room.yaml"], ["target=sweep"]],
     "validate": [[]],
+    "doctor": [["--quick"]],
     "new scenario": [["name=room"]],
     "new plugin": [["name=room", "--metric"]],
     "replay": [["path=log.mcap", "save=replay.rrd"]],
@@ -108,7 +111,7 @@ SUFFIXES = {
 }
 """The suffixes of what is written, by the beginning of a case's name; what is not here is a folder."""
 
-WITHOUT_PATHS: tuple[str, ...] = ()
+WITHOUT_PATHS: tuple[str, ...] = ("doctor",)
 
 
 def paths_of(verb: str) -> Mapping[str, str | None]:
@@ -173,6 +176,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "room.yaml").write_text(SCENARIO)
     (folder / "secret").write_text("0" * 64)
     (folder / "mine.py").write_text("")
+    (folder / "tolerance.yaml").write_text("symaware-tolerance: 1\nchannels: {/contacts: {ignore: true}}\n")
     (folder / "specifications.yaml").write_text("near: {each: robot, formula: 'always x < 4'}\n")
     key = Ed25519PrivateKey.generate()
     form = serialization.PrivateFormat.PKCS8

@@ -263,6 +263,7 @@ VERBS = {
     "check": ["own.mcap", "--again"],
     "compare": ["paired", "contacts"],
     "diff": ["own.mcap", "own.mcap"],
+    "doctor": ["--quick"],
     "estimate": ["own.yaml", "--specification", "near", "-j", "0"],
     "export": ["own.mcap", "--format", "csv", "-o", "out"],
     "falsify": ["own.yaml", "--specification", "near", "--over", "run.duration=0.1..0.5 by 0.1"],

@@ -214,7 +214,10 @@ class MixedIntegerProgram:
         solver.passModel(program)
         if is_mixed and start is not None:
             solver.setSolution(len(integers), integers.astype(np.int32), np.round(start))
-        solver.run()
+        if solver.run() == highspy.HighsStatus.kError:
+            # A process has one scheduler, whose number of threads is that of whoever solved first, such as a plugin.
+            solver.resetGlobalScheduler(True)
+            solver.run()
         solution = self._solution(solver, is_mixed=is_mixed)
         if fixed is not None and self._squares:
             for _ in range(_CUTS):

@@ -116,9 +116,15 @@ CASES = {
     ),
     "knowledge.blocked-cells": Case(["signals"], {"model": "floor"}, {"blocked": ["c1_1"]}, regions=REGIONS),
     "knowledge.strategy": Case(["signals"], PATROL, regions=REGIONS),
+    "control.schedule": Case(
+        ["control"], {"inputs": [{"time": 0.1 * number, "input": [1.0, 0.1 * number]} for number in range(20)]}
+    ),
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
+    "planning.grid": Case(
+        [], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3], "waypoints": LINE}
+    ),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
     "communication.gossip": Case([], knowledge={"rumour": 1}),
