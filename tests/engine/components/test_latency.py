@@ -238,7 +238,9 @@ def watching(kind: Any) -> Any:
     class Watching(kind):  # type: ignore[misc] # whichever class that is
         def _everything(self) -> tuple[dict[str, Any], dict[str, Any], int]:
             group = self._group if isinstance(self, GroupComponent) else self._agent.group
-            own = {name: each for name, each in vars(self).items() if name != "_random"}
+            # What follows from the scenario may be computed when it is needed.
+            derived = ("_random", *self.uncaptured)
+            own = {name: each for name, each in vars(self).items() if name not in derived}
             return visible(group), contents(own), self._surroundings.exchange.sent
 
         def _compute(self) -> NDArray[np.float64] | Snapshot | tuple[Any, Any]:
