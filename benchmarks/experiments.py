@@ -40,7 +40,7 @@ from symaware_mujoco.world import MujocoEnvironment
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle
 from symaware_cli.engine.models.integrator import DoubleIntegrator, SingleIntegrator
-from symaware_cli.worlds import PhysicsEnvironment
+from symaware_cli.worlds.physics import PhysicsEnvironment
 from symaware_cli.worlds.planar import PymunkEnvironment
 from symaware_cli.worlds.spatial import PyBulletEnvironment
 

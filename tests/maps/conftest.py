@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 import yaml
-from rooms import YAML, picture
+from map_files import YAML, picture
 
 from symaware_cli.language.build import Built, build
 from symaware_cli.language.problem import Problem, ScenarioError

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from rooms import YAML, picture
+from map_files import YAML, picture
 
 import symaware_cli as sa
 from symaware_cli.language.build import Built

@@ -122,9 +122,7 @@ CASES = {
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
-    "planning.grid": Case(
-        [], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3], "waypoints": LINE}
-    ),
+    "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3], "waypoints": LINE}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
     "communication.gossip": Case([], knowledge={"rumour": 1}),
@@ -239,7 +237,7 @@ def watching(kind: Any) -> Any:
         def _everything(self) -> tuple[dict[str, Any], dict[str, Any], int]:
             group = self._group if isinstance(self, GroupComponent) else self._agent.group
             # What follows from the scenario may be computed when it is needed.
-            derived = ("_random", *self.uncaptured)
+            derived = ("_random", *getattr(self, "uncaptured", ()))
             own = {name: each for name, each in vars(self).items() if name not in derived}
             return visible(group), contents(own), self._surroundings.exchange.sent
 
