@@ -38,6 +38,7 @@ class ArticulatedRobot(Model):
     planning, joints of a fixed robot follow velocities and positions with a time constant, q'' = (v - q') / response.
     """
 
+    uncaptured = ("_robot",)  # the file, which no run changes
     batchable = True
 
     class Parameters(Parameters):
