@@ -48,12 +48,12 @@ class _Results:
 _CURRENT: ContextVar[_Results | None] = ContextVar("results", default=None)
 
 
-def _opened(ctx: typer.Context, given: list[str] | None) -> list[str] | None:
+def _opened(ctx: typer.Context, given: list[str] | None) -> list[str]:
     if given and not ctx.resilient_parsing:
         from symaware_cli.evidence import ResultFile
 
         ctx.with_resource(_Results([ResultFile.named(text) for text in given], ctx.info_name or ""))
-    return given
+    return given or []  # None is no list for older versions of Typer
 
 
 def results_option(panel: str | None = None) -> Any:

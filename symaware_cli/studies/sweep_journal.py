@@ -92,6 +92,8 @@ class SweepJournal:
             self._database.execute("PRAGMA synchronous = NORMAL")
             self._database.execute(_SCHEMA)
         except sqlite3.Error as error:
+            if hasattr(self, "_database"):
+                self._database.close()
             raise self._named(error) from error
 
     def __enter__(self) -> SweepJournal:
