@@ -155,11 +155,8 @@ class Environment(Plugin, ABC):
     def _check_features(self, group: EntityGroup) -> None:
         missing = [each for each in group.model.needs if each not in self.provides]
         if missing:
-            hint = "; `mujoco`, of the package symaware-mujoco, has them" if missing[0] == "mechanisms" else ""
-            raise WorldError(
-                f"the model needs a world with {missing[0]}, and this one has none{hint}",
-                *("agents", group.name, "model"),
-            )
+            said = f"the model needs a world with {missing[0]}, and this one has none"
+            raise WorldError(said, "agents", group.name, "model", needs=missing[0])
 
     def _count_present(self) -> None:
         """Update which agents are present from the groups."""

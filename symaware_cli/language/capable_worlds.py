@@ -17,6 +17,7 @@ from symaware_cli.language.problem import Problem, ScenarioError, quoted
 _CALLED = {
     "forces": "moves bodies by forces",
     "images": "has images",
+    "mechanisms": "moves the joints of robots from files",
     "tilt": "lets entities tilt",
     "vehicles": "has vehicles",
 }

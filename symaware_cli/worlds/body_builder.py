@@ -113,8 +113,7 @@ class BodyBuilder:
             held: Whether the joints of a URDF file are held in their positions.
         """
         if shape is not None and shape.mjcf:
-            said = "this world has no robots from MJCF files; `mujoco` of the package symaware-mujoco has them"
-            raise WorldError(said, *where, "shape", "mjcf")
+            raise WorldError("this world has no robots from MJCF files", *where, "shape", "mjcf", needs="mechanisms")
         place = position if len(position) == 3 else (*position, self._standing_height(shape))
         if shape is not None and shape.urdf:
             body = self._load(mass, shape.urdf, place, orientation, *where)

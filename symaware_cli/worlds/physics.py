@@ -108,9 +108,9 @@ class PhysicsEnvironment(ColumnEnvironment):
             with errors.catch():
                 if group.model.mechanism() is not None and "mechanisms" not in self.provides:
                     raise WorldError(
-                        "this world has no motors for the joints of a robot; `mujoco`, of the package "
-                        "symaware-mujoco, has them",
+                        "this world has no motors for the joints of a robot",
                         *("agents", group.name, "model"),
+                        needs="mechanisms",
                     )
                 if len(group.model.position) > self.dimensions:
                     raise WorldError(

@@ -239,13 +239,14 @@ def test_other_files_and_endless_ones_are_no_robots(tmp_path: Path) -> None:
     assert "more than 1,000 bodies" in refusal(tmp_path, robot(many))
 
 
-def test_a_world_that_cannot_names_one_that_can(tmp_path: Path) -> None:
+def test_a_world_that_cannot_says_which_feature_it_lacks(tmp_path: Path) -> None:
     from symaware_cli.worlds.spatial import PyBulletEnvironment
 
     (tmp_path / "robot.xml").write_bytes(robot())
     thing = Obstacle.model_validate({"shape": {"mjcf": {"file": "robot.xml", "radius": 1.0}}, "position": [0, 0, 1]})
     environment = PyBulletEnvironment()
     environment.folder = tmp_path
-    with pytest.raises(WorldError, match="no robots from MJCF files; `mujoco`") as refused:
+    with pytest.raises(WorldError, match="no robots from MJCF files") as refused:
         environment.initialise([], {"thing": thing}, 1)
     assert refused.value.path == ("environment", "entities", "thing", "shape", "mjcf")
+    assert refused.value.needs == "mechanisms"
