@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from symaware_cli.core import Quantity
+from symaware_cli.core import Model, Quantity
 from symaware_cli.engine.models.noise import NoisyModel
 from symaware_cli.geometry import Array
 from symaware_cli.world import columns
@@ -116,6 +116,46 @@ class HeadingModel(NoisyModel):
         speed = np.sqrt(x * x + y * y)
         error = np.remainder(np.arctan2(y, x) - state[:, self.heading] + np.pi, 2 * np.pi) - np.pi
         return speed, np.where(speed > 1e-9, error, 0.0)
+
+
+class TurningModel(HeadingModel):
+    """A vehicle whose control inputs are its speed v and its turn rate w.
+
+    Its parameters have the ``steering_gain``.
+    """
+
+    control_input = (Quantity("speed", "m/s"), Quantity("turn_rate", "rad/s"))
+
+    def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
+        """Return the control input itself."""
+        return control_input[0], control_input[1]
+
+    def follow_velocity(self, state: Array, velocity: Array) -> Array:
+        """Turn towards the desired direction, at the component of the speed along the heading."""
+        speed, error = self.aim(state, velocity)
+        followed = np.empty((len(state), 2))
+        np.multiply(speed, np.maximum(np.cos(error), 0.0), out=followed[:, 0])
+        np.multiply(self.parameters.steering_gain, error, out=followed[:, 1])
+        return followed
+
+
+class LaggedModel(HeadingModel):
+    """A vehicle whose speed is the fourth element of its state, after x, y and heading, and follows its set point."""
+
+    def successor(  # type: ignore[override]
+        self, state: Any, control_input: Any, step: Any, math: Any
+    ) -> None:
+        """Return None: the model has no closed form."""
+        return
+
+    def jacobian(self, state: Array, control_input: Array) -> Array:
+        """Return the Jacobian by central differences."""
+        return Model.jacobian(self, state, control_input)
+
+    def velocity(self, state: Array, control_input: Array) -> Array:
+        """Return the velocity along the heading, with the speed in the state."""
+        heading, speed = state[:, 2].copy(), state[:, 3].copy()
+        return np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1)
 
 
 class SteeredModel(HeadingModel):

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from symaware_cli.assets import Vehicle, VehicleBodies
-from symaware_cli.core import Entity, Model, Parameters, Polygon, Quantity, Shape
-from symaware_cli.engine.models.heading import SteeredModel, speeds_in_order
+from symaware_cli.core import Entity, Parameters, Polygon, Quantity, Shape
+from symaware_cli.engine.models.heading import LaggedModel, SteeredModel, speeds_in_order
 from symaware_cli.engine.models.noise import Deviation
 from symaware_cli.geometry import Array, about, composed, continued, yaws
 
@@ -31,7 +31,7 @@ _STEERED = ("left_steering_hinge_joint", "right_steering_hinge_joint")
 _TYRE = (0.1, 0.1, 0.1, 1.0)
 
 
-class Racecar(SteeredModel):
+class Racecar(LaggedModel, SteeredModel):
     """A model car of the scale 1:10 (MIT Racecar), with speed and steering angle as control input.
 
     In the world `pybullet` it is the car of racecar/racecar.urdf in pybullet_data, in `mujoco` one of the same lengths
@@ -98,21 +98,6 @@ class Racecar(SteeredModel):
             (control_input[0] - speed) / self.parameters.speed_time,
             (control_input[1] - angle) / self.parameters.steering_time,
         )
-
-    def successor(  # type: ignore[override]
-        self, state: Any, control_input: Any, step: Any, math: Any
-    ) -> None:
-        """Return None: the model has no closed form."""
-        return
-
-    def jacobian(self, state: Array, control_input: Array) -> Array:
-        """Return the Jacobian by central differences."""
-        return Model.jacobian(self, state, control_input)
-
-    def velocity(self, state: Array, control_input: Array) -> Array:
-        """Return the velocity along the heading, with the speed in the state."""
-        heading, speed = state[:, 2].copy(), state[:, 3].copy()
-        return np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1)
 
     def vehicle(self) -> Vehicle:
         """Return its wheels and hinges in worlds with vehicles."""

@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 
 from symaware_cli.assets import Mechanism, Motor, Posture, Postures
 from symaware_cli.core import Entity, Model, Parameters, Quantity, WorldError
-from symaware_cli.engine.models.heading import HeadingModel, SteeredModel, speeds_in_order
+from symaware_cli.engine.models.heading import LaggedModel, SteeredModel, TurningModel, speeds_in_order
 from symaware_cli.engine.models.robot_file import RobotFile, Wheel
 from symaware_cli.geometry import Array, about, continued, rotated, yaws
 
@@ -44,7 +44,7 @@ class WheelLimits(Parameters):
     _speeds_in_order = model_validator(mode="after")(speeds_in_order)
 
 
-class WheeledModel(HeadingModel):
+class WheeledModel(LaggedModel):
     """A robot on wheels: what the differential drive and the car have in common.
 
     Its parameters are `WheelLimits`. The state begins with x, y, heading and speed. The position is the middle of the
@@ -60,28 +60,13 @@ class WheeledModel(HeadingModel):
     def noise_deviation(self, step: float) -> None:
         """Return None: it has no process noise."""
 
-    def successor(  # type: ignore[override]
-        self, state: Any, control_input: Any, step: Any, math: Any
-    ) -> None:
-        """Return None: the model has no closed form."""
-        return
-
-    def jacobian(self, state: Array, control_input: Array) -> Array:
-        """Return the Jacobian by central differences."""
-        return Model.jacobian(self, state, control_input)
-
-    def velocity(self, state: Array, control_input: Array) -> Array:
-        """Return the velocity along the heading, with the speed in the state."""
-        heading, speed = state[:, 2].copy(), state[:, 3].copy()
-        return np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1)
-
     def _speeds(self) -> tuple[float, float]:
         """Return the least and the greatest speed, as the wheels allow them [m/s]."""
         limits = self.parameters
         return max(limits.min_speed, -self._fastest), min(limits.max_speed, self._fastest)
 
 
-class DifferentialDrive(WheeledModel):
+class DifferentialDrive(WheeledModel, TurningModel):
     """A robot from a file whose left and right wheels turn at different speeds, driven as a unicycle is.
 
     Control inputs are the speed v and the turn rate w. Motors turn the wheels at (v -+ w T / 2) / r, where the track T
@@ -95,7 +80,6 @@ class DifferentialDrive(WheeledModel):
     batchable = True
 
     state = (*_POSE, Quantity("turn_rate", "rad/s"))
-    control_input = (Quantity("speed", "m/s"), Quantity("turn_rate", "rad/s"))
 
     class Parameters(WheelLimits):
         """Wheels and limits."""
@@ -135,10 +119,6 @@ class DifferentialDrive(WheeledModel):
         self._wheels = (*sides["left"], *sides["right"])
         self._fastest = min(each.velocity * each.radius for each in self._wheels)
 
-    def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """Return the control input itself."""
-        return control_input[0], control_input[1]
-
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
         """Return the rates of a unicycle with first-order lags of speed and turn rate."""
         heading, speed, turn_rate = state[2], state[3], state[4]
@@ -156,14 +136,6 @@ class DifferentialDrive(WheeledModel):
         low, high = self._speeds()
         most = self.parameters.max_turn_rate
         return [low, -most], [high, most]
-
-    def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Turn towards the desired direction, at the component of the speed along the heading."""
-        speed, error = self.aim(state, velocity)
-        followed = np.empty((len(state), 2))
-        np.multiply(speed, np.maximum(np.cos(error), 0.0), out=followed[:, 0])
-        np.multiply(self.parameters.steering_gain, error, out=followed[:, 1])
-        return followed
 
     def mechanism(self) -> Mechanism:
         """Return its wheels and their motors."""
