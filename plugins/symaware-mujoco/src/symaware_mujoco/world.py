@@ -18,10 +18,11 @@ from symaware_cli.core import EntityGroup, ErrorCollector, Image, ScenarioView, 
 from symaware_cli.engine import Actuator, appearances
 from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude, attitude_columns, continued, yaws
 from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, body_colour, warn_of_hulls
-from symaware_mujoco.bounce import solref, warn_of_bounces
+from symaware_mujoco.bounce import warn_of_bounces
 from symaware_mujoco.cameras import render
 from symaware_mujoco.motors import Motors
-from symaware_mujoco.scene import AGENTS, BODY, ENTITIES, FLOOR, HIDDEN, LOOKS, Scene, Surface
+from symaware_mujoco.scene import AGENTS, ENTITIES, FLOOR, HIDDEN, LOOKS, Scene, Surface
+from symaware_mujoco.surfaces import Surfaces
 from symaware_mujoco.vehicles import MujocoVehicleBodies, add_vehicle, read_vehicle
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -50,9 +51,8 @@ class MujocoEnvironment(VehicleEnvironment):
     provides = ("forces", "images", "mechanisms", "tilt", "vehicles")
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
-        *("_model", "_data", "_owners", "_frictions", "_elasticities", "_is_uniform", "_bits", "_geometries", "_count"),
+        *("_model", "_data", "_owners", "_surfaces", "_bits", "_geometries", "_count"),
         *("_seen", "_keys", "_apart"),
-        *("_surface_kinds", "_pair_frictions", "_pair_solrefs"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
         *("_articulations", "_bodies", "_dressed", "_groups", "_unseen", "_colours", "_hit"),
         "_levels",
@@ -192,7 +192,7 @@ class MujocoEnvironment(VehicleEnvironment):
         """Put vehicles to their poses, and hand them their bodies."""
         #: The bodies of each group of vehicles, by its number.
         self._bodies = {
-            number: MujocoVehicleBodies(self._model, self._data, self.groups[number], self._frictions)
+            number: MujocoVehicleBodies(self._model, self._data, self.groups[number], self._surfaces.frictions)
             for number in vehicles
         }
         for number, vehicle in vehicles.items():
@@ -203,7 +203,7 @@ class MujocoEnvironment(VehicleEnvironment):
             with errors.catch():
                 self._attach(vehicle, number, self._bodies[number])
         errors.raise_first()
-        self._apply_surfaces()
+        self._surfaces.apply(self._model, self._bits[0])
         self._pushes = bool(vehicles)
 
     def _index_bodies(self) -> None:
@@ -234,8 +234,6 @@ class MujocoEnvironment(VehicleEnvironment):
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, number) for number in range(model.ngeom)]
         surfaces = [scene.surfaces[name] for name in names]
         self._owners = np.array([each.owner for each in surfaces], np.intp)
-        self._frictions = np.array([each.friction for each in surfaces])
-        self._elasticities = np.array([each.elasticity for each in surfaces])
         #: The bits of collisions of each geometry, as they are if its agent is present.
         self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
         agents, ground = len(self.roster), len(self.roster) + len(self.obstacles)
@@ -248,31 +246,8 @@ class MujocoEnvironment(VehicleEnvironment):
         self._colours = np.where(looks[:, None], model.geom_rgba[:, :3], np.array(plain).reshape(-1, 3))
         self._geometries = {index: np.flatnonzero(self._owners == index) for index in range(len(self.roster))}
         self._hit = np.zeros(1, np.int32)
-        self._apply_surfaces()
-
-    def _apply_surfaces(self) -> None:
-        """Tell the engine what surfaces are like."""
-        model = self._model
-        surfaces = list(zip(self._frictions.tolist(), self._elasticities.tolist(), strict=True))
-        kinds = sorted(set(surfaces))
-        frictions, elasticities = np.array(kinds).T.reshape(2, -1)
-        #: The kind of surface of each geometry, and what two kinds make: friction, and the engine's reference.
-        self._surface_kinds = np.array([kinds.index(each) for each in surfaces], np.intp)
-        self._pair_frictions = np.maximum(np.multiply.outer(frictions, frictions), 1e-5)
-        self._pair_solrefs = np.array(
-            [[solref(one * other, self.step_time) for other in elasticities.tolist()] for one in elasticities.tolist()]
-        ).reshape(len(kinds), len(kinds), 2)
-        # Where all that moves by forces has one surface, contacts are those of it and of what it meets: the engine
-        # takes the parameters of the geometry with the greater priority, and what is fixed or on a path meets nothing
-        # else.
-        moving = (self._bits[0] & BODY) != 0
-        of_moving = sorted(set(self._surface_kinds[moving].tolist()))
-        self._is_uniform = len(of_moving) <= 1
-        other = of_moving[0] if of_moving else 0
-        model.geom_priority[:] = np.where(moving, 0, 1)
-        for number, kind in enumerate(self._surface_kinds.tolist()):
-            model.geom_friction[number] = (self._pair_frictions[kind, other], 0.005, 0.0001)
-            model.geom_solref[number] = self._pair_solrefs[kind, other]
+        self._surfaces = Surfaces(surfaces, self.step_time)
+        self._surfaces.apply(model, self._bits[0])
 
     def _place_all(self) -> None:
         model, data = self._model, self._data
@@ -403,20 +378,12 @@ class MujocoEnvironment(VehicleEnvironment):
 
     def _step_engine(self) -> None:
         model, data = self._model, self._data
-        if self._is_uniform and not self._machines:
+        if self._surfaces.is_uniform and not self._machines:
             mujoco.mj_step(model, data)
             return
         mujoco.mj_step1(model, data)
-        if data.ncon and not self._is_uniform:
-            # The product of both surfaces; the engine itself would take the greater friction.
-            contacts = data.contact
-            one, other = self._surface_kinds[contacts.geom.T]
-            contacts.friction[:, :2] = self._pair_frictions[one, other][:, None]
-            contacts.solref[:] = self._pair_solrefs[one, other]
-            mujoco.mj_makeConstraint(model, data)
-            mujoco.mj_island(model, data)
-            mujoco.mj_projectConstraint(model, data)
-            mujoco.mj_fwdVelocity(model, data)
+        if data.ncon and not self._surfaces.is_uniform:
+            self._surfaces.correct(model, data)
         for machine in self._machines:
             machine.apply(data)
         mujoco.mj_step2(model, data)
