@@ -64,12 +64,14 @@ class Robot:
         stored: The names of these files in a log, relative to its folder, by the names that the description uses; also
             those of the files that it includes.
         includes: The files that it includes, by the names that it uses.
+        unseen: What is missing of what it looks like, in sentences with their places; it is left out.
     """
 
     description: RobotDescription | MjcfDescription
     paths: dict[str, Path]
     stored: dict[str, str]
     includes: dict[str, Path]
+    unseen: tuple[str, ...] = ()
 
 
 def find(file: str, folders: AssetFolders, *where: str) -> Path:
@@ -190,11 +192,13 @@ def described(file: str, folders: AssetFolders, *where: str) -> Robot:
             description = RobotDescription.read(path)
         else:
             description = MjcfDescription.read(path, search.included)
-        for reference in description.meshes:
-            search.find(reference)
+        missing = [reference for reference in description.meshes if not search.find(reference)]
+        if missing and isinstance(description, RobotDescription):
+            description.leave_out(missing)
     except AssetError as error:
         raise WorldError(error.located(file), *where) from error
-    return Robot(description, search.paths, search.stored, search.includes)
+    unseen = tuple(error.located(file) for error in search.unseen)
+    return Robot(description, search.paths, search.stored, search.includes, unseen)
 
 
 def installed(path: Path, *where: str) -> Robot:
@@ -218,13 +222,14 @@ class _Search:
         self.paths: dict[str, Path] = {}
         self.stored: dict[str, str] = {}
         self.includes: dict[str, Path] = {}
+        self.unseen: list[AssetError] = []
         self._path, self._home, self._roots = path, home, roots
 
-    def find(self, reference: MeshReference) -> None:
-        """Find a mesh, and check it.
+    def find(self, reference: MeshReference) -> bool:
+        """Find a mesh, and check it; False if it is missing, and does not collide.
 
         Raises:
-            AssetError: It is missing, damaged, or outside of the folders.
+            AssetError: It is damaged, outside of the folders, or missing and needed.
         """
         from symaware_cli.assets.mesh_file import SUFFIXES, check_mesh
 
@@ -234,7 +239,11 @@ class _Search:
             found = next(((at, stored) for at, stored in places if at.is_file()), None)
             if found is None:
                 looked = ", ".join(dict.fromkeys(self._shown(at) for at, _ in places))
-                element.refuse(f"it names the mesh `{name}`, which is not there; looked for {looked}")
+                said = f"it names the mesh `{name}`, which is not there; looked for {looked}"
+                if reference.collides or self._path.suffix.lower() != ".urdf":
+                    element.refuse(said)
+                self.unseen.append(AssetError(said, element.line, element.column))
+                return False
             at, stored = found
             if not any(at.resolve().is_relative_to(root) for root in self._roots):
                 element.refuse(f"it names the mesh `{name}`, which leads out of its folder")
@@ -243,12 +252,13 @@ class _Search:
         if at.suffix.lower() not in SUFFIXES:
             if reference.collides:
                 element.refuse(f"it names the mesh `{name}`; what collides is an .obj, .stl or .dae file")
-            return
+            return True
         try:
             check_mesh(at, reference.collides)
             _check_looks(at, self._roots)
         except AssetError as error:
             element.refuse(f"it names the mesh {error.located(name)}")
+        return True
 
     def included(self, element: XmlElement, name: str) -> Path:
         """Return the path of a file that the description includes, relative to it.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,8 @@ _NUMBERS: Sequence[tuple[str, str, int]] = [
     ("origin", "rpy", 3),
     ("axis", "xyz", 3),
     ("color", "rgba", 4),
+    ("mimic", "multiplier", 1),
+    ("mimic", "offset", 1),
     *(("inertia", f"i{pair}", 1) for pair in ("xx", "xy", "xz", "yy", "yz", "zz")),
     *(("limit", name, 1) for name in ("lower", "upper", "effort", "velocity")),
     *(("dynamics", name, 1) for name in ("damping", "friction")),
@@ -67,6 +70,20 @@ class MeshReference:
     name: str
     element: XmlElement
     collides: bool
+
+
+class Follower(NamedTuple):
+    """How a joint follows another.
+
+    Attributes:
+        joint: The other joint.
+        factor: By what its position is multiplied.
+        offset: What is added to it [rad] or [m].
+    """
+
+    joint: str
+    factor: float
+    offset: float
 
 
 class RobotDescription:
@@ -118,10 +135,35 @@ class RobotDescription:
         """
         return cls(content(path, _LARGEST_FILE))
 
+    def leave_out(self, unseen: Collection[MeshReference]) -> None:
+        """Leave out what is only seen, such as shapes whose meshes are missing."""
+        shapes = [each.element for each in unseen]
+        for link in self._links.values():
+            for visual in _all(link, "visual"):
+                if any(shape in shapes for geometry in _all(visual, "geometry") for shape in geometry):
+                    link.remove(visual)
+        self.meshes = [each for each in self.meshes if each not in unseen]
+
     # -- what engines cannot move
 
-    def unsupported_joint(self) -> AssetError | None:
-        """Return the problem with the first joint that worlds do not move as the file says; None without one."""
+    def followers(self) -> dict[str, Follower]:
+        """Return how joints follow others that they mimic, by their names."""
+        found = {}
+        for name, joint in self._joints.items():
+            for mimic in _all(joint, "mimic"):
+                factor, offset = (
+                    _numbers(mimic, key, 1)[0] if mimic.get(key) else default
+                    for key, default in (("multiplier", 1.0), ("offset", 0.0))
+                )
+                found[name] = Follower(mimic.get("joint") or "", factor, offset)
+        return found
+
+    def unsupported_joint(self, follow: bool = False) -> AssetError | None:
+        """Return the problem with the first joint that a world does not move as the file says; None without one.
+
+        Args:
+            follow: Whether joints of the world can follow others.
+        """
         for name, joint in self._joints.items():
             kind = joint.get("type")
             if kind not in _MOTIONS and kind != "fixed":
@@ -132,8 +174,13 @@ class RobotDescription:
                 return AssetError(said, joint.line, joint.column)
             mimic = joint.find("mimic")
             if isinstance(mimic, XmlElement):
-                said = f"the joint `{name}` mimics another one, and worlds move each joint by itself; remove `mimic`"
-                return AssetError(said, mimic.line, mimic.column)
+                if not follow:
+                    said = f"the joint `{name}` mimics another one, and here joints move each by itself"
+                    return AssetError(said, mimic.line, mimic.column)
+                other = self._joints.get(mimic.get("joint") or "", joint)
+                if other is joint or other.get("type") not in _MOTIONS or kind not in _MOTIONS:
+                    said = f"the joint `{name}` mimics `{mimic.get('joint')}`, which is no other joint that moves"
+                    return AssetError(said, mimic.line, mimic.column)
         return None
 
     # -- links and joints

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from symaware_cli.assets import asset
+from symaware_cli.assets import Follower, asset
 from symaware_cli.assets.asset import AssetFolders, Robot
 from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
 from symaware_cli.geometry import HeightRange, attitude
@@ -26,6 +26,10 @@ from symaware_cli.worlds.engine_files import EngineFiles
 
 #: The types of joints with one degree of freedom.
 _MOVING = (engine.JOINT_REVOLUTE, engine.JOINT_PRISMATIC)
+
+#: [N] or [N m] What the gear of a joint that follows another may take, and the part of its error that a physics step
+#: corrects.
+_GEAR_FORCE, _GEAR_CORRECTION = 1e4, 0.5
 
 #: [m] Larger than any distance between a body and the ground.
 _ANY_DISTANCE = 1e3
@@ -73,7 +77,7 @@ class BodyBuilder:
         self._client = client
         self._folders = folders
         self._files = files
-        self._robots: dict[str, Path] = {}
+        self._robots: dict[str, tuple[Path, dict[str, Follower]]] = {}
         self._height = height
         self._floor = floor
         self._loading = loading
@@ -119,6 +123,7 @@ class BodyBuilder:
             body = self._load(mass, shape.urdf, place, orientation, *where)
             if not held:
                 self._release_joints(body)
+                self._couple(body, self._robots[shape.urdf.file][1], shape.urdf.scale)
         else:
             body = self._body(mass, self._collision_shape(shape, *where), place, orientation)
         # `_standing_height` is exact for upright bodies with a shape of their own only.
@@ -161,12 +166,13 @@ class BodyBuilder:
     ) -> int:
         if urdf.file not in self._robots:
             robot = asset.described(urdf.file, self._folders, *where, "shape", "urdf", "file")
-            unsupported = robot.description.unsupported_joint()
+            unsupported = robot.description.unsupported_joint(follow=True)
             if unsupported is not None:
                 raise WorldError(unsupported.located(urdf.file), *where, "shape", "urdf", "file")
-            self._robots[urdf.file] = self.robot_file(robot)
+            self._robots[urdf.file] = self.robot_file(robot), robot.description.followers()
+        file, _ = self._robots[urdf.file]
         body = self.load_robot(
-            self._robots[urdf.file],
+            file,
             urdf.file,
             position,
             orientation,
@@ -177,6 +183,27 @@ class BodyBuilder:
         )
         self._check(body, urdf.file, mass > 0.0, *where, "shape", "urdf", "file")
         return body
+
+    def _couple(self, body: int, followers: Mapping[str, Follower], scale: float) -> None:
+        """Let joints follow those that they mimic, by gears."""
+        known = [engine.getJointInfo(body, number, self._client) for number in self.moving_joints(body)]
+        joints = {info[1].decode(): (info[0], info[2] == engine.JOINT_PRISMATIC) for info in known}
+        for name, follower in followers.items():
+            (number, slides), (other, other_slides) = joints[name], joints[follower.joint]
+            offset = follower.offset * scale**slides
+            engine.resetJointState(body, number, offset, physicsClientId=self._client)
+            gear = engine.createConstraint(
+                *(body, number, body, other, engine.JOINT_GEAR, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+                physicsClientId=self._client,
+            )
+            engine.changeConstraint(
+                gear,
+                gearRatio=-follower.factor * scale ** (slides - other_slides),
+                relativePositionTarget=offset,
+                maxForce=_GEAR_FORCE,
+                erp=_GEAR_CORRECTION,
+                physicsClientId=self._client,
+            )
 
     def robot_file(self, robot: Robot) -> Path:
         """Return the file of a robot for `load_robot`."""

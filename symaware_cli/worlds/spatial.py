@@ -388,7 +388,8 @@ class PyBulletEnvironment(OpaqueEngine, VehicleEnvironment):
         return [*agents, *(self._entities[name] for name in self._free)]
 
     def find_warnings(self, view: ScenarioView) -> None:
-        """Warn of meshes that are not convex."""
+        """Warn of meshes that are not convex, and of looks that are missing."""
+        super().find_warnings(view)
         warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
 
     def articulations(self) -> Mapping[str, Articulation]:

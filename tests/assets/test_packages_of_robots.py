@@ -83,6 +83,27 @@ def test_a_package_is_found_above_the_urdf_and_a_log_has_what_it_takes(
     assert first.combined == second.combined
 
 
+SEEN = """<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+<visual><geometry><mesh filename="package://arm/lost.stl"/></geometry></visual>
+<visual><geometry><sphere radius="0.1"/></geometry></visual>
+<collision><geometry><box size="1 1 1"/></geometry></collision></link></robot>"""
+
+
+@pytest.mark.parametrize("world", ["kinematic", "pybullet"])
+def test_a_mesh_that_is_only_seen_may_be_missing_and_is_warned_of(tmp_path: Path, world: str) -> None:
+    write(tmp_path / "r.urdf", SEEN)
+    path = scenario(tmp_path, "r.urdf")
+    path.write_text(path.read_text().replace("use: pybullet", f"use: {world}"))
+    built = build(path)
+    (warning,) = (each for each in built.find_warnings() if each.code == "unseen")
+    assert warning.path == "environment.entities.thing.shape.urdf.file"
+    assert "r.urdf:2:19: it names the mesh `package://arm/lost.stl`, which is not there" in warning.message
+    execute(built, tmp_path / "first.mcap")
+    execute(open_scenario(tmp_path / "first.mcap"), tmp_path / "again.mcap")
+    first, second = (digest(open_log(tmp_path / name)) for name in ("first.mcap", "again.mcap"))
+    assert first.combined == second.combined
+
+
 def test_the_nearest_package_counts(tmp_path: Path) -> None:
     write(tmp_path / "arm" / "inner" / "arm" / "r.urdf", URDF.format("package://arm/b.stl"))
     write(tmp_path / "arm" / "inner" / "arm" / "b.stl", MESH)

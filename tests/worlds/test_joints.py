@@ -187,9 +187,9 @@ def test_the_joints_of_who_is_led_are_held(tmp_path: Path) -> None:
             [
                 *(link(name, 1.0) for name in ("one", "other")),
                 joint("leader", "continuous", "base", "one"),
-                joint("follower", "continuous", "base", "other", more='<mimic joint="leader"/>'),
+                joint("follower", "continuous", "base", "other", more='<mimic joint="nobody"/>'),
             ],
-            "mechanism.urdf:1:.* the joint `follower` mimics another one",
+            "mechanism.urdf:1:.* the joint `follower` mimics `nobody`, which is no other joint that moves",
         ),
     ],
 )
@@ -201,6 +201,26 @@ def test_what_the_engine_cannot_move_is_refused(
     with pytest.raises(WorldError, match=said) as refused:
         world(tmp_path, mass)
     assert refused.value.path == ("environment", "entities", "it", "shape", "urdf", "file")
+
+
+@pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
+def test_joints_follow_those_that_they_mimic(mass: float | None, tmp_path: Path) -> None:
+    twice, back = '<mimic joint="leader" multiplier="2" offset="0.3"/>', '<mimic joint="leader" multiplier="-1"/>'
+    limits = '<limit lower="-9" upper="9" effort="9" velocity="9"/>'
+    mechanism(
+        tmp_path,
+        link("bob", 1.0, -1.0),
+        link("wheel", 0.01),
+        link("cart", 0.01),
+        joint("leader", "continuous", "base", "bob", "0 0 3", "0 -0.5 0"),
+        joint("turns", "continuous", "base", "wheel", more=twice),
+        joint("slides", "prismatic", "base", "cart", axis="1 0 0", more=limits + back),
+    )
+    with world(tmp_path, mass) as environment:
+        leader, turns, slides = positions(environment, 1.0).T
+    assert np.ptp(leader) > 0.5
+    assert turns == pytest.approx(2.0 * leader + 0.3, abs=2e-3)
+    assert slides == pytest.approx(-leader, abs=2e-3)
 
 
 def test_a_link_without_a_mass_may_carry_one_that_has_some(tmp_path: Path) -> None:

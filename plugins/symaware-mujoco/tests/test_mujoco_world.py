@@ -11,7 +11,7 @@ from symaware_mujoco.world import MujocoEnvironment
 
 import symaware_cli as sa
 from symaware_cli.core import AgentGroup, Entity, Obstacle
-from symaware_cli.engine.models.integrator import DoubleIntegrator
+from symaware_cli.engine.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.engine.models.unicycle import Unicycle
 from symaware_cli.log.digest import digest
 from symaware_cli.testing import check_environment
@@ -293,6 +293,39 @@ def test_joints_are_in_the_log_which_repeats_without_the_files(tmp_path: Path) -
     assert sa.verify_log(str(tmp_path / "log.mcap")).is_equal
     topics = [topic for topic in sa.open_log(tmp_path / "log.mcap").channels if "joint" in topic]
     assert len(topics) == 1
+
+
+ODD = """<robot name="odd"><link name="base"><inertial><mass value="5"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+<visual><geometry><mesh filename="package://odd/lost.stl"/></geometry></visual></link>
+<link name="bob"><inertial><origin xyz="0 0 -1"/><mass value="1"/><inertia ixx=".1" ixy=".3" iyy=".1" izz=".1"/>
+</inertial></link><link name="wheel"><inertial><mass value=".01"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/>
+</inertial></link><link name="camera"/><link name="tip"/>
+<joint name="leader" type="continuous"><parent link="base"/><child link="bob"/><origin rpy="0 -.5 0"/>
+<axis xyz="0 1 0"/></joint><joint name="turns" type="continuous"><parent link="base"/><child link="wheel"/>
+<mimic joint="leader" multiplier="2"/></joint>
+<joint name="weld" type="fixed"><axis/><parent link="base"/><child link="camera"/></joint>
+<joint name="free" type="continuous"><parent link="camera"/><child link="tip"/></joint></robot>"""
+
+
+def test_a_robot_with_what_files_often_have_is_loaded_and_its_joints_follow(tmp_path: Path) -> None:
+    """Missing looks, an inertia that no body has, an axis without a direction, a link without mass, and `mimic`."""
+    (tmp_path / "odd.urdf").write_text(ODD)
+    odd = Obstacle(shape={"urdf": {"file": "odd.urdf", "radius": 2.0}}, position=[0, 0, 3])
+    environment = MujocoEnvironment(MujocoEnvironment.Parameters(time_step=0.01))
+    environment.folder = tmp_path
+    nobody = AgentGroup("nobody", ["nobody"], SingleIntegrator(), Entity(), [[99.0, 99.0]])
+    environment.initialise([nobody], {"odd": odd}, 1)
+    order = list(environment.articulations()["odd"].joints)
+    found = []
+    for _ in range(100):
+        environment.step()
+        joints = environment.joint_positions("odd")
+        assert joints is not None
+        found.append(joints[0])
+    leader, turns = np.array(found).T[[order.index("leader"), order.index("turns")]]
+    assert np.isfinite(found).all()
+    assert np.ptp(leader) > 0.5
+    assert turns == pytest.approx(2.0 * leader, abs=0.01)
 
 
 # -- repeats and states

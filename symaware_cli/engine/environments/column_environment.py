@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from symaware_cli.core import Contact, EntityGroup, Environment, Obstacle, Snapshot
+from symaware_cli.core import Contact, EntityGroup, Environment, Obstacle, ScenarioView, Snapshot
 from symaware_cli.engine.environments.contact_detector import ContactDetector
+from symaware_cli.engine.environments.looks_check import warn_of_looks
 from symaware_cli.geometry import Array, Pose
 from symaware_cli.world import frozen
 
@@ -15,6 +16,10 @@ class ColumnEnvironment(Environment):
 
     is_open = True
     is_shared = True
+
+    def find_warnings(self, view: ScenarioView) -> None:
+        """Warn of what is missing of the looks of robots."""
+        warn_of_looks(view, self.folder, self.further_folders)
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Set all groups to their initial states at time 0."""

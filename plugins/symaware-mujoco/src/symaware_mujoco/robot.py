@@ -10,12 +10,20 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from symaware_cli.assets import AssetError, AssetFolders, MjcfDescription, Robot, asset, read_mesh
+from symaware_cli.assets import AssetError, AssetFolders, MjcfDescription, Robot, RobotDescription, asset, read_mesh
 from symaware_cli.core import Mjcf, Urdf, WorldError
 from symaware_cli.geometry import Array
 
 #: How MuJoCo reads a description: links that no joint moves stay links, and what they look like is left out.
-_COMPILER = {"fusestatic": "false", "discardvisual": "true", "strippath": "false", "balanceinertia": "true"}
+_COMPILER = {
+    "fusestatic": "false",
+    "discardvisual": "true",
+    "strippath": "false",
+    "balanceinertia": "true",
+    # A link without mass has a little, as the engine moves nothing that has none [kg], [kg m^2].
+    "boundmass": "1e-6",
+    "boundinertia": "1e-9",
+}
 
 
 def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
@@ -32,7 +40,7 @@ def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
     kind = "urdf" if isinstance(file, Urdf) else "mjcf"
     place = (*where, kind, "file")
     robot = asset.described(file.file, folders, *place)
-    unsupported = robot.description.unsupported_joint()
+    unsupported = robot.description.unsupported_joint(follow=True)
     if unsupported is not None:
         raise WorldError(unsupported.located(file.file), *place)
     if file.scale != 1.0:
@@ -46,6 +54,8 @@ def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
             if mesh.file:
                 mesh.uservert, mesh.file = hulls.corners[mesh.file].ravel().tolist(), ""
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        if isinstance(robot.description, RobotDescription):
+            _follow(spec, robot.description)
         model = spec.copy().compile()
     except ValueError as error:
         # The lines are those of what the engine was given.
@@ -72,6 +82,11 @@ class _Hulls:
                 link.remove(visual)
             for mesh in link.iter("mesh"):
                 mesh.set("filename", self._name(mesh.get("filename") or ""))
+            for inertia in link.iterfind("inertial/inertia"):
+                _make_possible(inertia)
+        for axis in root.iterfind("joint/axis"):
+            # A joint that is fixed needs none, and the engine asks for it.
+            axis.set("xyz", axis.get("xyz") or "1 0 0")
         ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
 
     def replace_in_mjcf(self, root: ElementTree.Element) -> None:
@@ -91,6 +106,31 @@ class _Hulls:
         name = f"{len(self.corners)}.obj"
         self.corners[name] = corners
         return name
+
+
+def _make_possible(inertia: ElementTree.Element) -> None:
+    """Change an inertia that no body has, one that is not positive, to the nearest one that a body may have.
+
+    Products that are left out are 0.
+    """
+    pairs = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    for pair in pairs:
+        inertia.set(pair, inertia.get(pair) or "0")
+    xx, xy, xz, yy, yz, zz = (float(inertia.get(pair) or 0.0) for pair in pairs)
+    values, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    if values[0] > 0.0:
+        return
+    nearest = axes @ np.diag(np.maximum(values, 1e-9)) @ axes.T
+    for pair, value in zip(pairs, nearest[np.triu_indices(3)].tolist(), strict=True):
+        inertia.set(pair, repr(value))
+
+
+def _follow(spec: Any, description: RobotDescription) -> None:
+    """Let joints follow those that they mimic."""
+    for joint, (other, factor, offset) in description.followers().items():
+        equality = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT)
+        equality.name1, equality.name2 = joint, other
+        equality.data[:5] = [offset, factor, 0.0, 0.0, 0.0]
 
 
 def _leave_out_looks(spec: Any, model: Any) -> None:

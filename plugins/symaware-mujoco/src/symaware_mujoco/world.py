@@ -137,7 +137,8 @@ class MujocoEnvironment(VehicleEnvironment):
         self._attach_all(vehicles, errors)
 
     def find_warnings(self, view: ScenarioView) -> None:
-        """Warn of meshes that are not convex, and of elasticities that collisions keep less exactly."""
+        """Warn of meshes that are not convex, looks that are missing, and elasticities that are kept less exactly."""
+        super().find_warnings(view)
         warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
         warn_of_bounces(view, self.parameters.ground)
 
