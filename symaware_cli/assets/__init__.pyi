@@ -6,6 +6,7 @@ from .asset_error import AssetError as AssetError
 from .convexity import is_convex as is_convex
 from .mechanism import Mechanism as Mechanism
 from .mechanism import Motor as Motor
+from .mechanism import Placed as Placed
 from .mechanism import Posture as Posture
 from .mechanism import Postures as Postures
 from .mesh_file import LARGEST_FILE as LARGEST_FILE

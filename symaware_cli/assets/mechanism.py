@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from symaware_cli.geometry import Array
 
 
@@ -73,6 +75,21 @@ class Postures(NamedTuple):
     joint_velocities: Array
 
 
+class Placed(NamedTuple):
+    """Where the robots of agents are as their states say, a row for each; see `Posture`.
+
+    Attributes:
+        positions: Of the origins of their bases [m]; shape (n, 3). The height has no meaning for
+            robots that stand on the ground.
+        orientations: Of their bases; shape (n, 4).
+        joints: The positions of the joints [rad] or [m], any of those that are not known; shape (n, joints).
+    """
+
+    positions: Array
+    orientations: Array
+    joints: Array
+
+
 class Mechanism(ABC):
     """Connects the states and control inputs of a model with the base, joints and motors of a robot.
 
@@ -84,18 +101,32 @@ class Mechanism(ABC):
     Attributes:
         joints: The joints that it reads and sets.
         motors: The motors.
+        known: Those of `joints` whose positions a state tells; None for all of them.
         is_fixed: Whether the base cannot move.
         stands: Whether the robot stands on the ground at the start; a world without one is refused.
     """
 
     joints: Sequence[str]
     motors: Sequence[Motor]
+    known: Sequence[str] | None = None
     is_fixed: bool = False
     stands: bool = False
 
     @abstractmethod
     def posture(self, state: Array) -> Posture:
         """Return the posture in which an agent begins, from its state; shape (nx,)."""
+
+    def placed(self, states: Array) -> Placed:
+        """Return where robots are, from the states of their agents; shape (n, nx).
+
+        By default `posture` is asked for one after the other; a mechanism that computes all at once returns the same.
+        """
+        postures = [self.posture(state) for state in states]
+        return Placed(
+            np.array([each.position for each in postures], float).reshape(-1, 3),
+            np.array([each.orientation for each in postures], float).reshape(-1, 4),
+            np.array([each.joints for each in postures], float).reshape(-1, len(self.joints)),
+        )
 
     @abstractmethod
     def commands(self, control_input: Array) -> Array:

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Environment, seconds
 from symaware_cli.engine import Simulation
+from symaware_cli.evidence.link_here import link_here
 from symaware_cli.evidence.row_evaluator import RegionHere, norm, row_robustness
 from symaware_cli.specification import (
+    LINK,
     AbsentError,
     AgentScope,
     BeliefScope,
@@ -97,6 +99,8 @@ class RecordedNames:
                 return control_input
             case "knowledge":
                 return group.knowledge[row]
+            case "link" if group.model.links is not None and name not in places:
+                return _LinksOfOne(group, state)
             case "nearest":
                 return self._least_distance(group.ids[row], [*self._places])
             case "position":
@@ -136,7 +140,9 @@ class RecordedNames:
         return {"first": of(first), "second": of(second)}
 
     def _of_world(self, scope: Scope, name: str) -> Any:
-        """Return a value about the world, looked up as in a run."""
+        """Return a value about the world, looked up as in a run, but for the positions of links."""
+        if name == LINK:
+            return _LinksByName(self._world, self._groups)
         return _of_one(scope.look_up(name))
 
     def _least_distance(self, id: str, others: Sequence[str]) -> float:
@@ -172,6 +178,54 @@ class RecordedNames:
         if group.present is not None and not group.present[row]:
             position = np.full_like(position, np.nan)
         return position, None if heading is None else float(state[heading])
+
+
+class _LinksOfOne:
+    """The positions of the links of one agent by name [m]; each of shape (d,)."""
+
+    def __init__(self, group: AgentGroup, state: Array) -> None:
+        self._model = group.model
+        self._state = state
+
+    def __getitem__(self, link: str) -> Array:
+        mechanism, links = self._model.mechanism(), self._model.links
+        assert links is not None
+        posture = mechanism.posture(self._state)
+        joints = dict(zip(mechanism.joints, posture.joints, strict=True))
+        found = link_here(links.tree, link, joints, posture.position, posture.orientation)
+        return np.array(found[: len(self._model.position)])
+
+
+class _LinksOfSome:
+    """The positions of the links of several agents by name [m]; each of shape (n, d)."""
+
+    def __init__(self, group: AgentGroup, states: Array) -> None:
+        self._each = [_LinksOfOne(group, state) for state in states]
+        self._dimensions = len(group.model.position)
+
+    def __getitem__(self, link: str) -> Array:
+        return np.array([each[link] for each in self._each]).reshape(-1, self._dimensions)
+
+
+class _LinksByName:
+    """The links of each agent by its id, and of the agents of a group that are in the world by its name."""
+
+    def __init__(self, world: Environment, groups: Sequence[AgentGroup]) -> None:
+        self._world = world
+        self._groups = groups
+
+    def __getitem__(self, name: str) -> _LinksOfOne | _LinksOfSome:
+        for group in self._groups:
+            if name in group.ids:
+                row = group.ids.index(name)
+                if group.present is not None and not group.present[row]:
+                    raise AbsentError(f"`{name}` is not in the world")
+                return _LinksOfOne(group, self._world.state(group)[row])
+        for group in self._groups:
+            if group.name == name:
+                states = self._world.state(group)
+                return _LinksOfSome(group, states if group.present is None else states[group.present])
+        raise KeyError(f"there is no agent or group `{name}`")
 
 
 def _of_one(value: Any) -> Any:

@@ -30,13 +30,16 @@ from .region import RegionError as RegionError
 from .region import check_names as check_names
 from .satisfiability import can_be_satisfied as can_be_satisfied
 from .satisfiability import weakened as weakened
+from .scope import LINK as LINK
 from .scope import PAIR_UNITS as PAIR_UNITS
 from .scope import AgentScope as AgentScope
 from .scope import Anchors as Anchors
 from .scope import BeliefScope as BeliefScope
+from .scope import LinkPositions as LinkPositions
 from .scope import PairScope as PairScope
 from .scope import Scope as Scope
 from .scope import World as World
+from .scope import link_keys as link_keys
 from .scope import nearest_believed as nearest_believed
 from .specification import Offer as Offer
 from .specification import Specification as Specification

@@ -62,6 +62,11 @@ _FOREIGN: Mapping[str, str] = {
     "for": "there are no loops in an expression",
     "lambda": "functions cannot be defined in an expression",
 }
+#: Names that only some agents have, each with the error message where there are none.
+_ELSEWHERE: Mapping[str, str] = {
+    "link": "there are no links here: `link` is of robots from files whose model drives their joints, in formulas "
+    "about each of them or the world",
+}
 _CONSTANTS: Mapping[str, bool | None] = {"true": True, "True": True, "false": False, "False": False, "None": None}
 
 
@@ -70,11 +75,13 @@ class Keys(NamedTuple):
 
     Attributes:
         kind: The kind of object that a key names: ``agent``, ``specification``, ...
-        names: The valid keys.
+        names: The valid keys; in a mapping, with the keys that must follow them.
+        refused: Further keys, each with the reason why it is not valid.
     """
 
     kind: str
-    names: Collection[str]
+    names: Collection[str] | Mapping[str, Keys]
+    refused: Mapping[str, str] = {}
 
 
 #: The names that an expression may refer to, each with the keys that must follow it in brackets; None for no key.
@@ -265,9 +272,12 @@ class _Parser:
     def _operand(self) -> Node:
         node = self._atom()
         keys = self._keys.get(node.name) if isinstance(node, Name) else None
-        if isinstance(node, Name) and keys is not None and not self._is("[", "."):
-            raise ExpressionError(f"say whose: {node.name}{_example(keys)}", node.span)
-        while self._is("[", "."):
+        while True:
+            if keys is not None and not self._is("[", "."):
+                said = self._text[slice(*node.span)]
+                raise ExpressionError(f"say {_which(keys)}: {said}{_example(keys)}", node.span)
+            if not self._is("[", "."):
+                return node
             key: int | str
             if self._take().text == ".":
                 end = self._take()
@@ -279,15 +289,18 @@ class _Parser:
                 place = self._next
                 key = self._key()
                 end = self._expect("]", "the index")
-            if keys is not None and key not in keys.names and isinstance(node, Name):
-                self._refuse_key(node.name, key, keys, place)
-            keys = None
+            if keys is not None:
+                if key not in keys.names:
+                    self._refuse_key(self._text[slice(*node.span)], key, keys, place)
+                following = keys.names[str(key)] if isinstance(keys.names, Mapping) else None
+                keys = following if isinstance(following, Keys) else None
             node = Element((node.span[0], end.span[1]), node, key)
-        return node
 
     def _refuse_key(self, name: str, key: int | str, keys: Keys, place: Token) -> NoReturn:
         if isinstance(key, int):
             raise ExpressionError(f"`{name}` takes a name in quotes: {name}{_example(keys)}", place.span)
+        if key in keys.refused:
+            raise ExpressionError(keys.refused[key], place.span)
         said, quotes = f"there is no {keys.kind} `{key}`", place.kind == "text"
         raise ExpressionError(said, place.span, key, keys.names, quotes=quotes)
 
@@ -326,6 +339,8 @@ class _Parser:
             raise ExpressionError(f"`{name}` is a function: write {name}(...)", token.span)
         if (foreign := self._foreign(token)) is not None:
             raise foreign
+        if name in _ELSEWHERE:
+            raise ExpressionError(_ELSEWHERE[name], token.span)
         raise ExpressionError(f"there is no `{name}` here", token.span, name, {*self._names, *self._definitions})
 
     def _brackets(self, token: Token) -> Node:
@@ -353,6 +368,11 @@ class _Parser:
         if name not in self._functions:
             if (foreign := self._foreign(token)) is not None:
                 raise foreign
+            if name in self._keys:
+                said = f"`{name}` takes a name in brackets: {name}{_example(self._keys[name])}"
+                raise ExpressionError(said, token.span)
+            if name in _ELSEWHERE:
+                raise ExpressionError(_ELSEWHERE[name], token.span)
             raise ExpressionError(f"there is no function `{name}`", token.span, name, self._functions)
         self._take()
         arguments = self._items(")")
@@ -421,8 +441,16 @@ _LEVELS: tuple[Callable[[_Parser, int], Node], ...] = (
 )
 
 
+def _which(keys: Keys) -> str:
+    return "which" if keys.kind == "link" else "whose"
+
+
 def _example(keys: Keys) -> str:
-    return f'["{next(iter(keys.names))}"]' if keys.names else f'["..."], but there is no {keys.kind}'
+    if not keys.names:
+        return f'["..."], but there is no {keys.kind}'
+    first = next(iter(keys.names))
+    following = keys.names[first] if isinstance(keys.names, Mapping) else None
+    return f'["{first}"]{_example(following) if isinstance(following, Keys) else ""}'
 
 
 def _joined(first: Node, last: Node) -> Span:

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, EntityGroup, Snapshot, seconds
+from symaware_cli.core import AgentGroup, EntityGroup, Model, Snapshot, seconds
 from symaware_cli.geometry import Proximity, Region, lengths, nearest_distances
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.parser import Keys, Names
@@ -42,6 +42,10 @@ PAIR_UNITS: Mapping[str, str] = {
     "time": "s",
     "velocity": "m/s",
 }
+
+
+#: The name of the positions of links, ``link["gripper"]``, of groups whose model has `Model.links`.
+LINK = "link"
 
 
 class World(Protocol):
@@ -149,8 +153,16 @@ class AgentScope(Scope):
     ) -> None:
         super().__init__(len(group), world, groups, regions)
         self.group = group
-        own = {quantity.name for quantity in group.model.state} & {"speed"}
-        fixed = {name: unit for name, unit in {**self._units, **self._parts()}.items() if name not in own}
+        own = {quantity.name for quantity in group.model.state}
+        fixed = {
+            name: unit
+            for name, unit in {**self._units, **self._parts()}.items()
+            if not (name == "speed" and name in own)
+        }
+        #: The keys of `LINK`; None where the agents have no links, or something else has this name.
+        self._links = None if LINK in {*own, *fixed, *regions} else link_keys(group.model)
+        if self._links is not None:
+            fixed[LINK] = "m"
         self._elements = {
             quantity.name: column for column, quantity in enumerate(group.model.state) if quantity.name not in fixed
         }
@@ -171,6 +183,11 @@ class AgentScope(Scope):
     def _parts(self) -> Mapping[str, str]:
         """Return additional names with their units."""
         return {}
+
+    @property
+    def names(self) -> Names:
+        """See the base class."""
+        return super().names if self._links is None else {**super().names, LINK: self._links}
 
     @property
     def present(self) -> NDArray[np.bool_] | None:
@@ -202,6 +219,8 @@ class AgentScope(Scope):
                 return self.inputs
             case "knowledge":
                 return KnownValues(group)
+            case "link":
+                return LinkPositions(group.model, self.states)
             case "nearest":
                 return self._nearest()
             case "position":
@@ -345,6 +364,30 @@ class PairScope(Scope):
     @staticmethod
     def _of_each(values: tuple[Array, Array]) -> Mapping[str, Array]:
         return dict(zip(("first", "second"), values, strict=True))
+
+
+def link_keys(model: Model) -> Keys | None:
+    """Return the keys that follow `LINK` for agents of a model; None if it has no links."""
+    links = model.links
+    return None if links is None else Keys("link", links.names, links.unknown)
+
+
+class LinkPositions:
+    """The positions of the links of agents [m] by name, each of shape (n, d); computed when they are looked up."""
+
+    def __init__(self, model: Model, states: Array) -> None:
+        """Remember what they follow from.
+
+        Args:
+            model: A model with links.
+            states: Shape (n, nx).
+        """
+        self._model = model
+        self._states = states
+
+    def __getitem__(self, link: str) -> Array:
+        assert self._model.links is not None
+        return self._model.links.positions(self._states, link)
 
 
 class KnownValues(Mapping[str, Any]):

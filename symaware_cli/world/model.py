@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,28 @@ def rows(elements: Sequence[Any], count: int) -> Array:
     return joined
 
 
+class BodyLinks(Protocol):
+    """Where the links of robots are, as far as their states say; `Model.links`."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The links whose positions follow from a state."""
+
+    @property
+    def unknown(self) -> Mapping[str, str]:
+        """The other links, each with the reason."""
+
+    @property
+    def tree(self) -> Any:
+        """All links and joints: a `symaware_cli.geometry.Articulation`."""
+
+    def positions(self, state: Array, link: str) -> Array:
+        """Return the positions of the origin of a link's frame [m], for states (n, nx).
+
+        They have as many coordinates as `Model.positions`; shape (n, d).
+        """
+
+
 class Model(Plugin, ABC):
     """The dynamics x' = f(x, u), written once for arrays and symbols.
 
@@ -67,6 +89,7 @@ class Model(Plugin, ABC):
             scenario is only the outline that others avoid.
         needs_vehicle: The parameters that have an effect only in worlds that move bodies by `vehicle`.
         needs: The optional features without which a world cannot move it, as `Environment.provides` names them.
+        links: Where the links of the body are, known after `fit`; None for models that drive no joints.
     """
 
     batchable: ClassVar[bool] = False
@@ -81,6 +104,7 @@ class Model(Plugin, ABC):
     body: ClassVar[Entity | None] = None
     needs_vehicle: ClassVar[Sequence[str]] = ()
     needs: Sequence[str] = ()
+    links: BodyLinks | None = None
 
     @abstractmethod
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:

@@ -183,7 +183,7 @@ def test_every_operator_of_the_grammar_has_a_definition() -> None:
 
 def test_the_witness_shares_nothing_but_the_tree() -> None:
     allowed = {"absence", "formula", "node"}
-    for name in ("row_evaluator", "semantics"):
+    for name in ("link_here", "row_evaluator", "semantics"):
         tree = ast.parse((PACKAGE / "evidence" / f"{name}.py").read_text())
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("symaware_cli.specification"):
@@ -192,6 +192,9 @@ def test_the_witness_shares_nothing_but_the_tree() -> None:
                 homes = [name if ismodule(thing) else thing.__module__.split(".")[2] for name, thing in named]
                 assert {*parts, *homes} <= allowed
                 assert not {"encoded", "plain"} & {each.name for each in node.names}
+            if isinstance(node, ast.ImportFrom) and node.module == "symaware_cli.geometry":
+                described = {"Articulation", "Region", "RegionShape"}
+                assert {each.name for each in node.names} <= described, "shapes and links, but nothing that computes"
 
 
 # Other interpretations

@@ -17,6 +17,7 @@ from symaware_cli.assets import AssetFolders, asset
 from symaware_cli.core import AgentGroup, Entity, Mjcf, Model, Urdf, WorldError
 from symaware_cli.engine.models.articulated import ArticulatedRobot
 from symaware_cli.engine.models.wheeled import AckermannDrive, DifferentialDrive
+from symaware_cli.geometry import about, rotated
 from symaware_cli.log.digest import digest
 
 pytestmark = pytest.mark.filterwarnings("ignore::symaware_cli.ProcessorWarning")
@@ -154,6 +155,61 @@ def test_our_kinematics_puts_links_where_the_engine_has_them(file: str) -> None:
         body = data.body(link.name)
         assert body.xpos == pytest.approx(place, abs=1e-12)
         assert abs(np.roll(body.xquat, -1) @ orientation) == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "file", "state", "control_input", "tolerance"),
+    [
+        (
+            ArticulatedRobot(ArticulatedRobot.Parameters(joints=("shoulder_pan_joint", "elbow_joint"))),
+            "ur5e.urdf",
+            [0.3, -0.2, 0.5, 0.7, 0.1, 0.4, 0.0, 0.0],
+            [0.5, -0.4],
+            1e-9,
+        ),
+        # It stands on a ball behind, and nods by the thousandth of a radian while it drives.
+        (
+            DifferentialDrive(
+                DifferentialDrive.Parameters(left=("left_wheel_joint",), right=("right_wheel_joint",), max_speed=0.2)
+            ),
+            "turtlebot3_burger.urdf",
+            [0.3, -0.2, 0.7, 0.0, 0.0],
+            [0.15, 1.0],
+            1e-3,
+        ),
+        (
+            AckermannDrive(
+                AckermannDrive.Parameters(
+                    driven=("rear_left_joint", "rear_right_joint"),
+                    steered=("left_steering_joint", "right_steering_joint"),
+                )
+            ),
+            "f1tenth.urdf",
+            [0.3, -0.2, 0.7, 0.0, 0.0],
+            [0.5, 0.3],
+            1e-3,
+        ),
+    ],
+    ids=["arm", "differential", "car"],
+)
+def test_links_are_where_the_engine_moves_them(
+    model: Model, file: str, state: list[float], control_input: list[float], tolerance: float
+) -> None:
+    environment, group = world(model, {"urdf": {"file": file, "radius": 0.1}}, [state])
+    moved = after(environment, group, control_input, 0.5)
+    assert np.abs(moved - state).max() > 0.05
+    described, joints = environment.articulations()["robot"], environment.joint_positions("robot")
+    poses = environment.body_poses("robot")
+    assert model.links is not None
+    assert joints is not None
+    pose = np.array([*moved[:3], *about((0, 0, 1), moved[3])]) if poses is None else poses[0]
+    outer = pose[:3] + rotated(pose[3:], described.frames(joints[0])[0])
+    for link, place in zip(described.links, outer, strict=True):
+        if link.name in model.links.names:
+            found = model.links.positions(moved[None], link.name)[0]
+            assert found == pytest.approx(place[: len(found)], abs=tolerance)
+        else:
+            assert link.name in model.links.unknown
 
 
 # -- motors

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, field_validator
 
-from symaware_cli.assets import Mechanism, Motor, Posture, Postures
+from symaware_cli.assets import Mechanism, Motor, Placed, Posture, Postures
 from symaware_cli.core import Entity, Model, Parameters, Quantity, WorldError
 from symaware_cli.engine.models.robot_file import RobotFile
+from symaware_cli.engine.models.robot_links import RobotLinks
 from symaware_cli.geometry import Array, about, attitude, continued, yaws
 
 _Positive = Annotated[float, Field(gt=0, le=1e9)]
@@ -121,6 +122,7 @@ class ArticulatedRobot(Model):
             )
             for joint in joints
         ]
+        self.links = RobotLinks(robot.tree, self.mechanism(), len(self.position))
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the limits of the joints, as the drive needs them."""
@@ -185,6 +187,15 @@ class JointMechanism(Mechanism):
             orientation = about((0.0, 0.0, 1.0), values[3]).tolist()
             return Posture(values[:3], orientation, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), joints, rates)
         return Posture(values[:3], attitude(*values[3:6]).tolist(), values[6:9], values[9:12], joints, rates)
+
+    def placed(self, states: Array) -> Placed:
+        """Return the poses of bases and the positions of joints that states have."""
+        base = len(_FIXED if self.is_fixed else _FREE)
+        if self.is_fixed:
+            orientations = about((0.0, 0.0, 1.0), states[:, 3])
+        else:
+            orientations = attitude(states[:, 3], states[:, 4], states[:, 5])
+        return Placed(states[:, :3], orientations, states[:, base : base + len(self.joints)])
 
     def commands(self, control_input: Array) -> Array:
         """Return the control inputs."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from symaware_cli.assets import AssetError, AssetFolders, Robot, RobotJoint, asset
 from symaware_cli.core import Entity, WorldError
-from symaware_cli.geometry import rotated
+from symaware_cli.geometry import Articulation, rotated
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,11 @@ class RobotFile:
 
     name: str
     robot: Robot
+
+    @property
+    def tree(self) -> Articulation:
+        """Its links and joints, without the looks that are meshes."""
+        return self.robot.description.articulation({})
 
     @classmethod
     def of(cls, entity: Entity, folders: AssetFolders, *where: str) -> RobotFile:
@@ -125,7 +130,7 @@ class RobotFile:
 
     def _at(self, joint: str) -> tuple[tuple[float, float, float], list[float]]:
         """Return the place of a joint in the frame of the base [m], and its axis."""
-        described = self.robot.description.articulation({})
+        described = self.tree
         positions, orientations = described.frames()
         number = next(number for number, link in enumerate(described.links) if link.joint == joint)
         x, y, z = positions[number].tolist()

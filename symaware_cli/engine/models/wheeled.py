@@ -11,10 +11,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from symaware_cli.assets import Mechanism, Motor, Posture, Postures
+from symaware_cli.assets import Mechanism, Motor, Placed, Posture, Postures
 from symaware_cli.core import Entity, Model, Parameters, Quantity, WorldError
 from symaware_cli.engine.models.heading import LaggedModel, SteeredModel, TurningModel, speeds_in_order
 from symaware_cli.engine.models.robot_file import RobotFile, Wheel
+from symaware_cli.engine.models.robot_links import RobotLinks
 from symaware_cli.geometry import Array, about, continued, rotated, yaws
 
 _Positive = Annotated[float, Field(gt=0, le=1e9)]
@@ -118,6 +119,7 @@ class DifferentialDrive(WheeledModel, TurningModel):
                 raise WorldError(said, *where, "model", "with", "left", number)
         self._wheels = (*sides["left"], *sides["right"])
         self._fastest = min(each.velocity * each.radius for each in self._wheels)
+        self.links = RobotLinks(robot.tree, self.mechanism(), len(self.position))
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
         """Return the rates of a unicycle with first-order lags of speed and turn rate."""
@@ -198,6 +200,7 @@ class AckermannDrive(WheeledModel, SteeredModel):
         if self._wheelbase <= 1e-3:
             raise WorldError(f"the hinges of `{robot.name}` are not ahead of its rear axle", *at, "steered")
         self._fastest = min(each.velocity * each.radius for each in self._wheels)
+        self.links = RobotLinks(robot.tree, self.mechanism(), len(self.position))
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
         """Return the rates of a bicycle with first-order lags of speed and steering angle."""
@@ -241,6 +244,14 @@ class _WheeledMechanism(Mechanism):
         place = (x - float(back[0]), y - float(back[1]), 0.0)
         return Posture(place, orientation.tolist(), forwards.tolist(), (0.0, 0.0, turn_rate), joints, rates)
 
+    def _placed(self, states: Array, joints: Array) -> Placed:
+        """Return the robots upright on the ground."""
+        orientations = about((0.0, 0.0, 1.0), states[:, 2])
+        back = rotated(orientations, self._middle)
+        positions = np.zeros((len(states), 3))
+        positions[:, :2] = states[:, :2] - back[:, :2]
+        return Placed(positions, orientations, joints)
+
     def _poses(self, postures: Postures, before: Array) -> list[Array]:
         """Return x, y, heading and speed of each."""
         middle = rotated(postures.orientations, np.broadcast_to(self._middle, postures.positions.shape))
@@ -260,6 +271,7 @@ class DifferentialMechanism(_WheeledMechanism):
         )
         super().__init__(ahead, aside)
         self.joints = [each.joint for each in wheels]
+        self.known = ()
         most = parameters.max_effort or np.inf
         self.motors = [Motor(each.joint, "velocity", min(each.effort, most)) for each in wheels]
         across = np.array([each.y - aside for each in wheels])
@@ -274,6 +286,10 @@ class DifferentialMechanism(_WheeledMechanism):
         speed, turn_rate = state[3:5].tolist()
         rates = self._forwards * speed + self._turning * turn_rate
         return self._standing(state, [0.0] * len(self.joints), rates.tolist(), turn_rate)
+
+    def placed(self, states: Array) -> Placed:
+        """Return the robots on the ground."""
+        return self._placed(states, np.zeros((len(states), len(self.joints))))
 
     def commands(self, control_input: Array) -> Array:
         """Return the velocities of the wheels."""
@@ -301,6 +317,7 @@ class AckermannMechanism(_WheeledMechanism):
         self._hinge = np.array([each.y - aside for each in hinges])
         self._signs = np.array([each.sign for each in hinges])
         self.joints = [each.joint for each in (*wheels, *hinges)]
+        self.known = [each.joint for each in hinges]
         most = parameters.max_effort or np.inf
         self.motors = [
             *(Motor(each.joint, "velocity", min(each.effort, most)) for each in wheels),
@@ -328,6 +345,11 @@ class AckermannMechanism(_WheeledMechanism):
         joints = [*[0.0] * len(self._scale), *turned.tolist()]
         rates = [*self._rolled(speed, angle)[0].tolist(), *[0.0] * len(turned)]
         return self._standing(state, joints, rates, float(state[3] * np.tan(state[4]) / self._wheelbase))
+
+    def placed(self, states: Array) -> Placed:
+        """Return the cars on the ground, with wheels that are steered."""
+        turned = self._turned(states[:, 4:5])
+        return self._placed(states, np.concatenate([np.zeros((len(states), len(self._scale))), turned], axis=1))
 
     def commands(self, control_input: Array) -> Array:
         """Return the velocities of the wheels and the positions of the hinges."""

@@ -12,7 +12,19 @@ from numpy.typing import NDArray
 from symaware_cli.core import PARTS, AgentGroup, TimeSeries, seconds
 from symaware_cli.core.verdict import SpecificationStatuses
 from symaware_cli.geometry import Pose, Region
-from symaware_cli.specification import AbsentError, Anchors, Keys, Names, PlacedRegion, Scope, World, nearest_believed
+from symaware_cli.specification import (
+    LINK,
+    AbsentError,
+    Anchors,
+    Keys,
+    LinkPositions,
+    Names,
+    PlacedRegion,
+    Scope,
+    World,
+    link_keys,
+    nearest_believed,
+)
 from symaware_cli.specification.columns import FUNCTIONS
 from symaware_cli.specification.expression import one_row
 
@@ -45,6 +57,7 @@ WORLD_NAMES: Mapping[str, str] = {
     "contacts": "how many contacts began so far",
     "goals_reached": "for each agent with a goal that has not left, whether it reached it: all(goals_reached)",
     "highest_risk": "the greatest risk that an agent sees now; 0 if none was estimated",
+    "link": 'where a link of a robot from a file, or of each of a group, truly is [m]: link["arm"]["gripper"]',
     "min_separation": "the least distance between the centres of two agents now [m]; infinite if there is one agent",
     "position": 'where an agent, each of a group, or an entity truly is [m]: position["robot.2"]',
     "present": 'whether an agent, or each of a group, is in the world now: present["robot.2"]',
@@ -73,19 +86,39 @@ def world_names(
         entities: The names of the other bodies.
         specifications: The names of the specifications; None if those that are named need no check.
     """
-    groups = tuple(groups)
+    groups, regions = tuple(groups), tuple(regions)
     of = tuple(dict.fromkeys([*(id for group in groups for id in group.ids), *(group.name for group in groups)]))
     agents, bodies = Keys("agent or group", of), Keys("agent, group or entity", (*of, *entities))
     statuses = None if specifications is None else Keys("specification", specifications)
+    others = {*regions, *further_parts(groups)}
+    links = None if LINK in others else _keys_of_links(groups, entities)
     return {
         **dict.fromkeys(regions),
         **dict.fromkeys(further_parts(groups), agents),
-        **dict.fromkeys(WORLD_NAMES),
+        **dict.fromkeys(name for name in WORLD_NAMES if name != LINK),
+        **({} if links is None else {LINK: links}),
         **dict.fromkeys(STATUS_NAMES, statuses),
         "position": bodies,
         "present": agents,
         "state": bodies,
     }
+
+
+def _keys_of_links(groups: Sequence[AgentGroup], entities: Iterable[str]) -> Keys | None:
+    """The keys that follow `link`: agents and groups, then links; None if no agents have links."""
+    found: dict[str, Keys] = {}
+    refused = {
+        name: f"`{name}` has no joints with motors: of it, only the position of the whole body is known"
+        for name in entities
+    }
+    for group in groups:
+        keys = link_keys(group.model)
+        for name in (*group.ids, group.name):
+            if keys is None:
+                refused[name] = f"`{name}` has no links: its model drives no joints of a robot from a file"
+            else:
+                found[name] = keys
+    return Keys("agent or group with links", found, refused) if found else None
 
 
 class ConditionScope:
@@ -107,6 +140,8 @@ class ConditionScope:
         }
         known = {name for each in group.knowledge for name in each if name.isidentifier()}
         self._known = known - set(self._elements) - taken
+        others = {*self._elements, *self._known, *self._parts, *self._regions}
+        self._links = None if LINK in others else link_keys(group.model)
         self._regions = {
             name: each for name, each in self._regions.items() if name not in {*self._known, *self._elements}
         }
@@ -114,7 +149,11 @@ class ConditionScope:
     def names(self, specifications: Collection[str]) -> Names:
         """All that a condition may refer to, with the names of the specifications."""
         plain = [*self._elements, *AGENT_NAMES, *self._parts, *self._known, *self._regions]
-        return {**dict.fromkeys(plain), **dict.fromkeys(STATUS_NAMES, Keys("specification", specifications))}
+        return {
+            **dict.fromkeys(plain),
+            **({} if self._links is None else {LINK: self._links}),
+            **dict.fromkeys(STATUS_NAMES, Keys("specification", specifications)),
+        }
 
     def look_up(self, row: int, name: str) -> Any:
         """What a name stands for, for one agent."""
@@ -137,6 +176,8 @@ class ConditionScope:
                 return len(group.awareness.intent.row(row)) > 0
             case "knowledge":
                 return group.knowledge[row]
+            case "link":
+                return _LinksOfOne(group.model, group.awareness.state[row : row + 1])
             case "nearest":
                 return nearest_believed(group, row)
             case "position":
@@ -230,6 +271,8 @@ class WorldScope:
             case "highest_risk":
                 peak = self._observer.peak()
                 return 0.0 if peak is None else peak[0]
+            case "link":
+                return _LinksByName(self._rows, simulation, simulation.environment.state)
             case "min_separation":
                 positions = simulation.environment.snapshot().positions
                 return simulation.environment.proximity.nearest(positions) if len(positions) > 1 else np.inf
@@ -276,15 +319,39 @@ class _ByName:
             group, row = self._rows[name]
             if not self._counts_absent and group.present is not None and not group.present[row]:
                 raise AbsentError(f"`{name}` is not in the world")
-            return self._pick(group)[row]
+            return self._of_agent(group, row)
         environment = self._simulation.environment
         if self._of_pose is not None and name in environment.obstacles:
             return self._of_pose(environment.pose(name))
         for group in self._simulation.groups:
             if group.name == name:
-                every = self._pick(group)
-                return every if self._counts_absent or group.present is None else every[group.present]
+                return self._of_group(group)
         raise KeyError(f"there is no agent or group `{name}`")
+
+    def _of_agent(self, group: AgentGroup, row: int) -> Any:
+        return self._pick(group)[row]
+
+    def _of_group(self, group: AgentGroup) -> Any:
+        every = self._pick(group)
+        return every if self._counts_absent or group.present is None else every[group.present]
+
+
+class _LinksByName(_ByName):
+    """The links of each agent by its id, and of each group by its name; picks are the states."""
+
+    def _of_agent(self, group: AgentGroup, row: int) -> Any:
+        return _LinksOfOne(group.model, self._pick(group)[row : row + 1])
+
+    def _of_group(self, group: AgentGroup) -> Any:
+        return LinkPositions(group.model, super()._of_group(group))
+
+
+class _LinksOfOne(LinkPositions):
+    """The positions of the links of one agent, each of shape (d,)."""
+
+    def __getitem__(self, link: str) -> Array:
+        found: Array = super().__getitem__(link)[0]
+        return found
 
 
 def _presence(group: AgentGroup) -> NDArray[np.bool_]:
@@ -306,6 +373,7 @@ def _greatest(series: TimeSeries) -> float:
 #: The units of `WORLD_NAMES`; "" where it depends.
 _WORLD_UNITS: Mapping[str, str] = {
     **dict.fromkeys(WORLD_NAMES, ""),
+    "link": "m",
     "min_separation": "m",
     "position": "m",
     "time": "s",

@@ -116,7 +116,7 @@ def _is_linear(node: Node, varying: Collection[str]) -> bool:
 
 
 #: Names whose values depend on the state, and not linearly, or on others.
-_UNKNOWN = frozenset({"control_input", "nearest", "speed", "velocity", "risk", "uncertainty", "has_intent"})
+_UNKNOWN = frozenset({"control_input", "link", "nearest", "speed", "velocity", "risk", "uncertainty", "has_intent"})
 
 
 def _depends(node: Node, varying: Collection[str]) -> bool:
