@@ -171,7 +171,7 @@ def test_a_chain_with_several_branches_has_its_own_joints() -> None:
 SCENARIO: dict[str, Any] = {
     "symaware": 1,
     "name": "arms",
-    "run": {"duration": 1.0},
+    "run": {"duration": 0.6},
     "environment": {
         "use": "kinematic",
         "with": {"time_step": 0.05},
@@ -189,7 +189,7 @@ SCENARIO: dict[str, Any] = {
                 "see": {"use": "perception.self"},
                 "go": {
                     "use": "control.schedule",
-                    "with": {"inputs": [{"time": 0, "input": [0.2, -0.7]}, {"time": 0.5, "input": [0.1, 0.4]}]},
+                    "with": {"inputs": [{"time": 0, "input": [0.2, -0.7]}, {"time": 0.3, "input": [0.1, 0.4]}]},
                 },
             },
         },
@@ -247,7 +247,7 @@ def test_the_robustness_is_that_of_the_positions_in_the_log(tmp_path: Path) -> N
 def test_a_run_ends_where_a_link_arrives_and_components_work_on_where_it_is_believed(tmp_path: Path) -> None:
     agents = yaml.safe_load(yaml.safe_dump(SCENARIO["agents"]))
     agents["arm"]["components"]["go"]["condition"] = "link.gripper[0] < 5"
-    until = 'link["arm.0"]["gripper"][2] > 0.42'
+    until = 'link["arm.0"]["gripper"][2] > 0.3'
     summary = execute(build(written(tmp_path, run={"duration": 1.0, "until": until}, agents=agents)), None)
     assert 0.0 < summary.simulated_time < 1.0
 
