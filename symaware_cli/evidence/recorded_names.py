@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -132,12 +132,13 @@ class RecordedNames:
             for along, velocity in zip(apart, self._velocity(second) - self._velocity(first), strict=True):
                 rate += along * velocity
             return -rate / distance if distance > 0.0 else 0.0
-        of = {
+        values: dict[str, Callable[[str], Any]] = {
+            "link": lambda id: _LinksOfOne(*self._place(id), self._world.roster.dimensions),
             "position": self._position,
             "speed": lambda id: norm(self._velocity(id)),
             "velocity": self._velocity,
-        }[name]
-        return {"first": of(first), "second": of(second)}
+        }
+        return {"first": values[name](first), "second": values[name](second)}
 
     def _of_world(self, scope: Scope, name: str) -> Any:
         """Return a value about the world, looked up as in a run, but for the positions of links."""
@@ -153,6 +154,10 @@ class RecordedNames:
         for axis in range(apart.shape[1]):
             squared = squared + apart[:, axis] * apart[:, axis]
         return float(np.sqrt(squared[~np.isnan(squared)]).min(initial=np.inf))
+
+    def _place(self, id: str) -> tuple[AgentGroup, Array]:
+        group, row = self._places[id]
+        return group, self._world.state(group)[row]
 
     def _position(self, id: str) -> Array:
         return np.asarray(self._positions[self._index[id]])
@@ -183,9 +188,11 @@ class RecordedNames:
 class _LinksOfOne:
     """The positions of the links of one agent by name [m]; each of shape (d,)."""
 
-    def __init__(self, group: AgentGroup, state: Array) -> None:
+    def __init__(self, group: AgentGroup, state: Array, dimensions: int = 0) -> None:
+        """Remember what they follow from; coordinates up to `dimensions` that the model does not have are 0."""
         self._model = group.model
         self._state = state
+        self._dimensions = dimensions
 
     def __getitem__(self, link: str) -> Array:
         mechanism, links = self._model.mechanism(), self._model.links
@@ -193,7 +200,8 @@ class _LinksOfOne:
         posture = mechanism.posture(self._state)
         joints = dict(zip(mechanism.joints, posture.joints, strict=True))
         found = link_here(links.tree, link, joints, posture.position, posture.orientation)
-        return np.array(found[: len(self._model.position)])
+        own = found[: len(self._model.position)]
+        return np.array(own + [0.0] * (self._dimensions - len(own)))
 
 
 class _LinksOfSome:

@@ -64,8 +64,7 @@ _FOREIGN: Mapping[str, str] = {
 }
 #: Names that only some agents have, each with the error message where there are none.
 _ELSEWHERE: Mapping[str, str] = {
-    "link": "there are no links here: `link` is of robots from files whose model drives their joints, in formulas "
-    "about each of them or the world",
+    "link": "there are no links here: `link` is of robots from files whose model drives their joints",
 }
 _CONSTANTS: Mapping[str, bool | None] = {"true": True, "True": True, "false": False, "False": False, "None": None}
 

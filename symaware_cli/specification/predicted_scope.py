@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry import Region
 from symaware_cli.specification.formula import Array
-from symaware_cli.specification.scope import AgentScope, KnownValues, PairScope, World
+from symaware_cli.specification.scope import LINK, AgentScope, KnownValues, PairScope, World
 
 
 class PredictedMotion(Protocol):
@@ -116,6 +116,8 @@ class PredictedPairScope(PairScope):
         raise ValueError(f"a region around `{id}` is not predicted for pairs")
 
     def _look_up(self, name: str) -> Any:
+        if name == LINK:
+            raise ValueError("positions of links are not predicted for pairs")
         self.rows = len(self._positions()[0])
         return super()._look_up(name)
 

@@ -47,6 +47,9 @@ PAIR_UNITS: Mapping[str, str] = {
 #: The name of the positions of links, ``link["gripper"]``, of groups whose model has `Model.links`.
 LINK = "link"
 
+#: The agents of a pair.
+SIDES = ("first", "second")
+
 
 class World(Protocol):
     """The interface that scopes need of a world: an `Environment`, or one read from a log."""
@@ -293,6 +296,29 @@ class PairScope(Scope):
     ) -> None:
         super().__init__(len(pairs), world, groups, regions)
         self._pairs = tuple(pairs)
+        self._groups = groups
+        #: The keys of `LINK`; None where it has no meaning.
+        self._links: Keys | None = None
+        if self._pairs and LINK not in regions and any(group.model.links is not None for group in groups):
+            self._links = self._link_keys()
+        if self._links is not None:
+            self.units = {**PAIR_UNITS, LINK: "m"}
+
+    @cached_property
+    def _members(self) -> Sequence[_Members]:
+        """The groups of the first and of the second agents."""
+        places = {id: (number, row) for number, group in enumerate(self._groups) for row, id in enumerate(group.ids)}
+        return [_Members(self._groups, [places[pair[side]] for pair in self._pairs]) for side in (0, 1)]
+
+    def _link_keys(self) -> Keys | None:
+        """Return the keys that follow `LINK`; None if neither all first nor all second agents have links."""
+        keys = {side: each.link_keys() for side, each in zip(SIDES, self._members, strict=True)}
+        found = {side: each for side, each in keys.items() if each is not None}
+        refused = {
+            side: f"not all of the {side} agents have links: the model of some drives no joints of a robot from a file"
+            for side in keys.keys() - found.keys()
+        }
+        return Keys("agent of the pair", found, refused) if found else None
 
     @cached_property
     def _first(self) -> NDArray[np.intp]:
@@ -308,8 +334,9 @@ class PairScope(Scope):
     @property
     def names(self) -> Names:
         """See the base class."""
-        each = Keys("agent of the pair", ("first", "second"))
-        return {**super().names, "position": each, "speed": each, "velocity": each}
+        each = Keys("agent of the pair", SIDES)
+        links = {} if self._links is None else {LINK: self._links}
+        return {**super().names, **links, "position": each, "speed": each, "velocity": each}
 
     @property
     def present(self) -> NDArray[np.bool_] | None:
@@ -333,6 +360,10 @@ class PairScope(Scope):
                 return np.divide(-total, distance, out=np.zeros(self.rows), where=distance > 0.0)
             case "distance":
                 return lengths(self._apart())
+            case "link":
+                return {
+                    side: _LinksOfMembers(each, self._world) for side, each in zip(SIDES, self._members, strict=True)
+                }
             case "position":
                 return self._of_each(self._positions())
             case "speed":
@@ -363,7 +394,7 @@ class PairScope(Scope):
 
     @staticmethod
     def _of_each(values: tuple[Array, Array]) -> Mapping[str, Array]:
-        return dict(zip(("first", "second"), values, strict=True))
+        return dict(zip(SIDES, values, strict=True))
 
 
 def link_keys(model: Model) -> Keys | None:
@@ -388,6 +419,52 @@ class LinkPositions:
     def __getitem__(self, link: str) -> Array:
         assert self._model.links is not None
         return self._model.links.positions(self._states, link)
+
+
+class _Members:
+    """The groups of some agents, which may be several times among them.
+
+    Attributes:
+        count: How many agents.
+        groups: Each group with the indices of its agents among these, and their rows in the group.
+    """
+
+    def __init__(self, groups: Sequence[EntityGroup], places: Sequence[tuple[int, int]]) -> None:
+        self.count = len(places)
+        numbers, rows = np.array(places, np.intp).reshape(-1, 2).T
+        self.groups = [
+            (group, chosen, rows[chosen])
+            for number, group in enumerate(groups)
+            if len(chosen := np.flatnonzero(numbers == number))
+        ]
+
+    def link_keys(self) -> Keys | None:
+        """Return the links that all of the agents have; None if some have none."""
+        every = [link_keys(group.model) for group, _, _ in self.groups]
+        known = [each for each in every if each is not None]
+        if not known or len(known) < len(every):
+            return None
+        unknown = {link: reason for each in known for link, reason in each.refused.items()}
+        common = [link for link in known[0].names if all(link in each.names for each in known)]
+        return Keys("link", common, unknown)
+
+
+class _LinksOfMembers:
+    """The positions of the links of agents of several groups [m] by name, each of shape (n, d).
+
+    Coordinates that a model does not have are 0.
+    """
+
+    def __init__(self, members: _Members, world: World) -> None:
+        self._members = members
+        self._world = world
+
+    def __getitem__(self, link: str) -> Array:
+        found = np.zeros((self._members.count, self._world.snapshot().positions.shape[1]))
+        for group, chosen, rows in self._members.groups:
+            of_group = LinkPositions(group.model, self._world.state(group))[link]
+            found[chosen, : of_group.shape[1]] = of_group[rows]
+        return found
 
 
 class KnownValues(Mapping[str, Any]):

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
-from symaware_cli import ScenarioError, check_log, load
+from symaware_cli import ScenarioError, SimulationState, check_log, load
 from symaware_cli.assets import AssetFolders, Mechanism
 from symaware_cli.core import Entity, Model
 from symaware_cli.engine.models.articulated import ArticulatedRobot
@@ -18,6 +18,12 @@ from symaware_cli.evidence.log_evaluation import evaluate_log
 from symaware_cli.geometry import Articulation, Link, rotated
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute
+from symaware_cli.planning.optimal_control.affine_predicate import Affine, predicate_sets
+from symaware_cli.planning.risk.predicate_bounds import NotLinearError, predicate_bound
+from symaware_cli.specification.columns import ARGUMENTS
+from symaware_cli.specification.formulation import formulate
+from symaware_cli.specification.parser import parse
+from symaware_cli.specification.token import ExpressionError
 
 pytestmark = pytest.mark.filterwarnings("ignore::symaware_cli.ProcessorWarning")
 
@@ -196,13 +202,18 @@ SCENARIO: dict[str, Any] = {
         "cart": {"model": {"use": "single-integrator"}, "state": [5.0, 5.0]},
     },
 }
-SPECIFICATIONS: dict[str, dict[str, str]] = {
+SPECIFICATIONS: dict[str, dict[str, Any]] = {
     "each": {"each": "arm", "formula": "always (norm(link.gripper - target) > 0.05 and link.finger[2] < 2)"},
     "believed": {"each": "arm", "of": "belief", "formula": 'always norm(link["gripper"] - position) < 2'},
     "world": {
         "formula": 'always not inside(link["arm.0"].gripper, shelf) or '
         'eventually distance(link["arm.0"].gripper, link["arm.1"].fore) > 0.1'
     },
+    "pairs": {
+        "pairs": "arm",
+        "formula": 'always distance(link["first"].gripper, link["second"].fore) > 0.1 and link["second"].base[2] > 0.1',
+    },
+    "uneven": {"pairs": [["cart", "arm"]], "formula": 'always distance(link["second"].gripper, position["first"]) > 1'},
     "group": {"formula": 'always all(link["arm"].gripper < 3)'},
 }
 
@@ -303,6 +314,28 @@ def test_an_unknown_link_of_an_agent_is_reported_where_it_stands(
     assert problem.suggestion == nearest
 
 
+@pytest.mark.parametrize(
+    ("pairs", "text", "said", "nearest"),
+    [
+        ("arm", 'link["first"].griper[0] > 1', "there is no link `griper`", "gripper"),
+        ("arm", 'link["third"].gripper[0] > 1', "there is no agent of the pair `third`", None),
+        ("arm", 'link["first"].tip[0] > 1', "the state does not say where the link `tip` is", None),
+        ([["arm", "cart"]], 'link["second"].base[0] > 1', "not all of the second agents have links", None),
+        ([["cart", "cart2"]], 'link["second"].base[0] > 1', "there are no links here", None),
+    ],
+)
+def test_an_unknown_link_of_a_pair_is_reported_where_it_stands(
+    tmp_path: Path, pairs: Any, text: str, said: str, nearest: str | None
+) -> None:
+    stated = {"there": {"pairs": pairs, "formula": f"always ({text})"}}
+    agents = {**SCENARIO["agents"], "cart2": SCENARIO["agents"]["cart"] | {"state": [7.0, 7.0]}}
+    with pytest.raises(ScenarioError) as caught:
+        load(written(tmp_path, specifications=stated, agents=agents))
+    (problem,) = caught.value.problems
+    assert said in problem.message
+    assert problem.suggestion == nearest
+
+
 @pytest.mark.parametrize("text", ['link["gripper"][0] > 1', "link.gripper[0] > 1", 'norm(link("gripper")) > 1'])
 def test_agents_without_a_robot_have_no_links(tmp_path: Path, text: str) -> None:
     stated = {"here": {"each": "cart", "formula": f"always ({text})"}}
@@ -315,3 +348,26 @@ def test_what_else_is_called_link_keeps_its_name(tmp_path: Path) -> None:
     regions = {**SCENARIO["regions"], "link": {"box": [-9, 9, -9, 9]}}
     summary = execute(build(written(tmp_path, specifications=stated, regions=regions)), None)
     assert summary.specifications[0].verdict == "satisfied"
+
+
+def test_a_run_that_watches_a_link_goes_on_from_its_state(tmp_path: Path) -> None:
+    until = 'link["arm.0"].gripper[2] > 9'
+    agents = yaml.safe_load(yaml.safe_dump(SCENARIO["agents"]))
+    agents["arm"]["components"]["go"]["condition"] = "link.gripper[0] < 5"
+    run = {"duration": 0.6, "until": until}
+    scenario = load(written(tmp_path, specifications=SPECIFICATIONS, run=run, agents=agents))
+    with scenario.start() as simulation:
+        simulation.step(5)
+        state = SimulationState.from_bytes(simulation.capture().to_bytes())
+        first = simulation.finish().summary.specifications
+    with scenario.start() as simulation:
+        simulation.restore(state)
+        assert simulation.finish().summary.specifications == first
+
+
+def test_planners_that_need_what_is_linear_refuse_links() -> None:
+    tree = parse('link["gripper"][0] > 1', {"link": None, "position": None}, ARGUMENTS)
+    with pytest.raises(NotLinearError):
+        predicate_bound(tree, {"position"}, {})
+    with pytest.raises(ExpressionError):
+        predicate_sets(formulate(tree, 10**9), {"position": Affine(np.eye(2))}, {})

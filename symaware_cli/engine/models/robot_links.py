@@ -5,8 +5,8 @@ Reasons: docs/decisions/0080-robots-as-agents.md
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from symaware_cli.assets import Mechanism
 from symaware_cli.geometry import Array, Articulation
 
 #: The elements of a vector or a quaternion (x, y, z, w): numbers, or columns of all robots.
-_Elements = Sequence[Any]
+_Elements: TypeAlias = Sequence[Any] | Array
 
 
 class _Piece(NamedTuple):
@@ -46,6 +46,8 @@ class RobotLinks:
         names: The links whose positions are known, in the order of the tree.
         unknown: The other links, each with the reason.
     """
+
+    uncaptured: ClassVar[Collection[str]] = "*"  # all follows from the file
 
     def __init__(self, tree: Articulation, mechanism: Mechanism, dimensions: int) -> None:
         """Find the links that are known.
