@@ -20,7 +20,7 @@ from .mesh_file import read_mesh as read_mesh
 from .mesh_file import stl as stl
 from .mjcf import MjcfDescription as MjcfDescription
 from .robot_joint import RobotJoint as RobotJoint
-from .urdf import Follower as Follower
+from .urdf import MimicJoint as MimicJoint
 from .urdf import RobotDescription as RobotDescription
 from .urdf import material_colour as material_colour
 from .vehicle import Vehicle as Vehicle

@@ -14,7 +14,7 @@ import numpy as np
 from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.assets.mesh_file import content
 from symaware_cli.assets.robot_joint import RobotJoint
-from symaware_cli.assets.urdf import Follower, MeshReference, numbers_of
+from symaware_cli.assets.urdf import MeshReference, MimicJoint, numbers_of
 from symaware_cli.assets.xml_tree import XmlElement, xml_tree
 from symaware_cli.geometry import Array, Articulation, Link, Visual, about, composed, rotated
 
@@ -161,7 +161,7 @@ class MjcfDescription:
         """Return None: joints that worlds do not move are refused when a file is read."""
         return None
 
-    def followers(self) -> dict[str, Follower]:
+    def followers(self) -> dict[str, MimicJoint]:
         """Return none: how joints are coupled is what an engine of these files knows."""
         return {}
 

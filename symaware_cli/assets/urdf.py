@@ -72,7 +72,7 @@ class MeshReference:
     collides: bool
 
 
-class Follower(NamedTuple):
+class MimicJoint(NamedTuple):
     """How a joint follows another.
 
     Attributes:
@@ -146,7 +146,7 @@ class RobotDescription:
 
     # -- what engines cannot move
 
-    def followers(self) -> dict[str, Follower]:
+    def followers(self) -> dict[str, MimicJoint]:
         """Return how joints follow others that they mimic, by their names."""
         found = {}
         for name, joint in self._joints.items():
@@ -155,7 +155,7 @@ class RobotDescription:
                     _numbers(mimic, key, 1)[0] if mimic.get(key) else default
                     for key, default in (("multiplier", 1.0), ("offset", 0.0))
                 )
-                found[name] = Follower(mimic.get("joint") or "", factor, offset)
+                found[name] = MimicJoint(mimic.get("joint") or "", factor, offset)
         return found
 
     def unsupported_joint(self, follow: bool = False) -> AssetError | None:

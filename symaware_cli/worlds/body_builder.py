@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from symaware_cli.assets import Follower, asset
+from symaware_cli.assets import MimicJoint, asset
 from symaware_cli.assets.asset import AssetFolders, Robot
 from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
 from symaware_cli.geometry import HeightRange, attitude
@@ -77,7 +77,7 @@ class BodyBuilder:
         self._client = client
         self._folders = folders
         self._files = files
-        self._robots: dict[str, tuple[Path, dict[str, Follower]]] = {}
+        self._robots: dict[str, tuple[Path, dict[str, MimicJoint]]] = {}
         self._height = height
         self._floor = floor
         self._loading = loading
@@ -184,7 +184,7 @@ class BodyBuilder:
         self._check(body, urdf.file, mass > 0.0, *where, "shape", "urdf", "file")
         return body
 
-    def _couple(self, body: int, followers: Mapping[str, Follower], scale: float) -> None:
+    def _couple(self, body: int, followers: Mapping[str, MimicJoint], scale: float) -> None:
         """Let joints follow those that they mimic, by gears."""
         known = [engine.getJointInfo(body, number, self._client) for number in self.moving_joints(body)]
         joints = {info[1].decode(): (info[0], info[2] == engine.JOINT_PRISMATIC) for info in known}
