@@ -64,14 +64,15 @@ class Robot:
         stored: The names of these files in a log, relative to its folder, by the names that the description uses; also
             those of the files that it includes.
         includes: The files that it includes, by the names that it uses.
-        unseen: What is missing of what it looks like, in sentences with their places; it is left out.
+        left_out: Why shapes are left out, in sentences with their places: meshes that are only seen and missing, and what
+            has the size 0.
     """
 
     description: RobotDescription | MjcfDescription
     paths: dict[str, Path]
     stored: dict[str, str]
     includes: dict[str, Path]
-    unseen: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 def find(file: str, folders: AssetFolders, *where: str) -> Path:
@@ -192,13 +193,17 @@ def described(file: str, folders: AssetFolders, *where: str) -> Robot:
             description = RobotDescription.read(path)
         else:
             description = MjcfDescription.read(path, search.included)
-        missing = [reference for reference in description.meshes if not search.find(reference)]
-        if missing and isinstance(description, RobotDescription):
-            description.leave_out(missing)
+        needless = [reference.element for reference in description.meshes if not search.find(reference)]
+        if isinstance(description, RobotDescription):
+            for shape, said in description.empty:
+                needless.append(shape)
+                search.left_out.append(AssetError(said, shape.line, shape.column))
+            if needless:
+                description.leave_out(needless)
     except AssetError as error:
         raise WorldError(error.located(file), *where) from error
-    unseen = tuple(error.located(file) for error in search.unseen)
-    return Robot(description, search.paths, search.stored, search.includes, unseen)
+    left_out = tuple(error.located(file) for error in search.left_out)
+    return Robot(description, search.paths, search.stored, search.includes, left_out)
 
 
 def installed(path: Path, *where: str) -> Robot:
@@ -222,7 +227,7 @@ class _Search:
         self.paths: dict[str, Path] = {}
         self.stored: dict[str, str] = {}
         self.includes: dict[str, Path] = {}
-        self.unseen: list[AssetError] = []
+        self.left_out: list[AssetError] = []
         self._path, self._home, self._roots = path, home, roots
 
     def find(self, reference: MeshReference) -> bool:
@@ -242,7 +247,7 @@ class _Search:
                 said = f"it names the mesh `{name}`, which is not there; looked for {looked}"
                 if reference.collides or self._path.suffix.lower() != ".urdf":
                     element.refuse(said)
-                self.unseen.append(AssetError(said, element.line, element.column))
+                self.left_out.append(AssetError(said, element.line, element.column))
                 return False
             at, stored = found
             if not any(at.resolve().is_relative_to(root) for root in self._roots):

@@ -93,6 +93,7 @@ class RobotDescription:
         root: The element of the robot.
         name: The name of the robot.
         meshes: The meshes of its links, in the order of the file.
+        empty: Collision shapes of the size 0, which collide with nothing, with what to say about each.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -112,6 +113,7 @@ class RobotDescription:
         self._links = self._named("link", _MOST_LINKS)
         self._joints = self._named("joint", _MOST_LINKS)
         self.meshes: list[MeshReference] = []
+        self.empty: list[tuple[XmlElement, str]] = []
         for link in self._links.values():
             self._check_link(link)
         self._carried: dict[str, list[tuple[str, XmlElement]]] = {name: [] for name in self._links}
@@ -135,14 +137,14 @@ class RobotDescription:
         """
         return cls(content(path, _LARGEST_FILE))
 
-    def leave_out(self, unseen: Collection[MeshReference]) -> None:
-        """Leave out what is only seen, such as shapes whose meshes are missing."""
-        shapes = [each.element for each in unseen]
+    def leave_out(self, shapes: Collection[XmlElement]) -> None:
+        """Leave out shapes that are not needed, such as those that are only seen and whose meshes are missing."""
         for link in self._links.values():
-            for visual in _all(link, "visual"):
-                if any(shape in shapes for geometry in _all(visual, "geometry") for shape in geometry):
-                    link.remove(visual)
-        self.meshes = [each for each in self.meshes if each not in unseen]
+            for kind in ("visual", "collision"):
+                for each in _all(link, kind):
+                    if any(shape in shapes for geometry in _all(each, "geometry") for shape in geometry):
+                        link.remove(each)
+        self.meshes = [each for each in self.meshes if each.element not in shapes]
 
     # -- what engines cannot move
 
@@ -314,9 +316,11 @@ class RobotDescription:
             shape.refuse(f"`{shape.tag[:40]}` is no shape; those are box, sphere, cylinder, capsule and mesh")
         for key, count in _SIZES[shape.tag]:
             for number in _required(shape, key, count):
-                # Looks of the size 0 hide a link.
-                if number < 0.0 or (number == 0.0 and collides):
+                if number < 0.0:
                     shape.refuse(f"the `{key}` of a {shape.tag} is greater than 0, not {number:g}")
+                # Looks of the size 0 hide a link.
+                if number == 0.0 and collides and all(shape is not empty for empty, _ in self.empty):
+                    self.empty.append((shape, f"the `{key}` of a {shape.tag} is 0, which collides with nothing"))
         if shape.tag == "plane":
             _required(shape, "normal", 3)
         if shape.tag == "mesh":

@@ -250,6 +250,12 @@ class BodyBuilder:
                 body = -1
         if body < 0:
             raise WorldError(f"PyBullet cannot load `{name}`: {told(output)}", *where)
+        try:
+            engine.getBasePositionAndOrientation(body, self._client)
+        except engine.error as error:
+            # So it is with some 130 joints and more.
+            joints = engine.getNumJoints(body, self._client)
+            raise WorldError(f"PyBullet cannot move `{name}`, which has {joints} joints", *where) from error
         return body
 
     def _release_joints(self, body: int) -> None:

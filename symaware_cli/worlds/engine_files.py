@@ -58,6 +58,7 @@ class EngineFiles:
             pictures: Whether the engine loads what the robot looks like.
         """
         root = copy.deepcopy(robot.description.root)
+        root.set("name", root.get("name") or "robot")  # without one the engine loads nothing
         for element in list(root):
             if element.tag not in ("link", "joint", "material"):
                 root.remove(element)

@@ -95,13 +95,33 @@ def test_a_mesh_that_is_only_seen_may_be_missing_and_is_warned_of(tmp_path: Path
     path = scenario(tmp_path, "r.urdf")
     path.write_text(path.read_text().replace("use: pybullet", f"use: {world}"))
     built = build(path)
-    (warning,) = (each for each in built.find_warnings() if each.code == "unseen")
+    (warning,) = (each for each in built.find_warnings() if each.code == "shapes-left-out")
     assert warning.path == "environment.entities.thing.shape.urdf.file"
     assert "r.urdf:2:19: it names the mesh `package://arm/lost.stl`, which is not there" in warning.message
     execute(built, tmp_path / "first.mcap")
     execute(open_scenario(tmp_path / "first.mcap"), tmp_path / "again.mcap")
     first, second = (digest(open_log(tmp_path / name)) for name in ("first.mcap", "again.mcap"))
     assert first.combined == second.combined
+
+
+EMPTY = """<robot><link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+<collision><geometry><box size="1 1 0"/></geometry></collision>
+<collision><geometry><{}/></geometry></collision></link></robot>"""
+
+
+@pytest.mark.parametrize("world", ["kinematic", "pybullet"])
+@pytest.mark.parametrize(
+    "shape", ["sphere radius='0'", "cylinder radius='0' length='1'", "capsule radius='1' length='0'"]
+)
+def test_collision_shapes_of_the_size_0_are_left_out_with_a_warning(tmp_path: Path, world: str, shape: str) -> None:
+    write(tmp_path / "r.urdf", EMPTY.format(shape))
+    path = scenario(tmp_path, "r.urdf")
+    path.write_text(path.read_text().replace("use: pybullet", f"use: {world}"))
+    built = build(path)
+    (warning,) = (each for each in built.find_warnings() if each.code == "shapes-left-out")
+    assert warning.path == "environment.entities.thing.shape.urdf.file"
+    assert "r.urdf:2:22: the `size` of a box is 0, which collides with nothing, and 1 more" in warning.message
+    execute(built, tmp_path / "log.mcap")
 
 
 def test_the_nearest_package_counts(tmp_path: Path) -> None:

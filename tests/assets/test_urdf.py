@@ -117,7 +117,7 @@ def shaped(shape: str, kind: str = "collision", more: str = "") -> str:
         (shaped("<box size='nan 1 1'/>"), "`nan` is no number"),
         (shaped("<box size='1e400 1 1'/>"), "too large"),
         (shaped("<box/>"), "a `box` has a `size`"),
-        (shaped("<sphere radius='0'/>"), "greater than 0, not 0"),
+        (shaped("<sphere radius='-1'/>"), "greater than 0, not -1"),
         (shaped("<sphere radius='-1'/>", "visual"), "greater than 0, not -1"),
         (shaped("<sphere radius='0x2'/>"), "`0x2` is no number"),
         (shaped("<cylinder radius='1'/>"), "a `cylinder` has a `length`"),

@@ -1,4 +1,4 @@
-"""Warns of robots from files of whose looks something is missing."""
+"""Warns of robots from files that are loaded without some of their shapes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from symaware_cli.core import ScenarioView, WorldError
 
 
 def warn_of_looks(view: ScenarioView, home: Path, further: tuple[Path, ...]) -> None:
-    """Warn of robots of which shapes are missing that are only seen, where the scenario names their files.
+    """Warn of robots that are loaded without some of their shapes, where the scenario names their files.
 
     Args:
         view: The scenario; takes the warnings.
@@ -25,10 +25,10 @@ def warn_of_looks(view: ScenarioView, home: Path, further: tuple[Path, ...]) -> 
         from symaware_cli.assets import AssetFolders, asset
 
         try:
-            unseen = asset.described(shape.robot.file, AssetFolders(home, further)).unseen
+            left_out = asset.described(shape.robot.file, AssetFolders(home, further)).left_out
         except WorldError:
             continue  # others report it
-        if unseen:
-            more = f", and {len(unseen) - 1} more such shapes" if len(unseen) > 1 else ""
-            said = f"what `{shape.robot.file}` looks like is not complete: {unseen[0]}{more}"
-            view.warn(said, "shape", shape.kind, "file", section=section, code="unseen")
+        if left_out:
+            more = f", and {len(left_out) - 1} more" if len(left_out) > 1 else ""
+            said = f"shapes of `{shape.robot.file}` are left out: {left_out[0]}{more}"
+            view.warn(said, "shape", shape.kind, "file", section=section, code="shapes-left-out")

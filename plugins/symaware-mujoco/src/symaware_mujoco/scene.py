@@ -39,6 +39,10 @@ _SLIPPING = 1e-9
 #: How exactly a clutch brings a joint to the rate of its rotor in a physics step.
 _GRIP = 0.999
 
+#: [byte] What the engine may use for contacts and the forces of joints; no memory is taken before it is needed. By
+#: default the engine has too little for a heap of a hundred bodies.
+_MEMORY = 512 * 2**20
+
 #: [m] From how far bodies push each other, so that those that stand on each other do before they fall.
 MARGIN = 1e-5
 
@@ -88,11 +92,14 @@ class Scene:
             folders: The folders to which names of files are relative.
         """
         self._spec = mujoco.MjSpec()
+        self._spec.memory = _MEMORY
         option = self._spec.option
         option.timestep, option.gravity, option.iterations = step, list(gravity), iterations
         # Exact cones, and friction that is much stiffer than what it resists: bodies at rest do not creep.
         option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 100.0
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        # States that are not finite end a run (see `engine_warnings`); the engine would begin again from the start.
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._spec.compiler.autolimits = False
         self._height, self._floor, self._folders = height, floor, folders
         self._meshes: dict[tuple[str, float], Sequence[Array]] = {}

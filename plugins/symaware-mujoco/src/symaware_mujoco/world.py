@@ -20,6 +20,7 @@ from symaware_cli.geometry import Array, Articulation, Indices, Mask, attitude, 
 from symaware_cli.worlds import GROUND, BodyStates, GroundPlane, VehicleEnvironment, body_colour, warn_of_hulls
 from symaware_mujoco.bounce import warn_of_bounces
 from symaware_mujoco.cameras import render
+from symaware_mujoco.engine_warnings import EngineWarningError, raise_warnings
 from symaware_mujoco.motors import Motors
 from symaware_mujoco.scene import AGENTS, ENTITIES, FLOOR, HIDDEN, LOOKS, Scene, Surface
 from symaware_mujoco.surfaces import Surfaces
@@ -133,6 +134,14 @@ class MujocoEnvironment(VehicleEnvironment):
         self._data = mujoco.MjData(model)
         self._index_bodies()
         self._index_surfaces(scene)
+        #: The bodies of each group of vehicles, by its number.
+        self._bodies = {
+            number: MujocoVehicleBodies(model, self._data, self.groups[number], self._surfaces.frictions)
+            for number in vehicles
+        }
+        for number, vehicle in vehicles.items():
+            for row, own in enumerate(self._states[number]):
+                self._bodies[number].put(row, *vehicle.pose(own))
         self._place_all()
         self._attach_all(vehicles, errors)
 
@@ -190,16 +199,7 @@ class MujocoEnvironment(VehicleEnvironment):
         return found
 
     def _attach_all(self, vehicles: Mapping[int, Vehicle], errors: ErrorCollector) -> None:
-        """Put vehicles to their poses, and hand them their bodies."""
-        #: The bodies of each group of vehicles, by its number.
-        self._bodies = {
-            number: MujocoVehicleBodies(self._model, self._data, self.groups[number], self._surfaces.frictions)
-            for number in vehicles
-        }
-        for number, vehicle in vehicles.items():
-            for row, own in enumerate(self._states[number]):
-                self._bodies[number].put(row, *vehicle.pose(own))
-        mujoco.mj_forward(self._model, self._data)
+        """Hand vehicles their bodies."""
         for number, vehicle in vehicles.items():
             with errors.catch():
                 self._attach(vehicle, number, self._bodies[number])
@@ -372,6 +372,7 @@ class MujocoEnvironment(VehicleEnvironment):
             if retained != 1.0 and len(self._free):
                 self._data.qvel[self._free_velocities_at] *= retained
             self._step_engine()
+            raise_warnings(self._data)
             number += 1
             met = self._track_contacts()
             if met or number == last:
@@ -410,7 +411,10 @@ class MujocoEnvironment(VehicleEnvironment):
 
     def _track_contacts(self) -> bool:
         """Report what the last physics step brought together or apart; return whether an agent touches something."""
-        contacts, tracker, touching = self._data.contact, self._tracker, self._touching
+        tracker, touching = self._tracker, self._touching
+        if self._seen == b"" and not self._data.ncon:
+            return tracker.agents > 0  # nothing was near before, and nothing is now
+        contacts = self._data.contact
         # Pairs touch from when the engine counts one of their contacts until they are not near each other any more.
         # From one step to the next, mostly the same pairs are near.
         ended: Collection[int] = ()
@@ -464,6 +468,10 @@ class MujocoEnvironment(VehicleEnvironment):
     def _find_overlaps(self) -> None:
         self._show_present()
         mujoco.mj_forward(self._model, self._data)
+        try:
+            raise_warnings(self._data)
+        except EngineWarningError as error:
+            raise WorldError(str(error), "environment") from error
         contacts = self._data.contact
         keys, distances, points = self._pair_keys(contacts), contacts.dist, contacts.pos
         resting = []
