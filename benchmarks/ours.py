@@ -37,10 +37,12 @@ _COMPONENTS = {
 
 def scenario(case: str, agents: int, steps: int) -> str:
     """Return a scenario with the given numbers of agents and steps."""
-    return _quadrotors(agents, steps) if case == "drones" else _field(case, agents, steps)
+    if case in ("drones", "drones-mujoco"):
+        return _quadrotors(agents, steps, "mujoco" if case == "drones-mujoco" else "pybullet")
+    return _field(case, agents, steps)
 
 
-def _quadrotors(agents: int, steps: int) -> str:
+def _quadrotors(agents: int, steps: int, world: str) -> str:
     """Return a scenario of adjacent quadrotors that track a velocity: physics at 240 Hz, controllers at 48 Hz."""
     places = [[row, 0, 1, *[0] * 9] for row in range(agents)]
     return f"""
@@ -48,7 +50,7 @@ symaware: 1
 name: benchmark
 seed: 1
 run: {{duration: {steps / 48}}}
-environment: {{use: pybullet, with: {{time_step: {1 / 48}, substeps: 5}}}}
+environment: {{use: {world}, with: {{time_step: {1 / 48}, substeps: 5}}}}
 agents:
   drone:
     count: {agents}
@@ -93,7 +95,7 @@ agents:
 def main() -> None:
     """Run the case given on the command line."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("case", choices=[*_COMPONENTS, "drones", "numpy"])
+    parser.add_argument("case", choices=[*_COMPONENTS, "drones", "drones-mujoco", "numpy"])
     parser.add_argument("agents", type=int)
     parser.add_argument("steps", type=int)
     parser.add_argument("--record", action="store_true")

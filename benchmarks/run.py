@@ -65,6 +65,7 @@ COMPARISONS = [
     Comparison("10 Python agents beside MPE2 `simple_spread`", "python 10", "MPE2 10"),
     Comparison("10 Python agents beside VMAS `navigation`, one environment", "python 10", "VMAS 10"),
     Comparison("10 quadrotors beside gym-pybullet-drones with its PID", "drones 10", "gym-drones 10", ">= 2"),
+    Comparison("the same in the world `mujoco`", "drones-mujoco 10", "gym-drones 10", ">= 5"),
     Comparison("cost per agent, 10 Python agents to 1,000", "python 1000", "python 10", ">= 1"),
     Comparison("cost per agent, 1,000 unicycles with risk to 10,000", "risk 10000", "risk 1000", ">= 0.77"),
     Comparison("1,000 unicycles with risk beside bare NumPy", "risk 1000", "numpy 1000", ">= 0.5"),
@@ -116,6 +117,7 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
     hello = HERE.parent / "scenarios" / "hello.yaml"
     found["hello"] = Case([str(program), "run", str(hello), "-o", str(folder / "hello.mcap")], whole=True)
     found["drones 10"] = Case([*ours, "drones", "10", "300"])
+    found["drones-mujoco 10"] = Case([*ours, "drones-mujoco", "10", "300"])
     if peers:
         for name, peer, arguments in (
             ("IR-SIM 10", "irsim_dash.py", ["10", "200"]),

@@ -13,6 +13,7 @@ from pydantic import Field
 from symaware_cli.assets import Vehicle, VehicleBodies
 from symaware_cli.core import Cylinder, Entity, Parameters, Quantity, Shape, WorldError
 from symaware_cli.engine.models.crazyflie import (
+    DRAG,
     INERTIA,
     MASS,
     THRUST,
@@ -275,6 +276,9 @@ class QuadrotorVehicle(Vehicle):
         """Set the rotor speeds."""
         self._rotors = self._rotor_speeds(columns(control_input))
         self._thrust, self._torque = rotor_wrench(self._rotors)
+        turning = self._rotors[0] + self._rotors[1] + self._rotors[2] + self._rotors[3]
+        #: Drag over the velocity along the axes of the bodies [N s/m]; shape (3, n).
+        self._drag = np.array([[-coefficient] for coefficient in DRAG]) * turning
 
     def push(self) -> None:
         """Apply thrust, reaction torques and aerodynamic forces at the centre of mass."""
@@ -285,16 +289,18 @@ class QuadrotorVehicle(Vehicle):
         lift = self._thrust
         if parameters.ground_effect and self.ground is not None:
             lift = lift * ground_effect(self._values[:, 2] - self.ground)
-        force: Vector = (np.zeros_like(lift), np.zeros_like(lift), lift)
+        #: Force and torque along the axes of the bodies.
+        along = np.zeros((2, 3, len(lift)))
+        along[0, 2], along[1] = lift, self._torque
         if parameters.drag:
-            force = added(force, drag(axes, self._velocity, self._rotors))
-        force, torque = to_world(axes, force), to_world(axes, self._torque)
+            along[0] += self._drag * _projections(axes, self._values[:, 7:10])
+        force, torque = along[:, :1] * axes[0] + along[:, 1:2] * axes[1] + along[:, 2:] * axes[2]
         if parameters.downwash and self._bodies.count > 1:
             places, present = self._values[:, :3], self._bodies.present
             if present is not None:
                 places = np.where(present[:, None], places, _ELSEWHERE)
-            force = (force[0], force[1], force[2] - downwash(places))
-        self._bodies.push(np.stack(force, axis=1), np.stack(torque, axis=1))
+            force[2] -= downwash(places)
+        self._bodies.push(force.T, torque.T)
 
     def read(self) -> tuple[Array, Array]:
         """Read the poses and velocities of the bodies."""
@@ -307,9 +313,7 @@ class QuadrotorVehicle(Vehicle):
         state[:, 4] = np.arcsin(np.clip(-axes[0][2], -1.0, 1.0))
         turned = np.arctan2(axes[0][1], axes[0][0])
         self._yaws = state[:, 5] = continued(self._yaws, turned)
-        spin = (values[:, 10], values[:, 11], values[:, 12])
-        for axis in range(3):
-            state[:, 9 + axis] = dot(axes[axis], spin)
+        state[:, 9:] = _projections(axes, values[:, 10:]).T
         return state, values[:, 7:10].copy()
 
     def displace(self, rows: Sequence[int], change: Array) -> None:
@@ -326,11 +330,15 @@ class QuadrotorVehicle(Vehicle):
     def _read_bodies(self) -> None:
         """Read the poses and velocities of all bodies; valid until the next physics step."""
         values = self._values = self._bodies.read()
-        x, y, z, w = columns(values[:, 3:7])
-        self._axes = quaternion_axes(x, y, z, w)
-        velocity_x, velocity_y, velocity_z = columns(values[:, 7:10])
-        self._velocity = (velocity_x, velocity_y, velocity_z)
+        self._axes = quaternion_axes(values[:, 3:7])
         self._is_current = True
+
+
+def _projections(axes: Array, vectors: Array) -> Array:
+    """Return the elements of vectors along the axes of bodies; (3, 3, n) and (n, 3) to (3, n)."""
+    x, y, z = vectors.T
+    found: Array = axes[:, 0] * x + axes[:, 1] * y + axes[:, 2] * z
+    return found
 
 
 def _spins(state: Array) -> Array:

@@ -5,11 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 Vector = tuple[Any, Any, Any]
 
 #: The axes of a body in the world's coordinates, which are the columns of its rotation matrix.
 Axes = tuple[Vector, Vector, Vector]
+
+
+#: The factors of x x, y y, z z, x y, x z, y z, w x, w y and w z.
+_FACTORS = np.array([[0, 1, 2, 0, 0, 1, 3, 3, 3], [0, 1, 2, 1, 2, 2, 0, 1, 2]])
+#: Each element of the axes is a sum of two of these products, or a difference.
+_TERMS = np.array([[1, 3, 4, 3, 0, 5, 4, 5, 0], [2, 8, 7, 8, 2, 6, 7, 6, 1]])
+_SIGNS = np.array([1.0, 1, -1, -1, 1, 1, 1, -1, 1])[:, None]
 
 
 def body_axes(roll: Any, pitch: Any, yaw: Any, math: Any) -> Axes:
@@ -32,13 +40,22 @@ def body_axes(roll: Any, pitch: Any, yaw: Any, math: Any) -> Axes:
     )
 
 
-def quaternion_axes(x: Any, y: Any, z: Any, w: Any) -> Axes:
-    """Return the axes of a body turned by a unit quaternion."""
-    return (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
-        (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
-        (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
+def quaternion_axes(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the axes of bodies turned by unit quaternions (x, y, z, w), as an array, with which few bodies cost less.
+
+    Args:
+        quaternions: Shape (n, 4).
+
+    Returns:
+        The elements of the axes x, y and z; shape (3, 3, n).
+    """
+    elements = quaternions.T
+    products = elements[_FACTORS[0]] * elements[_FACTORS[1]]
+    axes: NDArray[np.float64] = products[_TERMS[0]] + products[_TERMS[1]] * _SIGNS
+    axes *= 2.0
+    on_diagonal = axes[::4]
+    np.subtract(1.0, on_diagonal, out=on_diagonal)
+    return axes.reshape(3, 3, -1)
 
 
 def dot(one: Vector, other: Vector) -> Any:
