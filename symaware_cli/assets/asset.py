@@ -64,8 +64,8 @@ class Robot:
         stored: The names of these files in a log, relative to its folder, by the names that the description uses; also
             those of the files that it includes.
         includes: The files that it includes, by the names that it uses.
-        left_out: Why shapes are left out, in sentences with their places: meshes that are only seen and missing, and what
-            has the size 0.
+        left_out: Why shapes are left out, in sentences with their places: what is only seen and missing, and what has
+            the size 0.
     """
 
     description: RobotDescription | MjcfDescription

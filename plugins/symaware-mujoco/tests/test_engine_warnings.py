@@ -29,7 +29,7 @@ def test_a_world_that_becomes_unstable_ends_its_run(
     monkeypatch.chdir(tmp_path)
     # After 4.5 s the ball is farther away than the engine can tell from a mistake.
     falling = scenario({"a": ball(0)}, time_step=0.1, substeps=1, ground=None, gravity=[0, 0, -1e9])
-    with pytest.raises(sa.RunFailedError, match="unstable.*raise `substeps`"):
+    with pytest.raises(sa.RunFailedError, match=r"unstable.*raise `substeps`"):
         sa.scenario(falling).run(output="unstable.mcap")
     failure = [event for event in sa.open_log("unstable.mcap").events() if event.name == "failed"]
     assert [event.time == 4_500_000_000 for event in failure] == [True]
