@@ -17,7 +17,8 @@ from symaware_cli.language.merge_patch import merge
 from symaware_cli.language.parameter_references import substitute
 from symaware_cli.language.problem import Problem, ScenarioError, TextSpan, dotted, quoted
 from symaware_cli.language.source import MappingEntry, Path, Source, SourceNode
-from symaware_cli.language.source_parser import nearest_file, read
+from symaware_cli.language.source_parser import SUFFIXES, read
+from symaware_cli.world import nearest_file
 
 MAX_EXTENDS_DEPTH = 16
 # Bounds the work if several files extend the same base.
@@ -348,7 +349,7 @@ class _Files:
 
 def _nearest_base(file: FilePath, written: str) -> str | None:
     """Returns the path of the base that was probably meant, in the form of the missing one."""
-    found = nearest_file(file)
+    found = nearest_file(file, SUFFIXES)
     return (PurePosixPath(written).parent / found).as_posix() if found else None
 
 

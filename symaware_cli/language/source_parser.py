@@ -5,10 +5,12 @@ import stat
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 
-from symaware_cli.language.problem import ScenarioError, nearest, quoted
+from symaware_cli.language.problem import ScenarioError, quoted
 from symaware_cli.language.source import MAX_BYTES, Source, decode
+from symaware_cli.world import nearest_file
 
-_SUFFIXES = (".yaml", ".yml", ".toml")
+#: What the names of scenarios end with.
+SUFFIXES = (".yaml", ".yml", ".toml")
 
 
 def load(path: FilePath, name: str) -> Source:
@@ -29,7 +31,7 @@ def load(path: FilePath, name: str) -> Source:
 
 def read(path: FilePath, name: str) -> Source:
     """Reads a scenario file; its problems are in `problems` of the result."""
-    source = read_text(path, name, "a scenario file", _SUFFIXES)
+    source = read_text(path, name, "a scenario file", SUFFIXES)
     if source.problems:
         return source
     # Imported here, so that reading one format does not import the parser of the other.
@@ -68,7 +70,7 @@ def read_text(path: FilePath, name: str, kind: str, suffixes: Sequence[str]) -> 
         with open(path, "rb") as file:
             raw = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        suggestion = nearest_file(path)
+        suggestion = nearest_file(path, suffixes)
         source.report("missing-file", f"there is no file {shown}", None, suggestion=suggestion)
         return source
     except (OSError, ValueError) as error:
@@ -79,16 +81,6 @@ def read_text(path: FilePath, name: str, kind: str, suffixes: Sequence[str]) -> 
         source.report("too-large", f"{shown} is larger than 1 MiB, the most {kind} may have", None)
         return source
     return decode(name, raw)
-
-
-def nearest_file(path: FilePath) -> str | None:
-    """Returns the file in the same folder whose name is most similar to that of a missing file; None if none is."""
-    try:
-        with os.scandir(path.parent) as entries:
-            names = sorted(entry.name for entry in entries if entry.name.endswith(_SUFFIXES))
-    except (OSError, ValueError):
-        return None
-    return nearest(path.name, names)
 
 
 def _check_top(source: Source) -> None:

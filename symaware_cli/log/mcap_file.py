@@ -26,6 +26,7 @@ from symaware_cli.log.json_text import read_json
 from symaware_cli.log.log_message import LogMessage, RawMessage, read_messages
 from symaware_cli.log.log_schema import LIBRARY, PROFILE
 from symaware_cli.log.recovery import FOREVER, Damage, scan
+from symaware_cli.world import nearest_file
 
 _Record = TypeVar("_Record", bound=McapRecord)
 
@@ -68,6 +69,9 @@ class McapFile:
                     # SymAware always writes a summary; other writers may omit it.
                     damage.summary_missing |= index.header.profile == PROFILE
             except Unsound as error:
+                if self.path.suffix.lower() in (".yaml", ".yml", ".toml"):
+                    said = f"{self.path} is not a log; `symaware run {self.path}` writes that of a scenario"
+                    raise LogError(said) from error
                 raise LogError(f"{self.path} is not a log: {error}") from error
         self.index = index
         self.header = index.header
@@ -283,7 +287,8 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
         with open(path, "rb") as file:
             yield file
     except FileNotFoundError as error:
-        raise LogError(f"there is no file {path}") from error
+        near = nearest_file(path, (".mcap",))
+        raise LogError(f"there is no file {path}{f'; did you mean {near}?' if near else ''}") from error
     except OSError as error:
         raise LogError(f"cannot read the log {path}: {reason(error)}") from error
 

@@ -45,6 +45,7 @@ from .model import rows as rows
 from .motion_layout import as_motion as as_motion
 from .motion_layout import motion_quantities as motion_quantities
 from .naming import nearest as nearest
+from .naming import nearest_file as nearest_file
 from .naming import quoted as quoted
 from .number_range import LISTED as LISTED
 from .number_range import expanded as expanded

@@ -1,8 +1,10 @@
 """Names in messages: quoted, and the nearest valid one to a name that is not."""
 
 import difflib
+import os
 from collections.abc import Iterable
 from itertools import islice
+from pathlib import Path
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -13,6 +15,21 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     known = {candidate.lower(): candidate for candidate in islice(candidates, 1000) if len(candidate) <= 100}
     found = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.6)
     return known[found[0]] if found else None
+
+
+def nearest_file(path: Path, suffixes: tuple[str, ...]) -> str | None:
+    """Returns the file in the same folder that was probably meant by the name of a missing one, if one is similar.
+
+    Args:
+        path: The missing file.
+        suffixes: What the names of the files of its kind end with.
+    """
+    try:
+        with os.scandir(path.parent) as entries:
+            names = sorted(entry.name for entry in entries if entry.name.endswith(suffixes))
+    except (OSError, ValueError):
+        return None
+    return nearest(path.name, names)
 
 
 def quoted(text: str, limit: int = 60) -> str:

@@ -498,3 +498,18 @@ def test_reading_the_log_of_a_run_in_progress(tmp_path: Path) -> None:
 def test_importing_the_package_imports_neither_mcap_nor_protobuf() -> None:
     code = "import sys, symaware_cli.log; sys.exit(any(m in sys.modules for m in ('mcap', 'google.protobuf')))"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_a_log_with_a_similar_name_is_suggested_for_a_missing_one(tmp_path: Path) -> None:
+    (tmp_path / "hello.mcap").touch()
+    with pytest.raises(LogError, match=r"there is no file .*helo\.mcap; did you mean hello\.mcap\?$"):
+        open_log(tmp_path / "helo.mcap")
+    with pytest.raises(LogError, match=r"there is no file .*hello; did you mean hello\.mcap\?$"):
+        open_log(tmp_path / "hello")
+
+
+@pytest.mark.parametrize("name", ["hello.yaml", "hello.yml", "hello.toml"])
+def test_of_a_scenario_is_said_that_running_it_writes_a_log(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("symaware: 1\n")
+    with pytest.raises(LogError, match=f"is not a log; `symaware run .*{name}` writes that of a scenario"):
+        open_log(tmp_path / name)
