@@ -29,7 +29,10 @@ def nearest_file(path: Path, suffixes: tuple[str, ...]) -> str | None:
             names = sorted(entry.name for entry in entries if entry.name.endswith(suffixes))
     except (OSError, ValueError):
         return None
-    return nearest(path.name, names)
+    # Without the suffixes, which would make all names similar.
+    stems = {name.rpartition(".")[0]: name for name in reversed(names)}
+    found = nearest(path.stem if path.suffix in suffixes else path.name, stems)
+    return stems[found] if found else None
 
 
 def quoted(text: str, limit: int = 60) -> str:
