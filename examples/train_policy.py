@@ -204,7 +204,7 @@ def train(
     environment = sa.env(scenario, changes=changes)
     agents = environment.possible_agents
     space = environment.action_space(agents[0])
-    low, high = space.low, space.high
+    low, high = space.low.astype(float), space.high.astype(float)
     (observed,) = environment.observation_space(agents[0]).shape
     learner = Learner(observed, len(low), np.random.default_rng(seed))
     normalisation = Normalisation(observed)
@@ -225,7 +225,7 @@ def train(
             seen = np.stack([observations[agent] for agent in agents])
             last = learner.critic((seen - normalisation.mean) / normalisation.deviation)[:, 0]
             collected.append(_samples(steps, last))
-            gained.append(sum(step[-1] for step in steps).mean())
+            gained.append(np.sum([step[-1] for step in steps], axis=0).mean())
         rate = RATE * (1.0 - iteration / iterations)
         learner.improve(Samples(*(np.concatenate(each) for each in zip(*collected, strict=True))), rate)
         returns.append(float(np.mean(gained)))
@@ -236,7 +236,7 @@ def train(
     return Trained(layers, normalisation, low, high, returns)
 
 
-def _samples(steps: list[tuple[Array, ...]], last: Array) -> Samples:
+def _samples(steps: Sequence[tuple[Array, ...]], last: Array) -> Samples:
     """Return the samples of an episode, whose end cuts it off: the return expected then counts."""
     observations, actions, likelihoods, expected, rewards = (np.stack(each) for each in zip(*steps, strict=True))
     advantages, following, beyond = np.zeros_like(rewards), last, np.zeros(len(last))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,13 @@ Array = NDArray[np.float64]
 LARGEST, _MOST_FIELDS, _MOST_NODES, _MOST_DIMENSIONS = 2**24, 200_000, 10_000, 8
 
 #: Types of elements, by their numbers in the format: those with values here, and names of others.
-_TYPES = {1: np.dtype("<f4"), 6: np.dtype("<i4"), 7: np.dtype("<i8"), 9: np.dtype("?"), 11: np.dtype("<f8")}
+_TYPES: Mapping[int, np.dtype[Any]] = {
+    1: np.dtype("<f4"),
+    6: np.dtype("<i4"),
+    7: np.dtype("<i8"),
+    9: np.dtype("?"),
+    11: np.dtype("<f8"),
+}
 _NAMES = {
     2: "uint8",
     3: "int8",
@@ -255,7 +261,8 @@ class _Reader:
         if not own:  # zeros are not written
             if kind == 4:
                 raise OnnxError(f"{label}: the attribute `{name}` has no value")
-            return name, {1: 0.0, 2: 0, 3: ""}[kind]
+            zeros: dict[int, float | int | str] = {1: 0.0, 2: 0, 3: ""}
+            return name, zeros[kind]
         match kind:
             case 1:
                 return name, float_of(own[0])
@@ -352,7 +359,7 @@ class _Reader:
         return name, numbers.reshape(shape)
 
     @staticmethod
-    def _listed(fields: Sequence[WireField], kind: int, dtype: np.dtype) -> NDArray[np.generic]:
+    def _listed(fields: Sequence[WireField], kind: int, dtype: np.dtype[Any]) -> NDArray[Any]:
         """Return elements that are fields of their own, or packed in fields."""
         if kind not in (FLOAT, DOUBLE):
             return np.array([number for each in fields for number in integers_of(each, 1_000_000)], np.int64)

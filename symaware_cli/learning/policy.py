@@ -203,7 +203,7 @@ def _observation(
     group: AgentGroup,
     task: LearningTask,
     environment: Any,
-    groups: Sequence[AgentGroup],
+    groups: Sequence[Any],
     specifications: Sequence[str],
 ) -> Callable[[], Array]:
     """Return the function that computes what all agents of a group observe, as in episodes; shape (n, k).

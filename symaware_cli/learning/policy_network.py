@@ -182,6 +182,7 @@ class PolicyNetwork:
         if key not in ("value", "value_float", "value_floats", "value_int", "value_ints") or isinstance(value, str):
             raise OnnxError(f"{node.label} has the attribute `{key}`, which is not supported")
         integers = key in ("value_int", "value_ints")
+        array: NDArray[Any]
         array = value if isinstance(value, np.ndarray) else np.array(value, np.int64 if integers else np.float64)
         if array.dtype == np.float64 and not np.isfinite(array).all():
             raise OnnxError(f"{node.label} has an element that is not finite")

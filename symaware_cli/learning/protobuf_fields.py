@@ -148,7 +148,8 @@ def integers_of(field: WireField, most: int) -> list[int]:
     """
     if field.kind == VARINT:
         return [integer_of(field)]
-    content, at, found = content_of(field), 0, []
+    content, at = content_of(field), 0
+    found: list[int] = []
     while at < len(content):
         value, at = FieldReader._varint(content, at, field.start)
         if len(found) == most:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from learning_scenarios import SCENARIOS
 from policy_files import model, node, recurrent
+from simulating import untyped
 
 import symaware_cli as sa
 from symaware_cli.learning.policy import PolicyController
@@ -130,7 +131,7 @@ def test_a_recurrent_policy_forgets_while_its_agent_is_absent(folder: Path) -> N
     for _ in range(8):
         environment.step({})
     (drive,) = (each for each in environment.episodes.built.simulation.entries if each.name == "drive")
-    (states,) = drive.components[0]._states
+    (states,) = untyped(drive.components[0])._states
     assert not states[0, 0].any()
     assert states[0, 1:].all()
 
