@@ -15,6 +15,7 @@ NAMES: Mapping[str, list[str]] = {
     "Mesh": ["wedge.obj", "tetrahedron.stl", "duck_vhacd.obj"],
     "Urdf": ["arm.urdf", "pybullet_data/cube_small.urdf"],
     "abstraction:abstraction.file:GraphName": ["halls.yaml", "halls.dot", "gripper.dot", "rooms.dot"],
+    "component:control.policy:PolicyFile": ["policies/goal.onnx"],
     "component:uncertainty.conformal:CalibrationFile": ["errors.parquet"],
 }
 
@@ -101,6 +102,7 @@ def side_files() -> Mapping[str, bytes]:
         "arm/wedge.obj": _WEDGE.encode(),
         f"{ASSETS}/duck_vhacd.obj": _WEDGE.encode(),
         "errors.parquet": _errors(),
+        "policies/goal.onnx": (SCENARIOS / "policies" / "goal.onnx").read_bytes(),
     }
 
 

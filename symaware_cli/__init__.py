@@ -133,6 +133,8 @@ if TYPE_CHECKING:
     from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
     from symaware_cli.language import Additions, InitialAgents, ScenarioError, ScenarioSection, SectionContext
     from symaware_cli.learning.environments import env, single_env
+    from symaware_cli.learning.policy import Policy, PolicyError
+    from symaware_cli.learning.policy_writing import write_policy
     from symaware_cli.learning.team import LearningError
     from symaware_cli.log import Log, LogError, Series, open_log
     from symaware_cli.plugin_files import component
@@ -213,6 +215,8 @@ __all__ = [
     "Part",
     "PerceptionSystem",
     "Place",
+    "Policy",
+    "PolicyError",
     "Polygon",
     "Port",
     "PortEvent",
@@ -287,6 +291,7 @@ __all__ = [
     "verify_certificate",
     "verify_log",
     "verify_sweep",
+    "write_policy",
     "write_report",
 ]
 
@@ -319,6 +324,8 @@ _HOMES = {
     "symaware_cli.engine.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
     "symaware_cli.help_place": ("in_help",),
     "symaware_cli.learning.environments": ("env", "single_env"),
+    "symaware_cli.learning.policy": ("Policy", "PolicyError"),
+    "symaware_cli.learning.policy_writing": ("write_policy",),
     "symaware_cli.learning.team": ("LearningError",),
     "symaware_cli.processes.transport": (
         "Port",

@@ -32,7 +32,7 @@ class LearningSection(ScenarioSection):
                 inputs = GivenInputs.read(context.folder, content.inputs)
             except InputFileError as error:
                 context.report(str(error), "inputs", code="missing-file" if error.is_missing else "unsuitable")
-        return LearningTask(content, inputs)
+        return LearningTask(content, inputs, context.document.specifications)
 
     def plugins(self, built: LearningTask | None) -> Mapping[Path, Plugin]:
         """Return the task, which checks the scenario."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -25,14 +25,16 @@ class LearningTask(Plugin):
     Attributes:
         content: What is written.
         inputs: The actions of an episode that is repeated; None in a scenario to learn in.
+        specifications: The names of the specifications of the scenario.
     """
 
     uncaptured = ("*",)
 
-    def __init__(self, content: LearningUse, inputs: GivenInputs | None) -> None:
+    def __init__(self, content: LearningUse, inputs: GivenInputs | None, specifications: Iterable[str] = ()) -> None:
         super().__init__()
         self.content = content
         self.inputs = inputs
+        self.specifications = tuple(specifications)
 
     def check_scenario(self, view: ScenarioView) -> None:
         """Check the agents, and that every expression, signal and bound fits them."""

@@ -73,6 +73,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
 
 #: Those that are tested elsewhere, with the reason.
 EXCLUDED = {
+    "control.policy": "reads a file: `tests/learning/test_policy_controller.py`",
     "control.cells": "needs a knowledge model",
     "control.mpc": "starts each search from the last one, which is kept in the solver",
     "control.quadrotor-velocity": "needs a quadrotor in pybullet",

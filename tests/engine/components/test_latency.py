@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ from symaware_cli.engine.runtime.timing import STEADY, Timing
 from symaware_cli.geometry.region import Region
 from symaware_cli.knowledge.abstraction.grid_cells import GridCells
 from symaware_cli.language.catalogue import Catalogue
+from symaware_cli.learning.learning_content import LearningUse
+from symaware_cli.learning.learning_task import LearningTask
 from symaware_cli.specification.formulation import formulate
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.scope import AgentScope
@@ -122,6 +125,7 @@ CASES = {
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
+    "control.policy": Case(["control"], {"policy": {"file": "policies/goal.onnx"}}),
     "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3], "waypoints": LINE}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
@@ -298,6 +302,10 @@ def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, An
         floor = GridCells(GridCells.Parameters(cell=1.0, region="floor"))
         floor.prepare(case.regions)
         ready.groups[1].sections = {"knowledge_models": {"floor": floor}}
+    if use == "control.policy":
+        ready.environment.folder = Path(__file__).parents[3] / "scenarios"
+        observed = LearningUse(agents="robot", observation=["position"])
+        ready.groups[1].sections = {"learning": LearningTask(observed, None)}
     if case.specification is not None:
         scope = AgentScope(ready.groups[1], ready.environment, ready.groups, {})
         formulation = formulate(parse(case.specification, scope.names, {}), STEP)

@@ -1,0 +1,215 @@
+"""Trained policies: as a component of a scenario, and as a function for episodes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from symaware_cli.core import AgentGroup, GroupComponent, ScenarioView
+from symaware_cli.geometry import AssetPath
+from symaware_cli.learning.learning_task import LearningTask
+from symaware_cli.learning.onnx_file import OnnxError
+from symaware_cli.learning.policy_network import PolicyNetwork
+from symaware_cli.learning.team import LearningError, Team
+from symaware_cli.world import ParameterError, UserError
+from symaware_cli.world import Parameters as PluginParameters
+
+Array = NDArray[np.float64]
+
+_PLACE = ("policy", "file")
+
+
+class PolicyError(UserError):
+    """A file of a policy cannot be used."""
+
+    status = 2
+
+
+class Policy:
+    """A trained policy as a function: actions from observations, to the bit those of `control.policy`.
+
+    Attributes:
+        observed: The number of values of an observation.
+        actions: The number of values of an action.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Read a file in the format ONNX; docs/learning.md lists the operators.
+
+        Raises:
+            PolicyError: It cannot be read, is damaged, or contains something that is not supported.
+        """
+        try:
+            self._network = PolicyNetwork.read(Path(path), os.fspath(path))
+        except OnnxError as error:
+            raise PolicyError(str(error)) from error
+        self.observed, self.actions = self._network.observed, self._network.actions
+        self._states: tuple[Array, ...] = ()
+        self._rows = -1
+
+    def reset(self) -> None:
+        """Begin a new episode: a recurrent policy forgets."""
+        self._rows = -1
+
+    def __call__(self, observations: ArrayLike) -> Array:
+        """Return the actions of several agents, or of one, and keep the state of a recurrent policy.
+
+        Args:
+            observations: Shape (n, observed), or (observed,) for one agent. For a recurrent policy, n must not change.
+
+        Returns:
+            Shape (n, actions), or (actions,).
+
+        Raises:
+            ValueError: The observations have another shape.
+        """
+        given = np.asarray(observations, float)
+        rows = given[None] if given.ndim == 1 else given
+        if rows.ndim != 2 or rows.shape[1] != self.observed:
+            raise ValueError(f"the observations have the shape {given.shape}, not ({self.observed},) for each agent")
+        if self._rows < 0:
+            self._rows, self._states = len(rows), self._network.initial_states(len(rows))
+        if self._states and len(rows) != self._rows:
+            raise ValueError(f"{len(rows)} agents in an episode of {self._rows}: call `reset` before another one")
+        actions, self._states = self._network(rows, self._states)
+        return actions[0] if given.ndim == 1 else actions
+
+
+class PolicyFile(PluginParameters):
+    """A trained policy."""
+
+    file: AssetPath = Field(description="An .onnx file below the scenario's folder.")
+
+
+class PolicyTurn(NamedTuple):
+    """The result of a turn.
+
+    Attributes:
+        actions: The control input of each agent; shape (n, nu).
+        states: The next state of a recurrent policy.
+    """
+
+    actions: Array
+    states: tuple[Array, ...]
+
+
+class PolicyController(GroupComponent):
+    """Controls agents by a trained policy: a network in a file of the format ONNX.
+
+    It observes what the section `learning` of the scenario says, and its output is the control input, as an action of
+    the environment is. Declare it after the components that perceive and receive messages, whose beliefs it observes.
+    Numbers of observations that are not defined are 0, as in episodes. The state of a recurrent policy is 0 at first
+    and while an agent is absent.
+
+    Networks of dense layers and gated recurrent units are computed in double precision and in a fixed order, so a run
+    has the same bytes with every number of agents. A file with other operators is refused.
+    """
+
+    sees_world = True
+
+    class Parameters(PluginParameters):
+        """The policy."""
+
+        policy: PolicyFile = Field(description="The trained policy.")
+
+    # They follow from the scenario.
+    uncaptured = ("_network", "_observe")
+
+    def check(self, group: AgentGroup) -> None:
+        """Check the file, and that its output is a control input of the model."""
+        name = self.parameters.policy.file
+        if not (group.folder / name).is_file():
+            return  # that a file is missing is reported where it is named
+        network = self._read(group.folder)
+        names = [quantity.name for quantity in group.model.control_input]
+        if network.actions != len(names):
+            expected = f"{len(names)} ({', '.join(names)})"
+            raise ParameterError(
+                f"{name}: its output has {network.actions} values, and a control input of this model {expected}", _PLACE
+            )
+
+    def check_scenario(self, view: ScenarioView) -> None:
+        """Check that there is a section `learning`, and that the policy observes as many values as it says."""
+        entry = view.entry
+        task: LearningTask | None = None if entry is None else entry.group.sections.get("learning")
+        if entry is None or task is None:
+            if entry is not None and view.document.learning is None:
+                view.report("a policy observes what the section `learning` says, and there is none", "use")
+            return
+        try:
+            observe = _observation(entry.group, task, view.environment, view.groups, tuple(view.specifications))
+            if not view.is_initialised or not hasattr(view.groups[0], "surroundings"):
+                return
+            found = observe().shape[1]
+            network = self._read(entry.group.folder)
+        except LearningError as error:
+            if not any(entry.group.name in rows for _, _, rows in task.members(view.groups)):  # else it is told of
+                said = f"the agents of `{entry.group.name}` cannot observe what `learning.observation` says: {error}"
+                view.report(said, "use")
+            return
+        if found != network.observed:
+            name = self.parameters.policy.file
+            view.report(
+                f"{name}: it observes {network.observed} values, and `learning.observation` has {found} of the agents "
+                f"of `{entry.group.name}`",
+                "with",
+                *_PLACE,
+                key=False,
+            )
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Read the policy, and forget."""
+        super().initialise_component(group)
+        self._network = self._read(self.environment.folder)
+        self._observe: Callable[[], Array] | None = None
+        self._states = self._network.initial_states(len(group))
+
+    def _read(self, folder: Path) -> PolicyNetwork:
+        name = self.parameters.policy.file
+        try:
+            return PolicyNetwork.read(folder / name, name)
+        except OnnxError as error:
+            raise ParameterError(str(error), _PLACE) from error
+
+    def _compute(self) -> PolicyTurn:
+        group = self._group
+        if self._observe is None:
+            task: LearningTask = group.sections["learning"]
+            self._observe = _observation(group, task, self.environment, self.environment.groups, task.specifications)
+        observations = self._observe()
+        unknown = np.isnan(observations)
+        if unknown.any():
+            observations[unknown] = 0.0
+        return PolicyTurn(*self._network(observations, self._states))
+
+    def _update(self, value: PolicyTurn) -> None:
+        group = self._group
+        group.control_input = value.actions
+        states = value.states
+        if group.present is not None and states and not group.present.all():
+            states = tuple(each.copy() for each in states)
+            for each, shape in zip(states, self._network.states, strict=True):
+                np.moveaxis(each, shape.index(None), 0)[~group.present] = 0.0
+        self._states = states
+
+
+def _observation(
+    group: AgentGroup,
+    task: LearningTask,
+    environment: Any,
+    groups: Sequence[Any],
+    specifications: Sequence[str],
+) -> Callable[[], Array]:
+    """Return the function that computes what all agents of a group observe, as in episodes; shape (n, k).
+
+    Raises:
+        LearningError: They cannot observe that.
+    """
+    team = Team(group, range(len(group)), environment, groups, group.regions, specifications)
+    return task.observation(team)
