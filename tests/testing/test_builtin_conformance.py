@@ -80,6 +80,7 @@ EXCLUDED = {
     "knowledge.blocked-cells": "needs a knowledge model",
     "knowledge.strategy": "needs a knowledge model",
     "memory": "carries no frames",
+    "perception.bag": "needs a recording",
     "perception.camera": "needs images",
     "risk.specification": "needs specifications",
     "zenoh": "leaves threads of its own behind",
