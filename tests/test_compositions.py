@@ -90,6 +90,7 @@ NOT_DRAWN = {
     "RecordedBody.": "the same",
     "RecordedTopic.": "the same",
     "component:perception.bag": "the same",
+    "use:perception.bag": "the same",
     "RewardTerm.": "the same",
     "SignalValues.": "the same",
     "ScenarioDocument.plugins": "a file of code has to be trusted first: `tests/plugin_files`",
