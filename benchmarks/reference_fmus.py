@@ -2,7 +2,8 @@
 
 `python benchmarks/reference_fmus.py SOURCES FMUS...` takes a checkout of https://github.com/modelica/Reference-FMUs,
 which has `BouncingBall/BouncingBall_out.csv` and so on, and folders of built FMUs (`cmake -DFMI_VERSION=2 .. && make`
-puts them into `fmus/`). It prints the greatest difference of each variable, and ends with status 1 if one is above 1e-12.
+puts them into `fmus/`). It prints the greatest difference of each variable, and ends with status 1 if one is above
+1e-12.
 """
 
 from __future__ import annotations

@@ -91,6 +91,8 @@ NOT_DRAWN = {
     "RecordedTopic.": "the same",
     "component:perception.bag": "the same",
     "use:perception.bag": "the same",
+    "model:fmu": "an FMU has to be trusted first: `tests/fmi`",
+    "use:fmu": "the same",
     "RewardTerm.": "the same",
     "SignalValues.": "the same",
     "ScenarioDocument.plugins": "a file of code has to be trusted first: `tests/plugin_files`",
