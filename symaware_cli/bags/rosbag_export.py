@@ -286,7 +286,6 @@ class _Bag:
     def frames(self, chunk: Chunk) -> Iterator[Said]:
         """Yield the transforms and the odometry of an interval."""
         for body in self._bodies if self._has_truth else ():
-            is_group = isinstance(body, GroupView)
             topic = body.state_topic if isinstance(body, GroupView) else f"/world/{body.name}/state"
             shown = chunk.frames.get(topic) or chunk.frames.get(f"/world/{body.name}/pose")
             if shown is None or not len(shown.times):
@@ -302,7 +301,9 @@ class _Bag:
                 frames = [(self.names[names[row]], at[row], turned[row]) for row in rows]
                 if frames:
                     yield time, "/tf", "tf2_msgs/msg/TFMessage", ros.transforms(time, frames)
-                for row in rows if is_group and motion else ():
+                if motion is None:
+                    continue
+                for row in rows:
                     frame = self.names[names[row]]
                     where = ros.pose(at[row], turned[row])
                     said = ros.odometry(time, frame, where, motion.linear(instant, row), motion.angular(instant, row))

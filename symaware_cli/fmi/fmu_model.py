@@ -61,7 +61,7 @@ class Fmu(Model):
     A run can be captured if the FMU can get, set and serialise its state.
     """
 
-    needs: ClassVar[Sequence[str]] = ("co-simulation",)
+    needs = ("co-simulation",)
 
     class Parameters(Parameters):
         """The FMU, and which of its variables are used."""
