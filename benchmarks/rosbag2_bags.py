@@ -1,8 +1,8 @@
 """Reads the test bags of ros2/rosbag2 and compares them with `rosbags`, or says why they are refused.
 
 `python benchmarks/rosbag2_bags.py FOLDER` prints a row for each .mcap and .db3 file in a checkout of
-https://github.com/ros2/rosbag2, and ends with status 1 if something differs: the number of messages on each topic, and the
-time and the bytes of each message. The bags are not part of this repository.
+https://github.com/ros2/rosbag2, and ends with status 1 if something differs: the number of messages on each topic, and
+the time and the bytes of each message. The bags are not part of this repository.
 """
 
 from __future__ import annotations

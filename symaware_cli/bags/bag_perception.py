@@ -92,7 +92,8 @@ class BagPerception(Sensor):
         super().__init__(parameters)
         if parameters.reading in _QUANTITIES:
             quantities = _QUANTITIES[parameters.reading]
-            self.signals = (Signal(MEASUREMENT, "vector", quantities, description="as recorded"),)
+            signal = Signal(MEASUREMENT, "vector", quantities, description="as recorded")
+            self.signals = (signal,)  # type: ignore[misc] # of the class in sensors, of the instance here
 
     def check(self, group: AgentGroup) -> None:
         """Read the topic."""

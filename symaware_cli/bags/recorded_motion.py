@@ -139,7 +139,7 @@ def motion_in_log(path: Path, name: str) -> RecordedMotion:
     columns = series.columns
     if not {"x", "y"} <= set(columns):
         raise BagError(f"the state of `{name}` has no x and y")
-    wanted = {
+    wanted: dict[str, NDArray[np.float64]] = {
         each: series.values[:, columns.index(each)] for each in ("x", "y", "z", "heading", "yaw") if each in columns
     }
     nothing = np.zeros(len(series.times))

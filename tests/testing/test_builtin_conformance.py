@@ -77,6 +77,7 @@ EXCLUDED = {
     "control.mpc": "starts each search from the last one, which is kept in the solver",
     "control.quadrotor-velocity": "needs a quadrotor in pybullet",
     "control.stl": "needs specifications",
+    "fmu": "needs a file that is trusted",
     "knowledge.blocked-cells": "needs a knowledge model",
     "knowledge.strategy": "needs a knowledge model",
     "memory": "carries no frames",

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.views.chunk import Chunk
 from symaware_cli.views.detail import Detail
-from symaware_cli.views.scene.marks import Mark
 from symaware_cli.views.postures import postures_of
+from symaware_cli.views.scene.marks import Mark
 from symaware_cli.views.views import GroupView, ObstacleView, RunView
 from symaware_cli.world import PluginKind
 
