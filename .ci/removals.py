@@ -17,7 +17,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 TOP = Path(__file__).parents[1]
-FEATURES = ("evidence", "studies", "views", "processes", "planning", "knowledge", "maps", "worlds", "learning")
+FEATURES = (
+    "evidence",
+    "studies",
+    "views",
+    "processes",
+    "planning",
+    "knowledge",
+    "maps",
+    "bags",
+    "fmi",
+    "worlds",
+    "learning",
+)
 #: Two worlds, an export, a fault, a verb.
 SINGLE = ("worlds/planar", "worlds/spatial", "views/exporting/text", "engine/faults/push", "cli/export")
 FOLDERS = ("core", "awareness", "world", "geometry", "specification", "engine", "language", "log")

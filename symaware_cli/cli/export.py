@@ -36,7 +36,7 @@ def export(
         typer.Option(
             "--format",
             help="One that `symaware list exports` shows: csv and parquet are folders of tables, foxglove is an MCAP "
-            "file; plugins add others.",
+            "file, rosbag2 is a bag of ROS 2, fmu is an FMU; plugins add others.",
             autocompletion=_completed,
             metavar="FORMAT",
         ),

@@ -74,7 +74,7 @@ def _trust_aloud(files: FileSet) -> bool:
 
 def trust_option(panel: str | None = None) -> Any:
     """The option that trusts the files of plugins of a scenario, in a panel of the help."""
-    said = "Execute the scenario's own Python files (`plugins`)."
+    said = "Execute the scenario's own Python files (`plugins`) and FMUs."
     return typer.Option("--trust", callback=_trust, help=said, rich_help_panel=panel)
 
 

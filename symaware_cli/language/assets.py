@@ -94,6 +94,7 @@ def _named(document: ScenarioDocument, further: Parameters) -> Iterator[tuple[Pa
             yield (*path, "shape", shape.kind, "file"), body.file, body
     given: dict[Path, Mapping[str, Any]] = {(*path, "with"): parameters for path, parameters in further.items()}
     for name, agents in document.agents.items():
+        given["agents", name, "model", "with"] = agents.model.with_
         for component, use in agents.components.items():
             path = ("agents", name, "components", component)
             given[*path, "with"] = use.with_

@@ -15,6 +15,7 @@ from symaware_cli.language.problem import Problem, ScenarioError, quoted
 
 #: What the features of worlds are called in messages (see `Environment.provides`).
 _CALLED = {
+    "co-simulation": "steps models that are programs, such as FMUs",
     "forces": "moves bodies by forces",
     "images": "has images",
     "mechanisms": "moves the joints of robots from files",

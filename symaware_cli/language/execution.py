@@ -158,6 +158,9 @@ def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> 
             folder = f"faults.{entry.section[1]}/{component.path}" if entry.is_substitute else component.path
             for name, content in component.attachments().items():
                 writer.attach(f"{folder}/{name}", "application/octet-stream", content)
+    for group in built.simulation.groups:
+        for name, content in group.model.attachments().items():
+            writer.attach(f"agents.{group.name}.model/{name}", "application/octet-stream", content)
     geometry = GeometryWriter(built.simulation.environment, built.files)
     for name, (media_type, content) in geometry.attachments.items():
         writer.attach(name, media_type, content)

@@ -2,6 +2,8 @@ from .file_set import FileSet as FileSet
 from .file_set import PluginFileError as PluginFileError
 from .file_set import read_files as read_files
 from .file_trust import forget as forget
+from .file_trust import hand_down as hand_down
+from .file_trust import is_trusted as is_trusted
 from .file_trust import remember as remember
 from .file_trust import trusted_copy as trusted_copy
 from .file_trust import trusted_folders as trusted_folders

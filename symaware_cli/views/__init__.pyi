@@ -1,6 +1,7 @@
 # What other rooms use of this one.
 
 from .chunk import Chunk as Chunk
+from .chunk import ChunkReader as ChunkReader
 from .chunk import Frames as Frames
 from .chunk import SeriesFrames as SeriesFrames
 from .detail import Detail as Detail
@@ -21,6 +22,8 @@ from .exporting.table import Table as Table
 from .exporting.table import Values as Values
 from .following import await_beginning as await_beginning
 from .foreign import ForeignReplaySession as ForeignReplaySession
+from .outline import outlines as outlines
+from .outline import prism_surface as prism_surface
 from .pages.block import Block as Block
 from .pages.block import CertificateBlock as CertificateBlock
 from .pages.block import CodeLines as CodeLines
@@ -61,6 +64,7 @@ from .plotting.request import SeriesName as SeriesName
 from .plotting.request import check_format as check_format
 from .plotting.request import check_output as check_output
 from .plotting.time import INK as INK
+from .postures import postures_of as postures_of
 from .scene.drawing import DRAWING as DRAWING
 from .scene.drawing import Drawing as Drawing
 from .scene.drawing import Output as Output

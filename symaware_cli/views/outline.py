@@ -47,7 +47,7 @@ def placed(outline: Array, positions: Array, headings: ArrayLike) -> Array:
     return corners
 
 
-def mesh(outline: Array, low: float, high: float) -> tuple[Array, NDArray[np.uint32]]:
+def prism_surface(outline: Array, low: float, high: float) -> tuple[Array, NDArray[np.uint32]]:
     """Return the surface of a prism over a convex outline.
 
     Args:

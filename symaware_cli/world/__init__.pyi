@@ -70,6 +70,7 @@ from .reading import Scan as Scan
 from .roster import Roster as Roster
 from .snapshot import Snapshot as Snapshot
 from .snapshot import StatesById as StatesById
+from .step_simulator import StepSimulator as StepSimulator
 from .time import SECOND as SECOND
 from .time import Clock as Clock
 from .time import nanoseconds as nanoseconds

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.plugin import Plugin
+from symaware_cli.world.step_simulator import StepSimulator
 
 Array = NDArray[np.float64]
 
@@ -205,6 +206,24 @@ class Model(Plugin, ABC):
         None for models whose body has no joints with motors.
         """
         return None
+
+    def simulator(self, time_step: int) -> StepSimulator | None:
+        """Return what moves a group in worlds that provide ``co-simulation``, instead of `derivative`.
+
+        None for models of equations.
+
+        Args:
+            time_step: That of the world [ns].
+        """
+        return None
+
+    def attachments(self) -> Mapping[str, bytes]:
+        """Return files that the model adds to the log of a run, such as facts about a program that it runs.
+
+        Returns:
+            The content of each file by its name, the same whenever the scenario is run; empty by default.
+        """
+        return {}
 
     def fit(self, entity: Entity, folders: Any, *where: str) -> None:
         """Receive the body of the agents, before anything else is asked of the model.

@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from symaware_cli import Box, Circle, Polygon, Shape, Wall
-from symaware_cli.views.outline import circle, mesh, outlines, placed
+from symaware_cli.views.outline import circle, outlines, placed, prism_surface
 
 SHAPES = [
     (Shape(circle=Circle(radius=0.5)), 0.25 * np.pi),
@@ -41,7 +41,7 @@ def test_an_outline_turns_with_the_heading_and_moves_with_the_position() -> None
 @pytest.mark.parametrize(("shape", "area"), SHAPES)
 def test_a_prism_is_closed_and_has_the_volume_of_its_outline_times_its_height(shape: Shape, area: float) -> None:
     (outline,) = outlines(shape.pieces)
-    vertices, triangles = mesh(outline, 1.0, 4.0)
+    vertices, triangles = prism_surface(outline, 1.0, 4.0)
     one, two, three = vertices[triangles].swapaxes(0, 1)
     # The divergence theorem: with all triangles facing outwards the signed volumes add up.
     volume = np.einsum("ij,ij->i", one, np.cross(two, three)).sum() / 6.0
@@ -51,6 +51,6 @@ def test_a_prism_is_closed_and_has_the_volume_of_its_outline_times_its_height(sh
 
 
 def test_a_prism_without_height_is_one_face() -> None:
-    vertices, triangles = mesh(circle(1.0, corners=6)[:-1], 0.5, 0.5)
+    vertices, triangles = prism_surface(circle(1.0, corners=6)[:-1], 0.5, 0.5)
     assert (len(vertices), len(triangles)) == (6, 4)
     assert (vertices[:, 2] == 0.5).all()

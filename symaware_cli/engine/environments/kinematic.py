@@ -32,6 +32,7 @@ class KinematicEnvironment(ColumnEnvironment):
     """
 
     batchable = True
+    provides = ("co-simulation",)
 
     class Parameters(EnvironmentParameters):
         """Parameters of the kinematic world."""
@@ -65,6 +66,14 @@ class KinematicEnvironment(ColumnEnvironment):
         for group in self.groups:
             with errors.catch():
                 check_time_step(group, self.time_step)
+        self._simulators = [group.model.simulator(self.time_step) for group in self.groups]
+        for group, simulator, states in zip(self.groups, self._simulators, self._states, strict=True):
+            with errors.catch():
+                try:
+                    if simulator is not None:
+                        simulator.start(states)
+                except ValueError as error:
+                    raise WorldError(str(error), *("agents", group.name, "state")) from error
         errors.raise_first()
         self._noises = [process_noise(group, self.parameters.time_step, seed) for group in self.groups]
         self._detector = ContactDetector(self.groups, self.scenery, self.proximity, self.time_step, self.debounce)
@@ -74,10 +83,14 @@ class KinematicEnvironment(ColumnEnvironment):
         self._apply_inputs()
         step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
         for number, (model, noise) in enumerate(zip(self._models, self._noises, strict=True)):
-            state = integrate(model, self._states[number], self._applied[number], step, integrator, parts)
+            simulator, present = self._simulators[number], self.groups[number].present
+            if simulator is not None:
+                rows = range(len(self._states[number])) if present is None else np.flatnonzero(present).tolist()
+                state = simulator.step(self._time, self._states[number], self._applied[number], rows)
+            else:
+                state = integrate(model, self._states[number], self._applied[number], step, integrator, parts)
             if noise:
                 state = state + noise.draw(self._time)
-            present = self.groups[number].present
             if present is not None:
                 state = np.where(present[:, None], state, self._states[number])
             state.flags.writeable = False
@@ -86,8 +99,14 @@ class KinematicEnvironment(ColumnEnvironment):
         self._snapshot = self._contacts = None
 
     def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
-        """Add to the true states of some agents instantaneously."""
+        """Add to the true states of some agents instantaneously.
+
+        Raises:
+            ValueError: The model is a program, which has a state of its own.
+        """
         number = self._number[group.name]
+        if self._simulators[number] is not None:
+            raise ValueError(f"the states of {group.name} are those of a program, and cannot be changed from outside")
         state = self._states[number].copy()
         state[list(rows)] += change
         state.flags.writeable = False

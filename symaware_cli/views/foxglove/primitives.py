@@ -18,7 +18,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
-from symaware_cli.views.outline import mesh
+from symaware_cli.views.outline import prism_surface
 from symaware_cli.world import SECOND
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def ellipsoid(centre: Array, half_sizes: Array, turned: Array, shade: Color) -> 
 
 def prisms(outlines: Sequence[Array], low: float, high: float, shade: Color) -> Sequence[TriangleListPrimitive]:
     """Return upright prisms over convex outlines (m, 2) [m]."""
-    meshes = [mesh(outline, low, high) for outline in outlines]
+    meshes = [prism_surface(outline, low, high) for outline in outlines]
     return [
         TriangleListPrimitive(pose=ORIGIN, points=point_list(vertices), indices=triangles.ravel().tolist(), color=shade)
         for vertices, triangles in meshes

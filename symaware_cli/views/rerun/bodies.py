@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry import Visual, rotated
 from symaware_cli.views.figure import media_type
-from symaware_cli.views.outline import closed, dashes, mesh, outlines
+from symaware_cli.views.outline import closed, dashes, outlines, prism_surface
 from symaware_cli.views.rerun.columns import ColumnReceiver, each, flat, packed, shades, turns
 from symaware_cli.views.rerun.lines import send_strips
 from symaware_cli.views.scene.marks import ACTIVE, PAST, TO_COME, Bodies, Figures, Ground, Solid
@@ -82,7 +82,7 @@ def show_solid(output: ColumnReceiver, mark: Solid) -> None:
     elif output.is_new(mark.path):
         (colour,) = shades(mark.colour, mark.transparency or mark.faded, 1)
         for number, outline in enumerate(mark.outlines):
-            vertices, triangles = mesh(outline, mark.low, mark.high)
+            vertices, triangles = prism_surface(outline, mark.low, mark.high)
             surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
             output.static(f"{mark.path}/{number}", surface)
         if mark.label:
@@ -103,7 +103,7 @@ def _show_phases(output: ColumnReceiver, mark: Solid) -> None:
     times, phases = mark.times[changes], mark.phases[changes]
     count = int((phases == ACTIVE).sum())
     for number, outline in enumerate(mark.outlines):
-        path, (vertices, triangles) = f"{mark.path}/{number}", mesh(outline, mark.low, mark.high)
+        path, (vertices, triangles) = f"{mark.path}/{number}", prism_surface(outline, mark.low, mark.high)
         if new:
             filling = shades(tint, _FILLING, 1)[0]
             output.static(path, rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=filling))
