@@ -188,7 +188,7 @@ SCENARIO = {
         ("pass", "1, bodies pass through each other", 8.0, 1),
         ("stop", "1, bodies stop", 8.0, 0),
         ("slide", "1, bodies slide along each other", 8.0, 1),
-        ("end", "1, the first ends the run", 1.1, 0),
+        ("end", "1, the first ends the run", 1.2, 0),
     ],
 )
 def test_the_summary_says_what_contacts_did(kind: str, said: str, time: float, goals: int) -> None:
