@@ -11,8 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from symaware_cli.core import EntityGroup, Scenery
-from symaware_cli.geometry import Array, BodyOutlines, Indices, Proximity, Separation, separation
-from symaware_cli.geometry.vectors import Mask
+from symaware_cli.geometry import Array, BodyOutlines, Indices, Mask, Proximity, Separation, separation
 
 #: What happens to bodies that meet: they pass through each other, stop, slide along each other, or the run ends.
 OnContact = Literal["pass", "stop", "slide", "end"]
