@@ -19,7 +19,9 @@ from specimens import COUPLED
 #: The parameters of the plugins that need some, and what the scenario of the check needs for them.
 PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "communication.consensus": {"name": "guess", "gain": 0.2},
+    "control.dynamic-window": {"scan": "lidar"},
     "control.follow": {"leader": "leader"},
+    "control.vector-field-histogram": {"scan": "lidar"},
     "ackermann-drive": {"driven": ["left", "right"], "steered": ["port", "starboard"]},
     "articulated": {"joints": ["shoulder", "elbow"]},
     "control.random": {"inputs": [[0.1, 0.0], [0.0, 0.2]]},
@@ -53,7 +55,10 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "slow": {"of": "robot.steer", "latency": 0.1},
     "stop": {"root": "robot.0"},
 }
+LIDAR = {"agents.robot.components.lidar": {"use": "perception.lidar", "with": {"rays": 24}}}
 CHANGES: Mapping[str, Mapping[str, Any]] = {
+    "control.dynamic-window": LIDAR,
+    "control.vector-field-histogram": LIDAR,
     "communication.consensus": {"agents.robot.knowledge.guess": {"uniform": [0.0, 1.0]}},
     "control.follow": {
         "agents.leader": {"model": {"use": "unicycle"}, "state": [3.0, 0.0, 0.0]},

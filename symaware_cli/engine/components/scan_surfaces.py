@@ -189,10 +189,18 @@ def believed_pose(group: AgentGroup) -> Pose:
 
 
 def check_scan(view: ScenarioView, scan: str | None) -> None:
-    """Report a scan that no component before makes."""
-    names = [each.name for each in view.before if each.use == "perception.lidar"]
-    if scan is not None and scan not in {each.name for each in view.before}:
+    """Report a scan that no component of the agents makes."""
+    if scan is None:
+        return
+    lidar = next((each for each in view.own_entries if each.name == scan), None)
+    if lidar is None:
+        names = [each.name for each in view.own_entries if each.use == "perception.lidar"]
         view.report_unknown("component", scan, "with", "scan", known=names)
+        return
+    where = getattr(lidar.components[0].parameters, "position", (0.0, 0.0))
+    if any(where[:2]):
+        said = f"`{scan}` does not sit at the position of its agent, where its rays are taken to begin"
+        view.report(said, "with", "position", section=lidar.section)
 
 
 def _placed(scan: Scan, pose: Pose) -> ScanReturns:

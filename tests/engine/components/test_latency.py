@@ -95,6 +95,12 @@ CASES = {
     ),
     "control.go-to-goal": Case(ACTS, knowledge={"goal": [3, 3]}),
     "control.velocity-obstacle": Case(ACTS, knowledge={"goal": [3, 3]}),
+    "control.dynamic-window": Case(
+        ACTS, {"scan": "lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
+    ),
+    "control.vector-field-histogram": Case(
+        ACTS, {"scan": "lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
+    ),
     "control.waypoints": Case(ACTS, knowledge={"waypoints": LINE}),
     "control.pure-pursuit": Case(ACTS, knowledge={"waypoints": LINE}, model=Bicycle()),
     "control.follow": Case(ACTS, {"leader": "other"}, {"offset": [-1, 0]}),

@@ -31,8 +31,8 @@ class DynamicWindow(ScanSteering):
     W. Burgard, S. Thrun, "The dynamic window approach to collision avoidance", IEEE Robotics and Automation Magazine 4,
     1997). Each leads along an arc, for the time `arc`. It is admissible if the agent can stop on it before it comes
     nearer to a return than the margin; here within half of that way, so that two that approach each other can both
-    stop. The best maximises the weighted sum of the approach to the target, of the heading towards it at the end of the
-    arc, of the clearance and of the speed. If none is admissible the agent stops, and goes on turning.
+    stop. The best maximises the weighted sum of the approach to the target, of the heading towards it where the arc is
+    nearest to it, of the clearance and of the speed. If none is admissible the agent stops, and goes on turning.
 
     Alone the method stops in front of what is in the way to the target. So the target is turned into the free direction
     of the scan that differs least from it, as `VectorFieldHistogram` finds it.
@@ -80,10 +80,14 @@ class DynamicWindow(ScanSteering):
             ahead, self._memory, pose, near, self._surfaces.clearance, _DIRECTIONS, DirectionCosts()
         )
         goal = (_length(towards)[:, None] * np.stack([np.cos(chosen), np.sin(chosen)], axis=1))[:, None]
-        at_end = goal - places[:, :, -1]
-        distance, start = _length(at_end), _length(goal)
-        progress = (start - distance) / np.maximum(given.speed * given.arc, 1e-9)
-        error = turned(np.arctan2(at_end[..., 1], at_end[..., 0]), headings[..., -1])
+        rest = goal[:, :, None] - places
+        distance = _length(rest)
+        nearest = distance.argmin(axis=2)[..., None]
+        distance = np.take_along_axis(distance, nearest, axis=2)[..., 0]
+        progress = (_length(goal) - distance) / (given.speed * given.arc)
+        # Where the arc is nearest to the target; there is no heading towards a target that is reached.
+        error = np.take_along_axis(turned(np.arctan2(rest[..., 1], rest[..., 0]), headings), nearest, axis=2)[..., 0]
+        error = np.where(distance <= given.tolerance, 0.0, error)
         clear = np.minimum(spare.min(axis=2), given.range) / given.range
         score = (
             given.progress_weight * progress

@@ -58,6 +58,7 @@ class ScanSteering(Approach):
     heads for the ``goal``.
     """
 
+    knowledge: ClassVar = {"goal": "where to go, as a position [m]; `waypoints` lead there, if an agent knows any"}
     events: ClassVar = {
         "goal-reached": "An agent came within the tolerance of its goal or last waypoint, for the first time.",
         "goal-changed": "An agent that had reached its goal has another one, which counts as not reached.",
