@@ -60,12 +60,16 @@ class ScanReturns(NamedTuple):
         points: Where rays ended [m]; NaN if they did not; shape (n, k, 2).
         angles: The directions of the rays [rad]; shape (n, k).
         unseen: Whether nothing is known in the direction of the ray; shape (n, k).
+        origins: Where the rays began [m]; shape (n, 2).
+        range: How far the lidar sees [m].
     """
 
     time: int
     points: Array
     angles: Array
     unseen: Mask
+    origins: Array
+    range: float
 
 
 class NearReturns(NamedTuple):
@@ -112,7 +116,8 @@ class ScanSurfaces:
         if not isinstance(scan, Scan):
             count = max(4, math.ceil(2 * math.pi / _WINDOW))
             angles = np.broadcast_to(2 * np.pi * np.arange(count) / count, (len(group), count))
-            return ScanReturns(-1, np.full((*angles.shape, 2), np.nan), angles, np.ones(angles.shape, bool))
+            nothing, unseen = np.full((*angles.shape, 2), np.nan), np.ones(angles.shape, bool)
+            return ScanReturns(-1, nothing, angles, unseen, believed_pose(group).position, 0.0)
         if self._returns is not None and self._returns.time == scan.time:
             return self._returns
         earlier = [instant for instant in self._poses if instant <= scan.time]
@@ -152,7 +157,7 @@ class ScanSurfaces:
             reach: The greatest distance [m].
             radii: The radii of all agents, as returned by `bounding_radii`.
         """
-        points = np.where(self._of_others(group, returns.points, radii)[..., None], np.nan, returns.points)
+        points = np.where(self.of_others(group, returns.points, radii)[..., None], np.nan, returns.points)
         if self._is_occupied:
             towards = np.stack([np.cos(returns.angles), np.sin(returns.angles)], axis=2)
             edge = position[:, None] + (self.clearance + self._nearer) * towards
@@ -170,7 +175,7 @@ class ScanSurfaces:
         point = position[row] + way[row, ray] * (kept / np.where(far > 0.0, far, 1.0))[:, None]
         return Nearby(row, np.zeros(len(row), np.intp), point, kept, np.zeros((len(row), 2)))
 
-    def _of_others(self, group: AgentGroup, points: Array, radii: Array) -> Mask:
+    def of_others(self, group: AgentGroup, points: Array, radii: Array) -> Mask:
         """Return which returns are of agents that the agent is aware of; shape (n, k)."""
         theirs = np.zeros(points.shape[:2], bool)
         tracks = group.others(1e6)
@@ -221,7 +226,7 @@ def _placed(scan: Scan, pose: Pose) -> ScanReturns:
         ],
         axis=2,
     )
-    return ScanReturns(scan.time, points, facing, np.isnan(distances))
+    return ScanReturns(scan.time, points, facing, np.isnan(distances), pose.position, scan.range)
 
 
 def _on_lines(starts: Array, ends: Array, points: Array) -> Array:
