@@ -27,6 +27,7 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "control.random": {"inputs": [[0.1, 0.0], [0.0, 0.2]]},
     "control.schedule": {"inputs": [{"time": 0.0, "input": [0.1, 0.0]}, {"time": 0.2, "input": [0.0, 0.2]}]},
     "differential-drive": {"left": ["left"], "right": ["right"]},
+    "perception.map": {"scan": "lidar", "resolution": 0.5, "within": (-5.0, 5.0, -5.0, 5.0)},
     "planning.grid": {"resolution": 0.5, "within": (-5.0, 5.0, -5.0, 5.0)},
     "perception.range": {"range": 5.0, "position_noise": 0.1},
     "dubins-aircraft": {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1},
@@ -69,6 +70,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
         "agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]},
     },
     "control.waypoints": {"agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]}},
+    "perception.map": LIDAR,
     "planning.grid": {
         "agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}, "waypoints": {"all": [[0.0, 0.0]]}},
     },

@@ -96,10 +96,10 @@ CASES = {
     "control.go-to-goal": Case(ACTS, knowledge={"goal": [3, 3]}),
     "control.velocity-obstacle": Case(ACTS, knowledge={"goal": [3, 3]}),
     "control.dynamic-window": Case(
-        ACTS, {"scan": "lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
+        ACTS, {"scan": "perception-lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
     ),
     "control.vector-field-histogram": Case(
-        ACTS, {"scan": "lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
+        ACTS, {"scan": "perception-lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
     ),
     "control.waypoints": Case(ACTS, knowledge={"waypoints": LINE}),
     "control.pure-pursuit": Case(ACTS, knowledge={"waypoints": LINE}, model=Bicycle()),
@@ -128,6 +128,11 @@ CASES = {
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
+    "perception.map": Case(
+        ["signals"],
+        {"scan": "perception-lidar", "resolution": 0.5, "within": (-5, 5, -5, 5), "record": 0.1},
+        before={"perception.lidar": {"rays": 24}},
+    ),
     "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3], "waypoints": LINE}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
