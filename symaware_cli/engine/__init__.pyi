@@ -14,7 +14,6 @@ from .components.risk.body_pairs import state_covariance as state_covariance
 from .components.scan_surfaces import ScanOptions as ScanOptions
 from .components.scan_surfaces import ScanReturns as ScanReturns
 from .components.scan_surfaces import ScanSurfaces as ScanSurfaces
-from .components.scan_surfaces import believed_pose as believed_pose
 from .components.scan_surfaces import check_scan as check_scan
 from .components.sensor import Sensor as Sensor
 from .components.sensor import SensorParameters as SensorParameters

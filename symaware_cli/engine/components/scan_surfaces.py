@@ -40,7 +40,7 @@ class ScanOptions(Parameters):
     )
 
 
-class Pose(NamedTuple):
+class BelievedPose(NamedTuple):
     """Believed poses of the agents of a group.
 
     Attributes:
@@ -107,7 +107,7 @@ class ScanSurfaces:
         self._is_occupied = options.unseen == "occupied"
         self._nearer = _DEVIATIONS * options.deviation
         #: The believed poses at past turns, by instant [ns].
-        self._poses: dict[int, Pose] = {}
+        self._poses: dict[int, BelievedPose] = {}
         self._returns: ScanReturns | None = None
 
     def returns(self, group: AgentGroup, now: int) -> ScanReturns:
@@ -186,11 +186,11 @@ class ScanSurfaces:
         return theirs
 
 
-def believed_pose(group: AgentGroup) -> Pose:
+def believed_pose(group: AgentGroup) -> BelievedPose:
     """Return the poses that the agents of a group believe to have."""
     model, state = group.model, group.awareness.state
     heading = np.zeros(len(group)) if model.heading is None else state[:, model.heading].copy()
-    return Pose(model.positions(state)[:, :2].copy(), heading)
+    return BelievedPose(model.positions(state)[:, :2].copy(), heading)
 
 
 def check_scan(view: ScenarioView, scan: str | None) -> None:
@@ -208,7 +208,7 @@ def check_scan(view: ScenarioView, scan: str | None) -> None:
         view.report(said, "with", "position", section=lidar.section)
 
 
-def _placed(scan: Scan, pose: Pose) -> ScanReturns:
+def _placed(scan: Scan, pose: BelievedPose) -> ScanReturns:
     """Return the returns of a scan from poses, with rays in the directions that the lidar does not look at."""
     angles, distances = scan.angles, scan.distances
     step = angles[1] - angles[0] if len(angles) > 1 else _WINDOW

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from symaware_cli.engine.components.scan_surfaces import NearReturns, Pose
+from symaware_cli.engine.components.scan_surfaces import NearReturns, BelievedPose
 from symaware_cli.geometry import Array, Mask
 
 #: What turning off to the left costs more than to the right, so that those that meet do not choose the same side.
@@ -40,7 +40,13 @@ class FreeDirections(NamedTuple):
 
 
 def free_directions(
-    ahead: Array, previous: Array, pose: Pose, near: NearReturns, keep: float, sectors: int, costs: DirectionCosts
+    ahead: Array,
+    previous: Array,
+    pose: BelievedPose,
+    near: NearReturns,
+    keep: float,
+    sectors: int,
+    costs: DirectionCosts,
 ) -> FreeDirections:
     """Choose the direction of each agent: the free one with the least cost.
 
