@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from symaware_cli.engine.components.scan_surfaces import NearReturns, BelievedPose
+from symaware_cli.engine.components.scan_surfaces import BelievedPose, NearReturns
 from symaware_cli.geometry import Array, Mask
 
 #: What turning off to the left costs more than to the right, so that those that meet do not choose the same side.
