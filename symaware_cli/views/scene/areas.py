@@ -75,7 +75,7 @@ def _mark(
         counts.append(len(found))
     joined = np.concatenate(points)
     heights = np.full((*joined.shape[:2], 1), _BELOW[occupied])
-    colour = np.array(group_view.colours[row], np.intp)
+    colour = group_view.colours[row]
     return Lines(
         path=f"{path}/{('free', 'occupied')[occupied]}",
         layer=f"{name}/{group_view.name}",

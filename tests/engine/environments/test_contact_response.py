@@ -20,8 +20,8 @@ WALL = Obstacle(shape=Shape(wall=Wall(points=((2.0, -9.0), (2.0, 9.0)), thicknes
 
 
 def team(
-    states: Sequence[Sequence[float]],
-    inputs: Sequence[Sequence[float]],
+    states: Sequence[Sequence[float]] | NDArray[np.float64],
+    inputs: Sequence[Sequence[float]] | NDArray[np.float64],
     model: Any = None,
     shape: Shape = DISC,
     name: str = "robot",
