@@ -9,6 +9,15 @@ if TYPE_CHECKING:
     from symaware_cli.engine import Extreme, Pace, RunSummary
 
 
+#: What contacts do to bodies, in words.
+_ON_CONTACT = {
+    "pass": "bodies pass through each other",
+    "stop": "bodies stop",
+    "slide": "bodies slide along each other",
+    "end": "the first ends the run",
+}
+
+
 class TextReport(NamedTuple):
     """A headline with facts under it.
 
@@ -48,7 +57,7 @@ def summary_report(summary: RunSummary) -> TextReport:
         facts.append(("pace", _pace(summary.pace)))
     if summary.goals_reached:
         facts.append(("goals reached", f"{len(summary.goals_reached)} of {agents}"))
-    facts.append(("contacts", f"{summary.contacts}"))
+    facts.append(("contacts", _contacts(summary)))
     if summary.minimum_separation:
         facts.append(("closest", _extreme(summary.minimum_separation, "m between the outlines of")))
     if summary.highest_risk:
@@ -77,6 +86,12 @@ def size_in_words(size: int) -> str:
         if size >= scale:
             return f"{size / scale:.1f} {unit}"
     return f"{size} B"
+
+
+def _contacts(summary: RunSummary) -> str:
+    # By default bodies pass through each other; without contacts nothing needs to be said.
+    said = "" if summary.on_contact == "pass" and not summary.contacts else _ON_CONTACT.get(summary.on_contact or "")
+    return f"{summary.contacts}, {said}" if said else f"{summary.contacts}"
 
 
 def _pace(pace: Pace) -> str:

@@ -17,7 +17,7 @@ from symaware_cli.awareness.value_range import ValueRange
 from symaware_cli.world import Quantity
 
 Kind = Literal["vector", "series", "table"]
-Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links", "boxes"]
+Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links", "boxes", "areas"]
 SignalColumn: TypeAlias = "Column | SeriesColumn | TableColumn"
 
 MEASUREMENT = "measurement"
@@ -32,7 +32,7 @@ BOX_COLUMNS = ("x_low", "x_high", "y_low", "y_high")
 _DRAWN: dict[str, tuple[str | None, ...]] = {
     "vector": ("curve", "bars", "points", None),
     "series": ("curve", "path", "ellipse", "bars", None),
-    "table": ("curve", "points", "links", "boxes", None),
+    "table": ("curve", "points", "links", "boxes", "areas", None),
 }
 
 
@@ -51,7 +51,8 @@ class Signal:
             the world, or ``distance`` and ``bearing`` (and ``elevation``) relative to the body, counter-clockwise from
             its heading; or as ``links``, arrows to the agents or entities whose indices in the roster the column
             ``agent`` has; or as ``boxes`` in the plane, which require the columns ``x_low``, ``x_high``, ``y_low`` and
-            ``y_high``, with a cross where the column ``crossed`` is not 0. None if it is not drawn.
+            ``y_high``, with a cross where the column ``crossed`` is not 0; or as ``areas`` with the same columns, light
+            where the column ``occupied`` is 0 and dark where it is 1. None if it is not drawn.
         description: Its meaning, in a few words.
         nan: What NaN in it means; None if a component that writes NaN fails.
         infinity: What infinity in it means; None if a component that writes infinity fails.
@@ -77,7 +78,7 @@ class Signal:
                 raise ValueError(f"`{key}` of {what} is one of {listed}, not {given!r}")
         if self.drawn not in _DRAWN[self.kind]:
             kinds = " or a ".join(kind for kind, known in _DRAWN.items() if self.drawn in known)
-            plural = {each: each for each in ("bars", "points", "links", "boxes")}
+            plural = {each: each for each in ("bars", "points", "links", "boxes", "areas")}
             drawn = {"ellipse": "an ellipse", **plural}.get(self.drawn or "", f"a {self.drawn}")
             raise ValueError(f"{what} is a {self.kind}, and only a {kinds} is drawn as {drawn}")
         if self.columns is None:
@@ -97,9 +98,10 @@ class Signal:
             raise ValueError(f"{what} is drawn as points, which takes columns {pairs}")
         if self.drawn == "links" and "agent" not in self.column_names:
             raise ValueError(f"{what} is drawn as links, which takes a column `agent`")
-        if self.drawn == "boxes" and not {*BOX_COLUMNS} <= {*self.column_names}:
-            listed = ", ".join(f"`{each}`" for each in BOX_COLUMNS)
-            raise ValueError(f"{what} is drawn as boxes, which takes columns {listed}")
+        needed = (*BOX_COLUMNS, "occupied") if self.drawn == "areas" else BOX_COLUMNS
+        if self.drawn in ("boxes", "areas") and not {*needed} <= {*self.column_names}:
+            listed = ", ".join(f"`{each}`" for each in needed)
+            raise ValueError(f"{what} is drawn as {self.drawn}, which takes columns {listed}")
 
     @property
     def column_names(self) -> tuple[str, ...]:

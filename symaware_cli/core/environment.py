@@ -74,6 +74,8 @@ class Environment(Plugin, ABC):
         ground: The height of the ground plane [m]; None if there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
+        on_contact: What happens to bodies that meet, in a world without forces: ``pass``, ``stop``, ``slide``, or
+            ``end`` if the run ends with its first contact. None if forces decide.
         provides: Optional features of this world: ``forces``, if forces move bodies; ``images``, if it renders camera
             images; ``vehicles``, if it moves bodies by `Model.vehicle`; ``mechanisms``, if it moves joints by
             `Model.mechanism`; ``tilt``, if entities may have a roll and a pitch. Messages about a world without a
@@ -94,6 +96,7 @@ class Environment(Plugin, ABC):
     ground: float | None = None
     is_open: ClassVar[bool] = False
     is_shared: ClassVar[bool] = False
+    on_contact: str | None = None
     provides: ClassVar[Sequence[str]] = ()
     groups: Sequence[EntityGroup]
     obstacles: Mapping[str, Obstacle]

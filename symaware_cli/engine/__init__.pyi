@@ -11,6 +11,10 @@ from .components.prediction import predicted_positions as predicted_positions
 from .components.relative_motion import bounding_radii as bounding_radii
 from .components.relative_motion import dot as dot
 from .components.risk.body_pairs import state_covariance as state_covariance
+from .components.scan_surfaces import ScanOptions as ScanOptions
+from .components.scan_surfaces import ScanReturns as ScanReturns
+from .components.scan_surfaces import ScanSurfaces as ScanSurfaces
+from .components.scan_surfaces import check_scan as check_scan
 from .components.sensor import Sensor as Sensor
 from .components.sensor import SensorParameters as SensorParameters
 from .components.uncertainty_conformal import REGION as REGION

@@ -38,6 +38,7 @@ from .rotation import continued as continued
 from .rotation import rotated as rotated
 from .rotation import yaws as yaws
 from .scenery import HeightRange as HeightRange
+from .scenery import Nearby as Nearby
 from .scenery import Scenery as Scenery
 from .shape import LARGEST as LARGEST
 from .shape import AssetPath as AssetPath

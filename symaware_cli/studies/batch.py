@@ -75,6 +75,8 @@ def _refusals(built: Built) -> Iterator[str]:
         yield "messages go over a network"
     if not _declares(type(environment)):
         yield f"the environment `{simulation.environment_use}` moves one world"
+    if environment.on_contact not in (None, "pass"):
+        yield "contacts change how a run goes on"
     for name, region in document.regions.items():
         if region.around is not None:
             yield f"the region `{name}` moves with an agent"

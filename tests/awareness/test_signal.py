@@ -27,6 +27,7 @@ POINTS = Signal("points", "table", PLACES, "points", "in the world")
         (("points", "table", PLACES, "bars"), "only a vector or a series is drawn as bars"),
         (("boxes", "vector", PLACES, "boxes"), "only a table is drawn as boxes"),
         (("boxes", "table", PLACES, "boxes"), "takes columns `x_low`, `x_high`, `y_low`, `y_high`"),
+        (("areas", "table", PLACES, "areas"), "takes columns `x_low`, `x_high`, `y_low`, `y_high`, `occupied`"),
         (("points", "vector", PLACES[:1], "points"), "takes columns `x` and `y`, or `distance` and `bearing`"),
     ],
 )

@@ -19,12 +19,15 @@ from specimens import COUPLED
 #: The parameters of the plugins that need some, and what the scenario of the check needs for them.
 PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "communication.consensus": {"name": "guess", "gain": 0.2},
+    "control.dynamic-window": {"scan": "lidar"},
     "control.follow": {"leader": "leader"},
+    "control.vector-field-histogram": {"scan": "lidar"},
     "ackermann-drive": {"driven": ["left", "right"], "steered": ["port", "starboard"]},
     "articulated": {"joints": ["shoulder", "elbow"]},
     "control.random": {"inputs": [[0.1, 0.0], [0.0, 0.2]]},
     "control.schedule": {"inputs": [{"time": 0.0, "input": [0.1, 0.0]}, {"time": 0.2, "input": [0.0, 0.2]}]},
     "differential-drive": {"left": ["left"], "right": ["right"]},
+    "perception.map": {"scan": "lidar", "resolution": 0.5, "within": (-5.0, 5.0, -5.0, 5.0)},
     "planning.grid": {"resolution": 0.5, "within": (-5.0, 5.0, -5.0, 5.0)},
     "perception.range": {"range": 5.0, "position_noise": 0.1},
     "dubins-aircraft": {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1},
@@ -53,7 +56,10 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "slow": {"of": "robot.steer", "latency": 0.1},
     "stop": {"root": "robot.0"},
 }
+LIDAR = {"agents.robot.components.lidar": {"use": "perception.lidar", "with": {"rays": 24}}}
 CHANGES: Mapping[str, Mapping[str, Any]] = {
+    "control.dynamic-window": LIDAR,
+    "control.vector-field-histogram": LIDAR,
     "communication.consensus": {"agents.robot.knowledge.guess": {"uniform": [0.0, 1.0]}},
     "control.follow": {
         "agents.leader": {"model": {"use": "unicycle"}, "state": [3.0, 0.0, 0.0]},
@@ -64,6 +70,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
         "agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]},
     },
     "control.waypoints": {"agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]}},
+    "perception.map": LIDAR,
     "planning.grid": {
         "agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}, "waypoints": {"all": [[0.0, 0.0]]}},
     },

@@ -1,4 +1,7 @@
-"""The kinematic world: integrates each model as it is, without forces or friction."""
+"""The kinematic world: integrates each model as it is, without forces or friction.
+
+Reasons: docs/decisions/0087-sensing.md (contacts)
+"""
 
 from __future__ import annotations
 
@@ -14,18 +17,20 @@ from symaware_cli.core import (
     EnvironmentParameters,
     ErrorCollector,
     Obstacle,
+    Snapshot,
     WorldError,
 )
 from symaware_cli.engine.environments.actuator import check_time_step
 from symaware_cli.engine.environments.column_environment import ColumnEnvironment
 from symaware_cli.engine.environments.contact_detector import ContactDetector
+from symaware_cli.engine.environments.contact_response import ContactResponse, OnContact
 from symaware_cli.engine.environments.process_noise import process_noise
 from symaware_cli.geometry import Array, Indices
 from symaware_cli.world import Integrator, integrate
 
 
 class KinematicEnvironment(ColumnEnvironment):
-    """Moves every group by its own model; bodies pass through each other, and their contacts are reported.
+    """Moves every group by its own model. Contacts are reported; by default bodies then pass through each other.
 
     Requested control inputs are saturated to what the model allows and held over the step. The model's process noise is
     added after it.
@@ -44,6 +49,11 @@ class KinematicEnvironment(ColumnEnvironment):
         )
         substeps: int = Field(
             1, ge=1, le=1000, description="Into how many parts a time step is divided where rk4 or euler integrate it."
+        )
+        on_contact: OnContact = Field(
+            "pass",
+            description="What happens to agents that meet another body: they pass through it; they stop, where they "
+            "were before the step; they slide along it; or the run ends. Contacts are reported in any case.",
         )
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
@@ -77,11 +87,16 @@ class KinematicEnvironment(ColumnEnvironment):
         errors.raise_first()
         self._noises = [process_noise(group, self.parameters.time_step, seed) for group in self.groups]
         self._detector = ContactDetector(self.groups, self.scenery, self.proximity, self.time_step, self.debounce)
+        self.on_contact = kind = self.parameters.on_contact
+        self._response = ContactResponse(kind, self.groups) if kind in ("stop", "slide") else None
+        #: The states that the models led to in the last step, before contacts changed them; None if they did not.
+        self._wanted: list[Array] | None = None
 
     def step(self) -> None:
         """Advance every group by its model under its saturated control input."""
         self._apply_inputs()
         step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
+        before = list(self._states)
         for number, (model, noise) in enumerate(zip(self._models, self._noises, strict=True)):
             simulator, present = self._simulators[number], self.groups[number].present
             if simulator is not None:
@@ -97,6 +112,15 @@ class KinematicEnvironment(ColumnEnvironment):
             self._states[number] = state
         self._time += self.time_step
         self._snapshot = self._contacts = None
+        if self._response:
+            self._respond(self._response, before)
+
+    def _respond(self, response: ContactResponse, before: list[Array]) -> None:
+        """Keep bodies from moving into each other; `before` has the states before the step."""
+        self._wanted = wanted = list(self._states)
+        self._states = response.corrected(before, wanted, self._scenery.at(self._time), self.present)
+        for state in self._states:
+            state.flags.writeable = False
 
     def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
         """Add to the true states of some agents instantaneously.
@@ -114,7 +138,15 @@ class KinematicEnvironment(ColumnEnvironment):
         self._snapshot = None
 
     def drive(self, group: EntityGroup) -> Drive:
-        """Return that bodies have their velocities at once, and for the whole time step."""
+        """Return that bodies have their velocities at once, and for the whole time step.
+
+        Raises:
+            WorldError: Contacts stop bodies, or let them slide.
+        """
+        if self._response:
+            raise WorldError(
+                "bodies that meet others do not move as their models say", "environment", "with", "on_contact"
+            )
         return Drive(self.parameters.time_step)
 
     def contacts(self) -> Sequence[Contact]:
@@ -123,8 +155,14 @@ class KinematicEnvironment(ColumnEnvironment):
             return ()
         if self._contacts is None:
             # Not within the step: the caller has by now made sure that all states are finite.
-            self._contacts = self._detector.update(self.snapshot(), self.scenery)
+            self._contacts = self._detector.update(self._met(), self.scenery)
         return self._contacts
+
+    def _met(self) -> Snapshot:
+        """Return the agents where they meet: where their models led them, as they never overlap once they stopped."""
+        if self._wanted is None:
+            return self.snapshot()
+        return Snapshot(self._time, self.roster, self._models, self._wanted, self._applied, None, self.present)
 
     def contacts_begun(self) -> Indices:
         """An agent, by index, of each contact that began since the last call; in a batch, instead of `contacts`."""

@@ -331,6 +331,7 @@ class Run:
             pace=self._pacer.kept if self._pacer else None,
             began=seconds(self.kernel.began),
             specifications=self._specifications.outcomes(),
+            on_contact=simulation.environment.on_contact,
         )
 
     @contextmanager

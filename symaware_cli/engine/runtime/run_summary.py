@@ -63,6 +63,7 @@ class RunSummary:
         pace: How well the pace was kept, if one was requested.
         began: The simulated time at which this process joined the run [s].
         specifications: The outcomes of the specifications, in the scenario's order.
+        on_contact: What contacts do to bodies, as in `Environment.on_contact`.
     """
 
     name: str
@@ -89,6 +90,7 @@ class RunSummary:
     pace: Pace | None = None
     began: float = 0.0
     specifications: tuple[Outcome, ...] = ()
+    on_contact: str | None = None
 
     @property
     def violated(self) -> tuple[str, ...]:

@@ -142,6 +142,8 @@ class SimulationHooks:
             if ending is not None:
                 return ending
             decides = self._sharing is None or self._sharing.decides
+            if self._observer.contacts and decides and simulation.environment.on_contact == "end":
+                return "a contact began"
             if until is not None and decides and self._is_over(until):
                 return until.text
             if "stepping" in simulation.events.wanted:

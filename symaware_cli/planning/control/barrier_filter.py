@@ -7,8 +7,16 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, Level, Parameters, Quantity, Signal, Tracks
-from symaware_cli.engine import RequestFilter, bounding_radii, dot
+from symaware_cli.core import AgentGroup, Level, Quantity, ScenarioView, Signal, Tracks
+from symaware_cli.engine import (
+    RequestFilter,
+    ScanOptions,
+    ScanReturns,
+    ScanSurfaces,
+    bounding_radii,
+    check_scan,
+    dot,
+)
 from symaware_cli.geometry import Array, Indices
 from symaware_cli.planning.control.barriers import (
     Encounters,
@@ -79,9 +87,14 @@ class BarrierFilter(RequestFilter):
         ),
     )
 
-    class Parameters(Parameters):
+    class Parameters(ScanOptions):
         """Distances, and how fast they may be used up."""
 
+        scan: str | None = Field(
+            None,
+            description="The name of the lidar that sees the obstacles, which are expected to stand still; null for "
+            "agents that know them. Then `gain` should be at most half of the rate of its scans.",
+        )
         margin: float = Field(0.0, ge=0, description="Distance to keep between bodies, which are taken for discs [m].")
         gain: float = Field(
             1.0,
@@ -128,6 +141,10 @@ class BarrierFilter(RequestFilter):
         if len(model.state) == 4 and not np.isfinite(greatest_length(model)):
             raise ValueError("it needs a double integrator with a greatest acceleration, `max_acceleration`")
 
+    def check_scenario(self, view: ScenarioView) -> None:
+        """Check that the scan exists."""
+        check_scan(view, self.parameters.scan)
+
     def initialise_component(self, group: AgentGroup) -> None:
         """Look up the sizes and models of all agents."""
         super().initialise_component(group)
@@ -137,6 +154,8 @@ class BarrierFilter(RequestFilter):
         self._hold = hold
         self._motion = motion_of(group, parameters.gain, hold / SECOND, parameters.ahead)
         self._radii = bounding_radii(environment)
+        keep = group.entity.radius + self._motion.ahead + parameters.margin
+        self._surfaces = None if parameters.scan is None else ScanSurfaces(parameters.scan, parameters, keep)
         same = [parameters.cooperative and kind_of_motion(each.model) is own for each in environment.groups]
         #: Whether each agent does its half, by index in the roster; shape (N,).
         self._shares = np.repeat(np.array(same, bool), [len(each) for each in environment.groups])
@@ -145,9 +164,10 @@ class BarrierFilter(RequestFilter):
         self._last: int | None = None
         self._warned = False
 
-    def _compute(self) -> tuple[Array, Array, Array, dict[int, Filtering]]:
+    def _compute(self) -> tuple[Array, Array, Array, dict[int, Filtering], ScanReturns | None]:
         state, requested, motion = self._group.awareness.state, self._request(), self._motion
-        encounters, bodies = self._encounters(state)
+        returns = None if self._surfaces is None else self._surfaces.returns(self._group, self.now)
+        encounters, bodies = self._encounters(state, returns)
         rows, least = motion.along(encounters.normal, encounters.row, state), motion.limit(encounters, state)
         allowed = self._group.model.limit(requested)
         control_input, changes = requested, {}
@@ -172,10 +192,12 @@ class BarrierFilter(RequestFilter):
                 changes[agent] = Filtering(self._name(bodies[worst]), relaxed, float(slacks[most]))
         barrier = np.full(len(self._group), self.parameters.reach)
         np.minimum.at(barrier, encounters.row, encounters.barrier)
-        return requested, control_input, barrier, changes
+        return requested, control_input, barrier, changes, returns
 
-    def _update(self, value: tuple[Array, Array, Array, dict[int, Filtering]]) -> None:
-        requested, control_input, barrier, changes = value
+    def _update(self, value: tuple[Array, Array, Array, dict[int, Filtering], ScanReturns | None]) -> None:
+        requested, control_input, barrier, changes, returns = value
+        if self._surfaces is not None and returns is not None:
+            self._surfaces.remember(self._group, self.computed_at, returns)
         self._replace(requested, control_input)
         self.record(self.signals[0], barrier[:, None])
         filtering, relaxing = np.zeros(len(barrier), bool), np.zeros(len(barrier), bool)
@@ -202,14 +224,20 @@ class BarrierFilter(RequestFilter):
     def _name(self, body: int) -> str:
         """Return the name of a body: an agent by its index, or an obstacle by its index after all agents."""
         count = len(self._radii)
+        if body >= count and self._surfaces is not None:
+            return f"what {self._surfaces.scan} sees"
         return self.environment.roster.ids[body] if body < count else self.environment.scenery.names[body - count]
 
-    def _encounters(self, state: Array) -> tuple[Encounters, Indices]:
+    def _encounters(self, state: Array, returns: ScanReturns | None) -> tuple[Encounters, Indices]:
         """Return the bodies within reach, and which they are (see `_name`), shape (m,)."""
         group, parameters, motion = self._group, self.parameters, self._motion
         position = group.model.positions(state)
         own = motion.points(state, position)
-        tracks, near = group.others(parameters.reach), self.environment.scenery.nearest(own, parameters.reach)
+        tracks = group.others(parameters.reach)
+        if self._surfaces is not None and returns is not None:
+            near = self._surfaces.nearest(group, returns, own, parameters.reach, self._radii)
+        else:
+            near = self.environment.scenery.nearest(own, parameters.reach)
         others, shared = tracks.others, self._shares.take(tracks.others)
         points = tracks.positions[:, :2] + np.where(shared, motion.ahead, 0.0)[:, None] * self._directions(tracks)
         keep = group.entity.radius + motion.ahead + parameters.margin

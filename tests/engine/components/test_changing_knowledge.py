@@ -16,6 +16,7 @@ from symaware_cli.engine.environments.kinematic import KinematicEnvironment
 from symaware_cli.engine.models.bicycle import Bicycle
 from symaware_cli.engine.models.integrator import SingleIntegrator
 from symaware_cli.engine.models.quadrotor import Quadrotor
+from symaware_cli.engine.models.unicycle import Unicycle
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.timing import STEADY, Timing
 from symaware_cli.language.catalogue import Catalogue
@@ -56,6 +57,10 @@ CHANGE = 60
 CASES = {
     "control.go-to-goal": Case("goal", [1, 0], [0, 3], [0, 3]),
     "control.velocity-obstacle": Case("goal", [1, 0], [0, 3], [0, 3]),
+    "control.dynamic-window": Case(
+        "goal", [1, 0], [0, 3], [0, 3], model=Unicycle(), state=(0, 0, 0), parameters={"scan": "lidar"}
+    ),
+    "control.vector-field-histogram": Case("goal", [1, 0], [0, 3], [0, 3], parameters={"scan": "lidar"}),
     "control.waypoints": Case("waypoints", [[1, 0]], [[1, 2], [-1, 2]], [-1, 2]),
     "control.pure-pursuit": Case(
         "waypoints", [[0, 0], [1, 0]], [[1, 0], [3, 0], [6, 2], [9, 2]], [9, 2], 0.3, 600, Bicycle(), (0, 0, 0)

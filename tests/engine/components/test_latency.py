@@ -98,6 +98,12 @@ CASES = {
     ),
     "control.go-to-goal": Case(ACTS, knowledge={"goal": [3, 3]}),
     "control.velocity-obstacle": Case(ACTS, knowledge={"goal": [3, 3]}),
+    "control.dynamic-window": Case(
+        ACTS, {"scan": "perception-lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
+    ),
+    "control.vector-field-histogram": Case(
+        ACTS, {"scan": "perception-lidar"}, {"goal": [3, 3]}, before={"perception.lidar": {"rays": 24}}
+    ),
     "control.waypoints": Case(ACTS, knowledge={"waypoints": LINE}),
     "control.pure-pursuit": Case(ACTS, knowledge={"waypoints": LINE}, model=Bicycle()),
     "control.follow": Case(ACTS, {"leader": "other"}, {"offset": [-1, 0]}),
@@ -126,6 +132,11 @@ CASES = {
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
     "control.policy": Case(["control"], {"policy": {"file": "policies/goal.onnx"}}),
+    "perception.map": Case(
+        ["signals"],
+        {"scan": "perception-lidar", "resolution": 0.5, "within": (-5, 5, -5, 5), "record": 0.1},
+        before={"perception.lidar": {"rays": 24}},
+    ),
     "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3], "waypoints": LINE}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),

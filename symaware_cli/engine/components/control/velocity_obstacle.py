@@ -8,11 +8,12 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, model_validator
 
-from symaware_cli.core import AgentGroup
+from symaware_cli.core import AgentGroup, ScenarioView
 from symaware_cli.engine.components.control.goal import GoalSeeking
 from symaware_cli.engine.components.control.half_planes import HalfPlanes, nearest_velocity
 from symaware_cli.engine.components.control.steering import along, directions, scaled
 from symaware_cli.engine.components.relative_motion import RelativeMotion, bounding_radii, dot, own_velocity
+from symaware_cli.engine.components.scan_surfaces import ScanOptions, ScanReturns, ScanSurfaces, check_scan
 from symaware_cli.geometry import Array, Indices, lengths
 
 #: How much constraints of obstacles yield, relative to agents, if infeasible: obstacles do not move aside.
@@ -71,7 +72,8 @@ class VelocityObstacle(GoalSeeking):
     they do their half. If that is impossible it takes the velocity that violates these constraints least. Each agent
     uses its own beliefs without regard to their uncertainty: an agent that is not perceived is not avoided. Each convex
     piece of an obstacle forbids the velocities that would cover the distance to it within a horizon of its own; the
-    agents know the obstacles.
+    agents know the obstacles, or see them by a lidar (`scan`); then others that they are not aware of are obstacles
+    as well.
 
     While there is anything to avoid, each agent turns a little to the right of its goal. If all agents move straight to
     the same place, as on a circle, reciprocal avoidance alone ends in a deadlock that no small random change resolves;
@@ -86,9 +88,12 @@ class VelocityObstacle(GoalSeeking):
 
     sees_world = True
 
-    class Parameters(GoalSeeking.Parameters):
+    class Parameters(GoalSeeking.Parameters, ScanOptions):
         """Parameters of avoidance."""
 
+        scan: str | None = Field(
+            None, description="The name of the lidar that sees the obstacles; null for agents that know them."
+        )
         max_speed: float | None = Field(
             None, gt=0, description="Greatest speed while avoiding, at least the cruise speed [m/s]; that if null."
         )
@@ -128,33 +133,44 @@ class VelocityObstacle(GoalSeeking):
             raise ValueError("avoidance works in the plane, and the model moves in space")
         super().check(group)
 
+    def check_scenario(self, view: ScenarioView) -> None:
+        """Check that the scan exists."""
+        check_scan(view, self.parameters.scan)
+
     def initialise_component(self, group: AgentGroup) -> None:
         """Look up the sizes of all agents."""
         super().initialise_component(group)
+        given = self.parameters
+        self._surfaces = (
+            None if given.scan is None else ScanSurfaces(given.scan, given, group.entity.radius + given.margin)
+        )
         self._radii = bounding_radii(self.environment)
         #: The angle by which each agent turns to the right [rad]; shape (n,).
         self._turn: Array | None = None
         if self.parameters.perturbation:
             self._turn = self.parameters.perturbation * (0.5 + 0.5 * self.random.uniform(1)[:, 0])
 
-    def _compute(self) -> tuple[Array, Array, Array, Array]:
+    def _compute(self) -> tuple[Array, Array, Array, Array, ScanReturns | None]:
         model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
         position = model.positions(state)
         way = goal - position
         distance = lengths(way)
         preferred = scaled(directions(way, distance), self._slowing(distance))
         relative = RelativeMotion(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
-        planes = _joined(self._obstacle_planes(position), self._agent_planes(relative))
+        returns = None if self._surfaces is None else self._surfaces.returns(self._group, self.now)
+        planes = _joined(self._obstacle_planes(position, returns), self._agent_planes(relative))
         if self._turn is not None and planes.limit.shape[1]:
             avoiding = np.isfinite(planes.limit).any(axis=1)
             preferred = _turned_right(preferred, np.where(avoiding, self._turn, 0.0))
         velocity, _ = nearest_velocity(planes, preferred, self._greatest_speed)
         intent = along(position, velocity, np.broadcast_to(self._ahead, (len(position), len(self._ahead))))
-        return model.follow_velocity(state, velocity), intent, goal, distance
+        return model.follow_velocity(state, velocity), intent, goal, distance, returns
 
-    def _update(self, value: tuple[Array, Array, Array, Array]) -> None:
-        control_input, intent, goal, distance = value
+    def _update(self, value: tuple[Array, Array, Array, Array, ScanReturns | None]) -> None:
+        control_input, intent, goal, distance, returns = value
         self._steer(control_input, intent)
+        if self._surfaces is not None and returns is not None:
+            self._surfaces.remember(self._group, self.computed_at, returns)
         self._emit_arrivals(goal, distance)
 
     @property
@@ -179,11 +195,14 @@ class VelocityObstacle(GoalSeeking):
         )
         return _padded(len(self._group), observers, normal, limit, 1.0)
 
-    def _obstacle_planes(self, position: Array) -> HalfPlanes:
+    def _obstacle_planes(self, position: Array, returns: ScanReturns | None) -> HalfPlanes:
         parameters, scenery = self.parameters, self.environment.scenery
         keep = self._group.entity.radius + parameters.margin
         reach = keep + self._greatest_speed * parameters.time_horizon_obstacles
-        near = scenery.nearest(position, max(reach, parameters.reach) if scenery.moves else reach)
+        if self._surfaces is not None and returns is not None:
+            near = self._surfaces.nearest(self._group, returns, position, reach, self._radii)
+        else:
+            near = scenery.nearest(position, max(reach, parameters.reach) if scenery.moves else reach)
         distance = near.distance
         # Inside of an obstacle the distance is negative, so the normal points to the nearest way out.
         normal = ((near.point - position[near.row]) / np.where(distance == 0.0, np.inf, distance)[:, None]).T
