@@ -2,6 +2,9 @@
 
 from .batch_check import differing_compositions as differing_compositions
 from .batch_check import differing_runs as differing_runs
+from .batch_simulation import BatchSimulation as BatchSimulation
+from .batch_simulation import batch_size as batch_size
+from .batch_simulation import refusal as refusal
 from .cell_stops import CellStops as CellStops
 from .claim import Claim as Claim
 from .custom_metrics import typed as typed

@@ -19,6 +19,7 @@ import numpy as np
 
 from symaware_cli.engine.runtime.state.layout import Layout, attributes, layout, set_attributes
 from symaware_cli.engine.runtime.state.serialiser import Serialiser
+from symaware_cli.world import Seed
 
 #: Returns one object to its marked contents.
 Return = Callable[[], object]
@@ -61,11 +62,12 @@ class StateMark:
                 if kind in ("list", "dict", "set") and getattr(value, "__dict__", None):
                     self._add_attributes(value, layout(type(value)))
 
-    def go_back(self, seed: int | None = None) -> None:
+    def go_back(self, seed: Seed | None = None) -> None:
         """Return to the mark.
 
         Args:
-            seed: What everything random is drawn from thereafter; None for the seed at the mark.
+            seed: What everything random is drawn from thereafter, for each run of a batch; None for the seed at the
+                mark.
         """
         for own, marked in self._plain:
             if own.keys() != marked.keys():
