@@ -154,6 +154,7 @@ class BatchedRows:
 
     Attributes:
         arrays: See `RowSource`.
+        built: The number of batches that were built.
     """
 
     def __init__(self, rows: int, agents: int, episodes: Episodes, template: Built) -> None:
@@ -170,13 +171,16 @@ class BatchedRows:
         self._episodes = episodes
         self._template = template
         self._most = batch_size(template)
+        self.built = 0
         self._batches: list[_Batch] = []
         self._idle: dict[int, list[_Batch]] = {}
 
     def begin(self, rows: Rows, seeds: Sequence[int]) -> None:
         """See `RowSource`."""
+        begin = np.zeros(self._count + 1, bool)  # the last one is for -1
+        begin[rows] = True
         for batch in self._batches:
-            batch.owners[np.isin(batch.owners, rows)] = _NONE
+            batch.owners[begin[batch.owners]] = _NONE
         used = [each for each in self._batches if (each.owners != _NONE).any()]
         for batch in self._batches:
             if batch not in used:
@@ -206,6 +210,7 @@ class BatchedRows:
             if idle:
                 return idle.pop()
         every = (*seeds, *(seeds[:1] * (size - len(seeds))))
+        self.built += 1
         return _Batch(self._episodes, self._template, every)
 
     def step(self, rows: Rows, actions: Array, given: Truths) -> None:

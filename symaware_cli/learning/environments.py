@@ -108,7 +108,7 @@ def single_env(
     ids = [id for team in episodes.teams for id in team.agents]
     if len(ids) > 1:
         episodes.close()
-        raise LearningError(f"{len(ids)} agents learn: name one of {', '.join(ids[:9])}, or use `env`")
+        raise _several(ids, "env")
     return ScenarioEnv(episodes, render_mode)
 
 
@@ -211,6 +211,27 @@ def vector_env(
     return ScenarioTeamVectorEnv(ids, rows, (bounds[0], bounds[1]), fps, reason)
 
 
+def single_vector_env(
+    scenario: str | os.PathLike[str] | Scenario, num_envs: int, agent: str | None = None, **options: Any
+) -> ScenarioVectorEnv:
+    """Return rows with one learning agent each, for `gymnasium.make_vec`; see `vector_env`.
+
+    Raises:
+        LearningError: See `vector_env`; or several agents learn.
+    """
+    from symaware_cli.learning.vector_environment import ScenarioVectorEnv
+
+    made = vector_env(scenario, num_envs, agent, **options)
+    if not isinstance(made, ScenarioVectorEnv):
+        made.close()
+        raise _several(made.agents, "vector_env")
+    return made
+
+
+def _several(ids: Sequence[str], otherwise: str) -> LearningError:
+    return LearningError(f"{len(ids)} agents learn: name one of {', '.join(ids[:9])}, or use `{otherwise}`")
+
+
 def _mode(given: AutoresetMode | str, modes: type[AutoresetMode]) -> AutoresetMode:
     if isinstance(given, modes):
         return given
@@ -245,7 +266,7 @@ def _register() -> None:
         from gymnasium.envs.registration import register, registry
 
         if ID not in registry:
-            register(ID, f"{__name__}:single_env")
+            register(ID, f"{__name__}:single_env", vector_entry_point=f"{__name__}:single_vector_env")
 
 
 def _require(package: str, render_mode: str | None) -> None:

@@ -75,13 +75,19 @@ class StepActions:
         self.given: Mapping[AgentGroup, Given] = {}
 
     def __call__(self, step: int) -> Mapping[AgentGroup, Given]:
+        """Return those of the present step."""
         return self.given
 
 
 class TeamTask:
-    """A team with its functions."""
+    """A team with what it observes, is rewarded for, and is terminated by.
+
+    Attributes:
+        team: The team.
+    """
 
     def __init__(self, task: LearningTask, team: Team, functions: Functions) -> None:
+        """Compile the task."""
         self.team = team
         self._functions = functions
         self._observation = task.observation(team)
@@ -91,6 +97,7 @@ class TeamTask:
         self._seen = self._everybody
 
     def begin(self) -> TeamStep:
+        """Observe the beginning of an episode."""
         self._seen = self.team.present.copy()
         if self._functions.reward is None:
             self._reward.begin()
@@ -98,6 +105,7 @@ class TeamTask:
         return TeamStep(self._observed(self._seen), nothing, nothing > 0.0, self._seen)
 
     def step(self) -> TeamStep:
+        """Observe and reward a step that was made."""
         team, functions = self.team, self._functions
         present, left = self._everybody, None
         if team.of.present is not None:
