@@ -8,6 +8,7 @@ Reasons: docs/decisions/0088-vector-environments.md
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -211,7 +212,14 @@ class BatchedRows:
                 return idle.pop()
         every = (*seeds, *(seeds[:1] * (size - len(seeds))))
         self.built += 1
-        return _Batch(self._episodes, self._template, every)
+        # Thousands of objects are made, none of which is garbage: collections meanwhile would take most of the time.
+        enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return _Batch(self._episodes, self._template, every)
+        finally:
+            if enabled:
+                gc.enable()
 
     def step(self, rows: Rows, actions: Array, given: Truths) -> None:
         """See `RowSource`."""
