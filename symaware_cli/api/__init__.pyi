@@ -9,7 +9,6 @@ from .result import result_of as result_of
 from .scenario import GroupOutline as GroupOutline
 from .scenario import Outline as Outline
 from .scenario import Scenario as Scenario
-from .scenario import ScenarioBuilder as ScenarioBuilder
 from .scenario import load as load
 from .stepping import SteppedSimulation as SteppedSimulation
 from .sweep_result import SweepResult as SweepResult

@@ -154,7 +154,7 @@ class BatchedRows:
     """Makes the episodes of all rows in batches.
 
     Attributes:
-        arrays: See `RowSource`.
+        arrays: See `EpisodeSource`.
         built: The number of batches that were built.
     """
 
@@ -177,7 +177,7 @@ class BatchedRows:
         self._idle: dict[int, list[_Batch]] = {}
 
     def begin(self, rows: Rows, seeds: Sequence[int]) -> None:
-        """See `RowSource`."""
+        """See `EpisodeSource`."""
         begin = np.zeros(self._count + 1, bool)  # the last one is for -1
         begin[rows] = True
         for batch in self._batches:
@@ -222,7 +222,7 @@ class BatchedRows:
                 gc.enable()
 
     def step(self, rows: Rows, actions: Array, given: Truths) -> None:
-        """See `RowSource`."""
+        """See `EpisodeSource`."""
         chosen = np.zeros(self._count + 1, bool)  # the last one is for -1
         chosen[rows] = True
         for batch in self._batches:

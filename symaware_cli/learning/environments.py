@@ -166,7 +166,7 @@ def vector_env(
     from gymnasium.vector import AutoresetMode
 
     from symaware_cli.learning.batched_rows import BatchedRows, refusal_of_rows
-    from symaware_cli.learning.row_arrays import RowSource
+    from symaware_cli.learning.row_arrays import EpisodeSource
     from symaware_cli.learning.separate_rows import SeparateRows
     from symaware_cli.learning.team_vector_environment import ScenarioTeamVectorEnv
     from symaware_cli.learning.vector_environment import ScenarioVectorEnv
@@ -192,7 +192,7 @@ def vector_env(
         episodes.close()
         raise LearningError(f"the rows cannot be batched: {reason}")
     ids = [id for team in teams for id in team.agents]
-    source: RowSource
+    source: EpisodeSource
     if reason is None:
         episodes.close()
         source = BatchedRows(num_envs, len(ids), episodes, template)

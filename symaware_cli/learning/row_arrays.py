@@ -35,7 +35,7 @@ class RowArrays:
         self.complete: Truths = np.zeros(rows, bool)
 
 
-class RowSource(Protocol):
+class EpisodeSource(Protocol):
     """Makes the episodes of the rows of a vector environment.
 
     Attributes:

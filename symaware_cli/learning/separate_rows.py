@@ -12,7 +12,7 @@ class SeparateRows:
     """Makes the episodes of all rows one after the other.
 
     Attributes:
-        arrays: See `RowSource`.
+        arrays: See `EpisodeSource`.
     """
 
     def __init__(self, rows: int, episodes: Episodes, make: Callable[[], Episodes]) -> None:
@@ -27,14 +27,14 @@ class SeparateRows:
         self.arrays = RowArrays(rows, sum(len(team.agents) for team in episodes.teams), episodes.widths[0])
 
     def begin(self, rows: Rows, seeds: Sequence[int]) -> None:
-        """See `RowSource`."""
+        """See `EpisodeSource`."""
         for row, seed in zip(rows.tolist(), seeds, strict=True):
             self._write(row, self._episodes[row].begin_with(seed))
         self.arrays.rewards[rows] = 0.0
         self.arrays.ended[rows] = self.arrays.complete[rows] = False
 
     def step(self, rows: Rows, actions: Array, given: Truths) -> None:
-        """See `RowSource`."""
+        """See `EpisodeSource`."""
         for row in rows.tolist():
             episodes = self._episodes[row]
             ids = [id for team in episodes.teams for id in team.agents]

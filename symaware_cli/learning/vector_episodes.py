@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.learning.row_arrays import Array, Rows, RowSource, Truths
+from symaware_cli.learning.row_arrays import Array, EpisodeSource, Rows, Truths
 from symaware_cli.studies import seed_of
 
 
@@ -48,7 +48,7 @@ class VectorEpisodes:
         mode: When a row whose episode is over begins the next one.
     """
 
-    def __init__(self, source: RowSource, own_seed: int, inputs: int, mode: AutoresetMode) -> None:
+    def __init__(self, source: EpisodeSource, own_seed: int, inputs: int, mode: AutoresetMode) -> None:
         """Prepare.
 
         Args:
