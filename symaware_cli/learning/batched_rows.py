@@ -104,7 +104,7 @@ class _Batch:
         self.owners[:] = _NONE
         self.owners[: len(owners)] = owners
         if not self._is_new:
-            every = (*seeds, *(seeds[:1] * (self.size - len(seeds))))
+            every = _filled(seeds, self.size)
             assert self._mark is not None
             return_to(self._run, self._mark, every)
             self._batched.take_seeds(every)
@@ -210,7 +210,7 @@ class BatchedRows:
             idle = self._idle.get(size)
             if idle:
                 return idle.pop()
-        every = (*seeds, *(seeds[:1] * (size - len(seeds))))
+        every = _filled(seeds, size)
         self.built += 1
         # Thousands of objects are made, none of which is garbage: collections meanwhile would take most of the time.
         enabled = gc.isenabled()
@@ -259,3 +259,8 @@ class BatchedRows:
         for each in [*self._batches, *(batch for idle in self._idle.values() for batch in idle)]:
             each.close()
         self._batches, self._idle = [], {}
+
+
+def _filled(seeds: Sequence[int], size: int) -> tuple[int, ...]:
+    """Return as many seeds as a batch computes; its places without a row have the first one."""
+    return (*seeds, *((seeds[0],) * (size - len(seeds))))

@@ -7,14 +7,14 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector.utils import batch_space
+from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.learning.row_arrays import Array, Truths
 from symaware_cli.learning.vector_episodes import VectorEpisodes, VectorStep
 
 
-class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
+class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
     """A scenario in which one agent is controlled from outside, in many rows.
 
     Row i equals the environment of `single_env`, byte for byte.
@@ -24,6 +24,9 @@ class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         episodes: The episodes of all rows.
         unbatched: Why rows have a simulation each, in one line; None if they are batched.
     """
+
+    observation_space: Box
+    action_space: Box
 
     def __init__(
         self,
@@ -46,10 +49,11 @@ class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         rows, _, width = episodes.source.arrays.observations.shape
         self.num_envs = rows
         self.metadata = {"autoreset_mode": episodes.mode, "render_modes": [], "render_fps": fps}
-        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (width,), np.float64)
-        self.single_action_space = gymnasium.spaces.Box(*bounds, dtype=np.float64)
-        self.observation_space = batch_space(self.single_observation_space, rows)
-        self.action_space = batch_space(self.single_action_space, rows)
+        low, high = (np.tile(each, (rows, 1)) for each in bounds)
+        self.single_observation_space = Box(-np.inf, np.inf, (width,), np.float64)
+        self.single_action_space = Box(*bounds, dtype=np.float64)
+        self.observation_space = Box(-np.inf, np.inf, (rows, width), np.float64)
+        self.action_space = Box(low, high, dtype=np.float64)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

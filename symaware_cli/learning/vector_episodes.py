@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.learning.row_arrays import Array, EpisodeSource, Rows, Truths
-from symaware_cli.studies import seed_of
+from symaware_cli.studies import seeds_of
 
 
 class VectorStep(NamedTuple):
@@ -87,7 +87,7 @@ class VectorEpisodes:
         return self._step(self._live.copy(), chosen)
 
     def _begin(self, rows: Rows) -> None:
-        own = [seed_of(self._roots[row] or 0, self._indices[row]) for row in rows.tolist()]
+        own = seeds_of([self._roots[row] or 0 for row in rows.tolist()], [self._indices[row] for row in rows.tolist()])
         self.seeds[rows] = own
         self.source.begin(rows, own)
         self._live[rows], self._terminated[rows], self._over[rows] = True, False, False
@@ -130,7 +130,7 @@ class VectorEpisodes:
         early = arrays.ended & ~arrays.complete
         self._terminated |= live & (arrays.terminated | early[:, None])
         self._live = live & ~self._terminated & ~arrays.ended[:, None]
-        self._over = ~self._live.any(axis=1)
+        self._over = np.asarray(~self._live.any(axis=1))
         if begins.any():
             again = np.flatnonzero(begins)
             self._advance(again)

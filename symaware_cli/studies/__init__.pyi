@@ -58,6 +58,7 @@ from .sweep_plan import ParameterChange as ParameterChange
 from .sweep_plan import SweepPlan as SweepPlan
 from .sweep_plan import brief_names as brief_names
 from .sweep_plan import seed_of as seed_of
+from .sweep_plan import seeds_of as seeds_of
 from .sweep_reading import read_differences as read_differences
 from .sweep_reading import read_rows as read_rows
 from .sweep_reading import read_shares as read_shares

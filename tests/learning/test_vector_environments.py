@@ -69,7 +69,7 @@ def test_one_agent_is_what_gymnasium_makes_of_single_environments(
     random = np.random.default_rng(0)
     for found, expected in zip(rows.reset(seed=3), single.reset(seed=3), strict=True):
         assert_equal(found, expected)
-    ends = set()
+    ends: set[tuple[int, int]] = set()
     for step in range(16):
         actions = random.uniform(rows.action_space.low, rows.action_space.high)
         result = rows.step(actions)
@@ -103,10 +103,10 @@ def test_the_rows_of_a_team_equal_parallel_environments(batched: bool, changes: 
         observed, rewards, terminated, truncated, infos = rows.step(actions)
         for row, each in enumerate(single):
             if not each.agents:
-                first, said = each.reset()
+                first, began = each.reset()
                 assert observed[row].tobytes() == np.array([*first.values()]).tobytes()
                 assert infos["_seed"][row]
-                assert infos["seed"][row] == said["robot.0"]["seed"]
+                assert infos["seed"][row] == began["robot.0"]["seed"]
                 again += 1
                 continue
             live = each.agents
@@ -115,8 +115,8 @@ def test_the_rows_of_a_team_equal_parallel_environments(batched: bool, changes: 
                 assert infos["live"][row, number] == (id in live)
                 if id in live:
                     assert observed[row, number].tobytes() == result[0][id].tobytes()
-                    own = (rewards[row, number], terminated[row, number], truncated[row, number])
-                    assert own == (result[1][id], result[2][id], result[3][id])
+                    said = (rewards[row, number], terminated[row, number], truncated[row, number])
+                    assert said == (result[1][id], result[2][id], result[3][id])
                     assert infos["present"][row, number] == result[4][id]["present"]
                 else:
                     assert not observed[row, number].any()
