@@ -132,7 +132,7 @@ if TYPE_CHECKING:
     from symaware_cli.help_place import in_help
     from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
     from symaware_cli.language import Additions, InitialAgents, ScenarioError, ScenarioSection, SectionContext
-    from symaware_cli.learning.environments import env, single_env
+    from symaware_cli.learning.environments import env, single_env, vector_env
     from symaware_cli.learning.policy import Policy, PolicyError
     from symaware_cli.learning.policy_writing import write_policy
     from symaware_cli.learning.team import LearningError
@@ -288,6 +288,7 @@ __all__ = [
     "seconds",
     "single_env",
     "sweep",
+    "vector_env",
     "verify_certificate",
     "verify_log",
     "verify_sweep",
@@ -323,7 +324,7 @@ _HOMES = {
     "symaware_cli.assets.vehicle": ("Vehicle",),
     "symaware_cli.engine.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
     "symaware_cli.help_place": ("in_help",),
-    "symaware_cli.learning.environments": ("env", "single_env"),
+    "symaware_cli.learning.environments": ("env", "single_env", "vector_env"),
     "symaware_cli.learning.policy": ("Policy", "PolicyError"),
     "symaware_cli.learning.policy_writing": ("write_policy",),
     "symaware_cli.learning.team": ("LearningError",),

@@ -5,6 +5,7 @@ from .report import size_in_words as size_in_words
 from .result import RunFailedError as RunFailedError
 from .result import RunInterrupted as RunInterrupted
 from .result import RunResult as RunResult
+from .result import result_of as result_of
 from .scenario import GroupOutline as GroupOutline
 from .scenario import Outline as Outline
 from .scenario import Scenario as Scenario

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from symaware_cli.knowledge import KnowledgeModel
     from symaware_cli.language import Assignment, Problem
     from symaware_cli.language.build import Built
+    from symaware_cli.language.compose import Composition
     from symaware_cli.language.inline_scenario import InlineScenario
     from symaware_cli.processes import Place
 
@@ -179,6 +180,22 @@ def scenario(content: Mapping[str, Any], changes: Changes | None = None, *, seed
     made = _ProgramScenario(InlineScenario(content, caller(1)), changes, seed)
     made.outline = made.validate()
     return made
+
+
+class ScenarioBuilder:
+    """Builds a checked scenario anew for each seed.
+
+    Attributes:
+        composition: The composed document; None if its files are read each time.
+    """
+
+    def __init__(self, build: Callable[[int | None], Built], composition: Composition | None = None) -> None:
+        self._build = build
+        self.composition = composition
+
+    def __call__(self, seed: int | None) -> Built:
+        """Build the scenario for a seed; None for its own."""
+        return self._build(seed)
 
 
 class Scenario:
@@ -369,8 +386,8 @@ class Scenario:
             stack.pop_all()
         return simulation
 
-    def builder(self, changes: Changes | None = None) -> Callable[[int | None], Built]:
-        """Check the scenario in its present form, and return a function that builds it anew for a seed.
+    def builder(self, changes: Changes | None = None) -> ScenarioBuilder:
+        """Check the scenario in its present form, and return what builds it anew for a seed.
 
         The files are read once, if no file of plugins beside the scenario has to be trusted each time.
 
@@ -380,7 +397,7 @@ class Scenario:
         """
         built = self._build(changes, None, None, None, None)
         if type(self) is not Scenario or built.document.plugins or self.path.suffix == ".mcap":
-            return lambda seed: self._build(changes, seed, None, None, None)
+            return ScenarioBuilder(lambda seed: self._build(changes, seed, None, None, None))
         from symaware_cli.language import Catalogue
         from symaware_cli.language.build import build_composition
         from symaware_cli.language.compose import compose
@@ -391,7 +408,7 @@ class Scenario:
         def build(seed: int | None) -> Built:
             return build_composition(composition.copy(), self.path.parent, own if seed is None else seed, catalogue)
 
-        return build
+        return ScenarioBuilder(build, composition)
 
     def _build(
         self, changes: Changes | None, seed: int | None, mode: Mode | None, duration: float | None, pace: float | None

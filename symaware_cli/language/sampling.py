@@ -97,6 +97,9 @@ class Sampler:
         each = self._values(value, path, None)
         if isinstance(each, np.ndarray):
             return list(each)
+        table = None if each is None else _table(each)
+        if table is not None and is_within(table, FARTHEST) and (table != table[0]).any():
+            return list(table)
         for row, known in enumerate(each or ()):
             if (far := _first_excessive(known)) is not None:
                 self._report_size(path, row, *far, FARTHEST)
@@ -432,6 +435,15 @@ def _first_excessive(known: Any) -> tuple[Path, float] | None:
     return next(
         ((inner, value) for inner, value in leaves if isinstance(value, float) and not abs(value) <= FARTHEST), None
     )
+
+
+def _table(values: Sequence[Any]) -> Array | None:
+    """Return lists of floats that are equally long as an array, which is faster than one by one; None for others."""
+    if not all(type(one) is list for one in values) or len({len(one) for one in values}) != 1:
+        return None
+    if {type(number) for one in values for number in one} != {float}:
+        return None
+    return np.array(values)
 
 
 def _is_array(value: Any) -> bool:

@@ -13,8 +13,12 @@ from symaware_cli.learning.episodes import Episodes, Functions
 from symaware_cli.learning.team import LearningError, Team
 
 if TYPE_CHECKING:
+    from gymnasium.vector import AutoresetMode
+
     from symaware_cli.learning.parallel_environment import ScenarioParallelEnv
     from symaware_cli.learning.single_environment import ScenarioEnv
+    from symaware_cli.learning.team_vector_environment import ScenarioTeamVectorEnv
+    from symaware_cli.learning.vector_environment import ScenarioVectorEnv
 
 #: The name of the environment in Gymnasium.
 ID = "symaware/Scenario-v0"
@@ -104,8 +108,137 @@ def single_env(
     ids = [id for team in episodes.teams for id in team.agents]
     if len(ids) > 1:
         episodes.close()
-        raise LearningError(f"{len(ids)} agents learn: name one of {', '.join(ids[:9])}, or use `env`")
+        raise _several(ids, "env")
     return ScenarioEnv(episodes, render_mode)
+
+
+def vector_env(
+    scenario: str | os.PathLike[str] | Scenario,
+    num_envs: int,
+    agents: str | Sequence[str] | None = None,
+    observation: Said = None,
+    action: Mapping[str, Any] | None = None,
+    reward: Said = None,
+    terminate: str | Callable[[Team], Any] | None = None,
+    *,
+    changes: Mapping[str, Any] | None = None,
+    autoreset_mode: AutoresetMode | str = "next_step",
+    batched: bool | None = None,
+    mixes: bool = True,
+) -> ScenarioVectorEnv | ScenarioTeamVectorEnv:
+    """Return many rows of a scenario as one environment; each equals `single_env` or `env`, byte for byte.
+
+    Rows are computed as arrays, as runs of a sweep are, if the scenario can be batched; otherwise each has a simulation
+    of its own. The attribute `unbatched` says why.
+
+    Args:
+        scenario: See `env`.
+        num_envs: The number of rows.
+        agents: See `env`. If one agent learns, the result is a vector environment of Gymnasium; if several do, it has
+            arrays of shape (rows, agents, values).
+        observation: See `env`.
+        action: See `env`.
+        reward: See `env`.
+        terminate: See `env`.
+        changes: See `env`.
+        autoreset_mode: When a row whose episode is over begins the next one, as in Gymnasium: ``next_step``,
+            ``same_step`` or ``disabled``.
+        batched: Whether rows have to be computed as arrays; None if they are where possible.
+        mixes: Whether functions are written for one environment, so that rows are not batched with them. If false, a
+            function gets the agents of `Team.environments` environments, one environment after the other, and each of
+            its rows depends on the agents of the same environment only.
+
+    Raises:
+        ScenarioError: See `env`.
+        LearningError: See `env`; agents differ in the number of observed values or control inputs; or the scenario
+            cannot be batched although `batched` is true.
+        ValueError: There is no such mode, or no row.
+        ImportError: Gymnasium is not installed.
+
+    Warns:
+        ProcessorWarning: See `Scenario.run`.
+    """
+    _require("gymnasium", None)
+    processor.warn_once(stacklevel=2)
+    if num_envs < 1:
+        raise ValueError(f"a number of environments is at least 1, not {num_envs}")
+    import numpy as np
+    from gymnasium.vector import AutoresetMode
+
+    from symaware_cli.learning.batched_rows import BatchedRows, refusal_of_rows
+    from symaware_cli.learning.row_arrays import EpisodeSource
+    from symaware_cli.learning.separate_rows import SeparateRows
+    from symaware_cli.learning.team_vector_environment import ScenarioTeamVectorEnv
+    from symaware_cli.learning.vector_environment import ScenarioVectorEnv
+    from symaware_cli.learning.vector_episodes import VectorEpisodes
+
+    mode = _mode(autoreset_mode, AutoresetMode)
+
+    def make() -> Episodes:
+        return _episodes(scenario, agents, observation, action, reward, terminate, changes)
+
+    episodes = make()
+    teams = episodes.teams
+    if len({*episodes.widths}) > 1 or len({len(low) for low, _ in episodes.spaces}) > 1:
+        said = ", ".join(
+            f"`{team.group}` {width} and {len(low)}"
+            for team, width, (low, _) in zip(teams, episodes.widths, episodes.spaces, strict=True)
+        )
+        episodes.close()
+        raise LearningError(f"agents in one array have equal numbers of observed values and control inputs, not {said}")
+    template = episodes.builder(None)
+    reason = "it was asked for" if batched is False else refusal_of_rows(episodes, template, mixes=mixes)
+    if batched and reason is not None:
+        episodes.close()
+        raise LearningError(f"the rows cannot be batched: {reason}")
+    ids = [id for team in teams for id in team.agents]
+    source: EpisodeSource
+    if reason is None:
+        episodes.close()
+        source = BatchedRows(num_envs, len(ids), episodes, template)
+    else:
+        source = SeparateRows(num_envs, episodes, make)
+    bounds = [
+        np.concatenate(
+            [np.tile(each[side], (len(team.agents), 1)) for team, each in zip(teams, episodes.spaces, strict=True)]
+        )
+        for side in range(2)
+    ]
+    rows = VectorEpisodes(source, episodes.own_seed, bounds[0].shape[1], mode)
+    fps = 1.0 / episodes.time_step
+    if len(ids) == 1:
+        return ScenarioVectorEnv(ids[0], rows, (bounds[0][0], bounds[1][0]), fps, reason)
+    return ScenarioTeamVectorEnv(ids, rows, (bounds[0], bounds[1]), fps, reason)
+
+
+def single_vector_env(
+    scenario: str | os.PathLike[str] | Scenario, num_envs: int, agent: str | None = None, **options: Any
+) -> ScenarioVectorEnv:
+    """Return rows with one learning agent each, for `gymnasium.make_vec`; see `vector_env`.
+
+    Raises:
+        LearningError: See `vector_env`; or several agents learn.
+    """
+    from symaware_cli.learning.vector_environment import ScenarioVectorEnv
+
+    made = vector_env(scenario, num_envs, agent, **options)
+    if not isinstance(made, ScenarioVectorEnv):
+        made.close()
+        raise _several(made.agents, "vector_env")
+    return made
+
+
+def _several(ids: Sequence[str], otherwise: str) -> LearningError:
+    return LearningError(f"{len(ids)} agents learn: name one of {', '.join(ids[:9])}, or use `{otherwise}`")
+
+
+def _mode(given: AutoresetMode | str, modes: type[AutoresetMode]) -> AutoresetMode:
+    if isinstance(given, modes):
+        return given
+    found = {each.name.lower(): each for each in modes}.get(str(given))
+    if found is None:
+        raise ValueError(f"the autoreset mode {given!r} is not one of {', '.join(each.name.lower() for each in modes)}")
+    return found
 
 
 def _episodes(
@@ -133,7 +266,7 @@ def _register() -> None:
         from gymnasium.envs.registration import register, registry
 
         if ID not in registry:
-            register(ID, f"{__name__}:single_env")
+            register(ID, f"{__name__}:single_env", vector_entry_point=f"{__name__}:single_vector_env")
 
 
 def _require(package: str, render_mode: str | None) -> None:

@@ -65,7 +65,7 @@ class TeamStep(NamedTuple):
     present: Truths
 
 
-class _Actions:
+class StepActions:
     """The control inputs of the present step, as `Simulation.overrides`."""
 
     #: They are those of the caller.
@@ -75,13 +75,19 @@ class _Actions:
         self.given: Mapping[AgentGroup, Given] = {}
 
     def __call__(self, step: int) -> Mapping[AgentGroup, Given]:
+        """Return those of the present step."""
         return self.given
 
 
-class _TeamTask:
-    """A team with its functions."""
+class TeamTask:
+    """A team with what it observes, is rewarded for, and is terminated by.
+
+    Attributes:
+        team: The team.
+    """
 
     def __init__(self, task: LearningTask, team: Team, functions: Functions) -> None:
+        """Compile the task."""
         self.team = team
         self._functions = functions
         self._observation = task.observation(team)
@@ -91,6 +97,7 @@ class _TeamTask:
         self._seen = self._everybody
 
     def begin(self) -> TeamStep:
+        """Observe the beginning of an episode."""
         self._seen = self.team.present.copy()
         if self._functions.reward is None:
             self._reward.begin()
@@ -98,6 +105,7 @@ class _TeamTask:
         return TeamStep(self._observed(self._seen), nothing, nothing > 0.0, self._seen)
 
     def step(self) -> TeamStep:
+        """Observe and reward a step that was made."""
         team, functions = self.team, self._functions
         present, left = self._everybody, None
         if team.of.present is not None:
@@ -138,10 +146,14 @@ class Episodes:
 
     Attributes:
         teams: The learning agents by group.
+        functions: What is computed by functions.
+        task: The section `learning`.
         spaces: The bounds of the actions of each team, each of shape (nu,).
         widths: The number of observed values of the agents of each team.
         seed: The seed of the present episode.
+        builder: Builds the scenario for a seed.
         index: The number of episodes since a seed was given.
+        own_seed: The seed of the scenario.
         returns: Whether a new episode begins by going back to a mark, not by building the scenario.
     """
 
@@ -153,24 +165,24 @@ class Episodes:
             LearningError: It has no section `learning`, or a function returns something else.
         """
         self._scenario = scenario
-        self._functions = functions
-        self._build = scenario.builder(changes)
+        self.functions = functions
+        self.builder = self._build = scenario.builder(changes)
         self._mark: StateMark | None = None
         self._simulation: SteppedSimulation | None = None
-        self._actions = _Actions()
+        self._actions = StepActions()
         self._history: list[Mapping[AgentGroup, Given]] = []
-        self._tasks: list[_TeamTask] = []
+        self._tasks: list[TeamTask] = []
         self.seed, self.index = 0, -1
         self._root: int | None = None
         with DrawCount() as drawn:
             self._start(_COMPARED[0])
-        self._own_seed = self._built_seed()
+        self.own_seed = self._built_seed()
         if not drawn.count:
             self._mark = self._marked()
         self.returns = self._mark is not None
         simulation = self.simulation
         simulation.step()
-        self.spaces = [bounds_of(each.team.of, self._task.content.action) for each in self._tasks]
+        self.spaces = [bounds_of(each.team.of, self.task.content.action) for each in self._tasks]
         self.widths = [each.begin().observations.shape[1] for each in self._tasks]
         self.teams = tuple(each.team for each in self._tasks)
 
@@ -213,7 +225,7 @@ class Episodes:
             raise LearningError("say which agents learn: `agents=`, or a section `learning` in the scenario")
         if task.inputs is not None:
             raise LearningError("this scenario repeats an episode: `learning.inputs` has its actions")
-        self._task = task
+        self.task = task
         simulation = self.built.simulation
         simulation.overrides = self._actions
         self._steps = self.built.steps
@@ -221,7 +233,7 @@ class Episodes:
         document, options = self.built.document, self.built.options
         names = {each.name: each for each in options.specifications}
         teams = task.teams(simulation.groups, simulation.environment, document.regions, names)
-        self._tasks = [_TeamTask(task, team, self._functions) for team in teams]
+        self._tasks = [TeamTask(task, team, self.functions) for team in teams]
         self.teams = tuple(teams)
 
     def _marked(self) -> StateMark | None:
@@ -231,7 +243,7 @@ class Episodes:
             found = simulation.mark()
             simulation.go_back(found, seed)
             other = self._build(seed)
-            other.simulation.overrides = _Actions()
+            other.simulation.overrides = StepActions()
             with SteppedSimulation(other, None, within_steps=True) as fresh:
                 states = [replace(each.capture(), scenario="").to_bytes() for each in (simulation, fresh)]
             simulation.go_back(found)
@@ -251,10 +263,14 @@ class Episodes:
             The observations of each team.
         """
         if seed is not None or self._root is None:
-            self._root, self.index = self._own_seed if seed is None else int(seed), 0
+            self._root, self.index = self.own_seed if seed is None else int(seed), 0
         else:
             self.index += 1
-        self.seed = seed_of(self._root or 0, self.index)
+        return self.begin_with(seed_of(self._root or 0, self.index))
+
+    def begin_with(self, seed: int) -> list[TeamStep]:
+        """Begin an episode with the seed of its run; see `begin`."""
+        self.seed = seed
         self._history, self._actions.given = [], {}
         if self._mark is not None:
             self.simulation.go_back(self._mark, self.seed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -107,7 +107,7 @@ class LearningTask(Plugin):
         return partial(team.nearest, entry.nearest, entry.of)
 
     def members(self, groups: Sequence[AgentGroup]) -> list[tuple[tuple[str | int, ...], str, dict[str, list[int]]]]:
-        """Return the place and the name of each entry of `agents`, with the rows that it means, by group."""
+        """Return the place and the name of each entry of `agents`, with the rows of a run that it means, by group."""
         written = self.content.agents
         names = [written] if isinstance(written, str) else written
         found: list[tuple[tuple[str | int, ...], str, dict[str, list[int]]]] = []
@@ -115,10 +115,11 @@ class LearningTask(Plugin):
             place: tuple[str | int, ...] = ("agents",) if isinstance(written, str) else ("agents", number)
             rows = {}
             for group in groups:
+                ids = [id.partition(":")[2] for id in _of_one_run(group)] if group.seeds else list(group.ids)
                 if group.name == name:
-                    rows[group.name] = list(range(len(group)))
-                elif name in group.ids:
-                    rows[group.name] = [list(group.ids).index(name)]
+                    rows[group.name] = list(range(len(ids)))
+                elif name in ids:
+                    rows[group.name] = [ids.index(name)]
             found.append((place, name, rows))
         return found
 
@@ -129,13 +130,13 @@ class LearningTask(Plugin):
         regions: Mapping[str, Region],
         specifications: Mapping[str, Any],
     ) -> list[Team]:
-        """Return the learning agents of each group."""
+        """Return the learning agents of each group; those of all runs, if it is that of a batch."""
         rows: dict[str, set[int]] = {}
         for _, _, found in self.members(groups):
             for name, own in found.items():
                 rows.setdefault(name, set()).update(own)
         return [
-            Team(group, sorted(rows[group.name]), environment, groups, regions, tuple(specifications))
+            Team(group, _of_all_runs(group, rows[group.name]), environment, groups, regions, tuple(specifications))
             for group in groups
             if group.name in rows
         ]
@@ -204,3 +205,12 @@ def _names(groups: Sequence[AgentGroup]) -> Iterator[str]:
     for group in groups:
         yield group.name
         yield from group.ids
+
+
+def _of_one_run(group: AgentGroup) -> Sequence[str]:
+    return group.ids[: len(group) // group.runs]
+
+
+def _of_all_runs(group: AgentGroup, rows: Collection[int]) -> list[int]:
+    share = len(group) // group.runs
+    return [run * share + row for run in range(group.runs) for row in sorted(rows)]

@@ -77,6 +77,11 @@ class Team:
         return self.of.surroundings.clock.now / 1e9
 
     @property
+    def environments(self) -> int:
+        """How many environments the agents are from: first come those of the first one, then those of the second..."""
+        return self.of.runs
+
+    @property
     def present(self) -> NDArray[np.bool_]:
         """Which agents are in the world; shape (n,)."""
         here = self.of.present

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
@@ -474,8 +475,12 @@ class KnownValues(Mapping[str, Any]):
         self._group = group
 
     def __getitem__(self, name: str) -> Any:
+        if not isinstance(self._group.knowledge[0][name], bool):
+            # Before anything else, because the column is kept while nothing changes.
+            with suppress(TypeError, ValueError):
+                return self._group.known(name)
         every = [knowledge[name] for knowledge in self._group.knowledge]
-        if isinstance(every[0], bool) and all(isinstance(value, bool) for value in every):
+        if all(isinstance(value, bool) for value in every):
             return np.array(every)
         try:
             return self._group.known(name)

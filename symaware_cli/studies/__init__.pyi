@@ -2,6 +2,9 @@
 
 from .batch_check import differing_compositions as differing_compositions
 from .batch_check import differing_runs as differing_runs
+from .batch_simulation import BatchSimulation as BatchSimulation
+from .batch_simulation import batch_size as batch_size
+from .batch_simulation import refusal as refusal
 from .cell_stops import CellStops as CellStops
 from .claim import Claim as Claim
 from .custom_metrics import typed as typed
@@ -55,6 +58,7 @@ from .sweep_plan import ParameterChange as ParameterChange
 from .sweep_plan import SweepPlan as SweepPlan
 from .sweep_plan import brief_names as brief_names
 from .sweep_plan import seed_of as seed_of
+from .sweep_plan import seeds_of as seeds_of
 from .sweep_reading import read_differences as read_differences
 from .sweep_reading import read_rows as read_rows
 from .sweep_reading import read_shares as read_shares

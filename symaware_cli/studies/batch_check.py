@@ -10,7 +10,8 @@ from symaware_cli.engine import Run, RunSummary
 from symaware_cli.language import Changes
 from symaware_cli.language.build import Built, build, build_composition
 from symaware_cli.language.compose import Composition, compose
-from symaware_cli.studies.batch import Batch, refusal
+from symaware_cli.studies.batch import Batch
+from symaware_cli.studies.batch_simulation import refusal
 from symaware_cli.studies.measurement import Measurement, RunMeasurement
 from symaware_cli.studies.metrics import RunFigures, figures
 

@@ -25,7 +25,8 @@ from symaware_cli.language.build import Built, build_composition
 from symaware_cli.language.compose import Composition, compose
 from symaware_cli.log import open_log
 from symaware_cli.log.digest import digest
-from symaware_cli.studies.batch import Batch, Start, batch_size, refusal, starts_of
+from symaware_cli.studies.batch import Batch
+from symaware_cli.studies.batch_simulation import Start, batch_size, refusal, starts_of
 from symaware_cli.studies.custom_metrics import CustomMetrics, Followers, typed
 from symaware_cli.studies.measurement import Measurement, RunMeasurement
 from symaware_cli.studies.metrics import MetricDescription, RunFigures, agent_verdicts, figures

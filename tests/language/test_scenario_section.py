@@ -12,7 +12,7 @@ from symaware_cli.language.build import Built
 from symaware_cli.language.execution import execute
 from symaware_cli.language.json_schema import scenario_schema
 from symaware_cli.language.problem import Problem
-from symaware_cli.studies.batch import refusal
+from symaware_cli.studies.batch_simulation import refusal
 
 pytestmark = pytest.mark.usefixtures("known_sections")
 

@@ -47,11 +47,16 @@ def hello(**options: Any) -> ScenarioParallelEnv:
     return sa.env(HELLO, agents="robot", reward=REWARD, **options)
 
 
-def shipped(name: str) -> ScenarioParallelEnv:
-    """Return a shipped scenario as an environment in which its first group learns."""
-    scenario = sa.load(next(SCENARIOS.glob(f"{name}.*")), {"run.duration": DURATION})
+def shortened(name: str, duration: float = DURATION) -> tuple[sa.Scenario, str]:
+    """Return a shipped scenario that lasts some seconds, and its first group."""
+    scenario = sa.load(next(SCENARIOS.glob(f"{name}.*")), {"run.duration": duration})
     assert scenario.outline is not None
-    group = next(iter(scenario.outline.groups))
+    return scenario, next(iter(scenario.outline.groups))
+
+
+def shipped(name: str, duration: float = DURATION) -> ScenarioParallelEnv:
+    """Return a shipped scenario as an environment in which its first group learns."""
+    scenario, group = shortened(name, duration)
     return sa.env(scenario, agents=group, observation=["state", {"nearest": 2}], reward="-norm(position)")
 
 

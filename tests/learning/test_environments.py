@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from learning_scenarios import (
-    DURATION,
     HELLO,
     REWARD,
-    SCENARIOS,
     TEN,
     digest,
     hello,
@@ -21,6 +19,7 @@ from learning_scenarios import (
     parallel_seed_test,
     sampled,
     shipped,
+    shortened,
 )
 from pettingzoo.utils.conversions import parallel_to_aec
 
@@ -328,19 +327,43 @@ def test_shipped_scenarios_are_environments_with_repeatable_episodes(name: str, 
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|infinity):UserWarning")
 @pytest.mark.parametrize("name", TEN)
-def test_episodes_driven_by_components_equal_their_runs(name: str) -> None:
-    environment = shipped(name)
-    scenario = sa.load(next(SCENARIOS.glob(f"{name}.*")), {"run.duration": DURATION})
+def test_gymnasium_accepts_one_agent_of_shipped_scenarios(name: str) -> None:
+    scenario, group = shortened(name)
+    assert scenario.outline is not None
+    agent = scenario.outline.groups[group].agents[0]
+    check_env(sa.single_env(scenario, agent, reward="-norm(position)"), skip_render_check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TEN)
+def test_a_hundred_episodes_of_random_actions_are_verified_from_their_logs(name: str, tmp_path: Path) -> None:
+    environment, random = shipped(name, 0.3), np.random.default_rng(1)
+    seeds = set()
+    environment.reset(seed=1)
+    for _ in range(100):
+        while environment.agents:
+            environment.step(sampled(environment, random))
+        seeds.add(environment.episodes.seed)
+        assert sa.verify_log(environment.record(tmp_path / "episode.mcap")).is_equal
+        environment.reset()
+    assert len(seeds) == 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TEN)
+def test_a_hundred_episodes_driven_by_components_equal_their_runs(name: str) -> None:
+    environment, (scenario, _) = shipped(name, 0.5), shortened(name, 0.5)
     assert scenario.outline is not None
     environment.reset(seed=3)
-    for _ in range(2):
-        _, infos = environment.reset()
+    for _ in range(100):
         while environment.agents:
             environment.step({})
-        steps = environment.episodes.simulation.steps
-        with scenario.start(seed=next(iter(infos.values()))["seed"]) as simulation:
-            while simulation.steps < steps:
+        episode = environment.episodes.simulation
+        with scenario.start(seed=environment.episodes.seed) as simulation:
+            while simulation.steps < episode.steps:
                 simulation.step()
             for group in scenario.outline.groups:
-                assert simulation.state(group).tobytes() == environment.episodes.simulation.state(group).tobytes()
+                assert simulation.state(group).tobytes() == episode.state(group).tobytes()
+        environment.reset()

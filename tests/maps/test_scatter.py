@@ -10,7 +10,7 @@ from simulating import untyped
 from symaware_cli.geometry import Array
 from symaware_cli.language.build import Built
 from symaware_cli.language.problem import Problem
-from symaware_cli.studies.batch import refusal
+from symaware_cli.studies.batch_simulation import refusal
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from symaware_cli.engine.runtime.run import Run
 from symaware_cli.engine.runtime.run_summary import RunSummary
 from symaware_cli.language.build import build
 from symaware_cli.language.compose import compose
-from symaware_cli.studies.batch import Batch, refusal
+from symaware_cli.studies.batch import Batch
+from symaware_cli.studies.batch_simulation import refusal
 from symaware_cli.studies.folder import SweepFolder
 from symaware_cli.testing import assert_batchable
 

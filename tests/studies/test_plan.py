@@ -8,7 +8,7 @@ from sweeping import SCENARIO, tiny
 
 from symaware_cli.language.problem import ScenarioError
 from symaware_cli.studies.request import SweepRequest, alternatives, varied
-from symaware_cli.studies.sweep_plan import SweepPlan
+from symaware_cli.studies.sweep_plan import SweepPlan, seed_of, seeds_of
 from symaware_cli.studies.sweep_source import read_sweep, written_again
 from symaware_cli.world import expanded
 
@@ -175,3 +175,11 @@ def test_problems_in_a_sweep_file_are_located(tmp_path: Path, content: str, wher
         read_sweep(sweep)
     assert f"sweep.yaml:{where}:" in str(caught.value)
     assert said in str(caught.value)
+
+
+def test_many_seeds_are_those_of_single_runs() -> None:
+    random = np.random.default_rng(0)
+    roots = [0, 1, 2**32, 2**63 - 1, 2**100 + 3, *random.integers(0, 2**63, 30).tolist()]
+    keys = [0, 1, 2**32 - 1, 5, 7, *random.integers(0, 1000, 30).tolist()]
+    assert seeds_of(roots, keys) == [seed_of(*each) for each in zip(roots, keys, strict=True)]
+    assert seeds_of(roots[:2], [2**40, 3]) == [seed_of(0, 2**40), seed_of(1, 3)]

@@ -19,6 +19,7 @@ from symaware_cli.engine.runtime.state.serialiser import Serialiser
 from symaware_cli.engine.runtime.state.simulation_state import SimulationState
 from symaware_cli.engine.runtime.state.state_mark import StateMark
 from symaware_cli.engine.runtime.state.transfer import packages, settle
+from symaware_cli.world import Seed
 
 
 class Capturable(Protocol):
@@ -131,13 +132,14 @@ def mark(run: Capturable) -> StateMark:
     return StateMark(_roots(run, run.faults), _packages(run))
 
 
-def return_to(run: Capturable, marked: StateMark, seed: int | None = None) -> None:
+def return_to(run: Capturable, marked: StateMark, seed: Seed | None = None) -> None:
     """Return to a state of the same run, which may be over.
 
     Args:
         run: The run.
         marked: The state.
-        seed: What is drawn from then on; None for the seed of the state, as if nothing had happened since.
+        seed: What is drawn from then on, for each run of a batch; None for the seed of the state, as if nothing had
+            happened since.
     """
     run.reopen()
     marked.go_back(seed)

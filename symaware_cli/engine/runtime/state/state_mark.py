@@ -10,6 +10,7 @@ Reasons: docs/decisions/0083-learning.md
 from __future__ import annotations
 
 import copy
+import inspect
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
@@ -19,6 +20,7 @@ import numpy as np
 
 from symaware_cli.engine.runtime.state.layout import Layout, attributes, layout, set_attributes
 from symaware_cli.engine.runtime.state.serialiser import Serialiser
+from symaware_cli.world import Seed
 
 #: Returns one object to its marked contents.
 Return = Callable[[], object]
@@ -46,11 +48,13 @@ class StateMark:
         #: Collections that are empty at the mark.
         self._empty: list[tuple[Any, Callable[[Any], object]]] = []
         self._arrays: list[tuple[Any, Any]] = []
+        #: The slots of objects that have no other attributes: what sets each, the object and the value.
+        self._slots: list[tuple[Callable[[Any, Any], object], Any, Any]] = []
         for (kind, _, _), value in Serialiser(roots, packages).objects():
             if kind == "object":
                 self._add_object(value)
             elif kind == "array":
-                if value.flags.writeable:
+                if value.flags.writeable and value.size:
                     self._arrays.append((value, value.copy(order="K")))
             elif kind in _RETURNS:
                 clear = _CLEARS.get(type(value))
@@ -61,11 +65,12 @@ class StateMark:
                 if kind in ("list", "dict", "set") and getattr(value, "__dict__", None):
                     self._add_attributes(value, layout(type(value)))
 
-    def go_back(self, seed: int | None = None) -> None:
+    def go_back(self, seed: Seed | None = None) -> None:
         """Return to the mark.
 
         Args:
-            seed: What everything random is drawn from thereafter; None for the seed at the mark.
+            seed: What everything random is drawn from thereafter, for each run of a batch; None for the seed at the
+                mark.
         """
         for own, marked in self._plain:
             if own.keys() != marked.keys():
@@ -75,6 +80,8 @@ class StateMark:
             for name in own.keys() - known:
                 del own[name]
             own.update(marked)
+        for assign, value, marked_value in self._slots:
+            assign(value, marked_value)
         for value, clear in self._empty:
             if value:
                 clear(value)
@@ -94,7 +101,8 @@ class StateMark:
             self._seeded.append(value)
         if of.captures_itself:
             self._add_attributes(value, of)
-            self._returns.append(partial(_restore_itself, value, copy.deepcopy(value.captured())))
+            state = copy.deepcopy(value.captured())
+            self._returns.append(partial(_restore_if_changed if _is_text(state) else _restore_itself, value, state))
         elif not of.is_model:
             # Objects that do not change, such as snapshots, may have computed values that they keep.
             self._add_attributes(value, of)
@@ -103,16 +111,32 @@ class StateMark:
         if "*" in of.uncaptured:
             return
         marked = attributes(value, of)
-        if of.slots or type(getattr(value, "__dict__", None)) is not dict:
+        own = getattr(value, "__dict__", None)
+        if own is None and marked.keys() == {*of.slots} - of.uncaptured:
+            # Their descriptors, because frozen classes refuse assignments.
+            kind = type(value)
+            slots = [(inspect.getattr_static(kind, name).__set__, value, each) for name, each in marked.items()]
+            self._slots.extend(slots)
+        elif of.slots or type(own) is not dict:
             self._returns.append(partial(set_attributes, value, of, marked))
         elif of.uncaptured:
-            self._partial.append((value.__dict__, marked, of.uncaptured.union(marked)))
+            self._partial.append((own, marked, of.uncaptured.union(marked)))
         else:
-            self._plain.append((value.__dict__, marked))
+            self._plain.append((own, marked))
 
 
 def _restore_itself(value: Any, state: Any) -> None:
     value.restored(copy.deepcopy(state))
+
+
+def _restore_if_changed(value: Any, state: Any) -> None:
+    if value.captured() != state:
+        _restore_itself(value, state)
+
+
+def _is_text(state: Any) -> bool:
+    """Whether a state consists of texts in lists, and can be compared."""
+    return isinstance(state, str) or (type(state) is list and all(map(_is_text, state)))
 
 
 def _return_list(value: list[Any]) -> Return:
