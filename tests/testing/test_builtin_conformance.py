@@ -64,9 +64,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
         "agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]},
     },
     "control.waypoints": {"agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]}},
-    "planning.grid": {
-        "agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}, "waypoints": {"all": [[0.0, 0.0]]}},
-    },
+    "planning.grid": {"agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}}},
     "prediction.error": {"agents.robot.components.estimate": {"use": "uncertainty.conformal"}},
     "restore": {"faults.other": {"at": 0.05, "stop": "robot.1"}},
 }
