@@ -5,6 +5,7 @@ Reasons: docs/decisions/0084-maps.md
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -26,8 +27,8 @@ class GridPlanner(PathPlanner):
     The grid is that of the map, or covers an area at a declared resolution. Its cells and moves are those on which a
     disc around the agent, widened by a margin, touches no fixed obstacle; so paths cut no corners. Costs are lengths,
     increased near obstacles (see `symaware_cli.maps.planning_grid`); where they are lengths alone, because
-    `clearance_weight` or `comfort` is 0, the search is by jump points (`symaware_cli.maps.jump_points`), which finds paths
-    of the same cost and expands fewer cells. Obstacles that move, and other agents, are not planned around; what
+    `clearance_weight` or `comfort` is 0, the search is by jump points (`symaware_cli.maps.jump_points`), which finds
+    paths of the same cost and expands fewer cells. Obstacles that move, and other agents, are not planned around; what
     steers the agent avoids them.
 
     An agent plans in its first turn, and again when its goal changes or the regions that it knows to be ``closed``.
@@ -82,15 +83,7 @@ class GridPlanner(PathPlanner):
     def _search(self, closed: tuple[str, ...]) -> PathSearch:
         """Return the search without some regions."""
         if closed not in self._searches:
-            grid = self._grid
-            if closed:
-                # With moves on which the disc could reach into a region left out as well.
-                reach = grid.radius + 0.5**0.5 * grid.frame.resolution
-                hidden = np.zeros(len(grid.centres), bool)
-                for name in closed:
-                    hidden |= region_of(self._group, name).robustness(grid.centres) > -reach
-                grid = grid.without(hidden)
-            self._searches[closed] = PathSearch(grid)
+            self._searches[closed] = PathSearch(without_regions(self._grid, self._group, closed))
         return self._searches[closed]
 
     def _frame(self, group: AgentGroup) -> GridFrame:
@@ -107,6 +100,17 @@ class GridPlanner(PathPlanner):
             return frame_of(raster.origin, raster.yaw, side, width, height)
         within = self._area(group)
         return frame_of((within[0], within[2]), 0.0, side, within[1] - within[0], within[3] - within[2])
+
+
+def without_regions(grid: PlanningGrid, group: AgentGroup, closed: Sequence[str]) -> PlanningGrid:
+    """Return a grid without the cells and moves on which the disc could reach into regions, given by their names."""
+    if not closed:
+        return grid
+    reach = grid.radius + 0.5**0.5 * grid.frame.resolution
+    hidden = np.zeros(len(grid.centres), bool)
+    for name in closed:
+        hidden |= region_of(group, name).robustness(grid.centres) > -reach
+    return grid.without(hidden)
 
 
 def frame_of(origin: tuple[float, float], yaw: float, side: float, width: float, height: float) -> GridFrame:

@@ -1,10 +1,10 @@
 """Jump points: the cells of a planning grid at which paths have to branch where every move costs its length.
 
-D. Harabor and A. Grastien, Online graph pruning for pathfinding on grid maps, AAAI 2011. Their rules are for grids whose
-moves follow from the cells that are occupied. Here a move may be impossible between two passable cells, so the rules are
-stated about moves: from a cell that was reached by a move, another move is pruned if both together can be replaced, at
-most two moves around the cell, by a shorter way, or by one of the same length whose diagonal comes first. Of all paths
-of least cost, the one whose diagonals come first is then never pruned.
+D. Harabor and A. Grastien, Online graph pruning for pathfinding on grid maps, AAAI 2011. Their rules are for grids
+whose moves follow from the cells that are occupied. Here a move may be impossible between two passable cells, so the
+rules are stated about moves: from a cell that was reached by a move, another move is pruned if both together can be
+replaced, at most two moves around the cell, by a shorter way, or by one of the same length whose diagonal comes first.
+Of all paths of least cost, the one whose diagonals come first is then never pruned.
 """
 
 from __future__ import annotations
@@ -50,9 +50,8 @@ class JumpPoints:
         self._bits = [[move for move in range(8) if bits >> move & 1] for bits in range(256)]
 
     def directions(self, cell: int, arrived: int) -> list[int]:
-        """Return the moves to consider from a cell that was reached by a move; after none (-1), all that are possible."""
-        bits = int(self._moves[cell]) if arrived < 0 else self._onward[arrived][cell]
-        return self._bits[bits]
+        """Return the moves to consider from a cell that was reached by a move; without one (-1), all possible ones."""
+        return self._bits[int(self._moves[cell]) if arrived < 0 else self._onward[arrived][cell]]
 
     def jump(self, cell: int, bit: int, ends: Container[int]) -> tuple[int, int]:
         """Follow a move, which is possible, until a cell where a path may turn or end.

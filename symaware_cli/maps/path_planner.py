@@ -34,13 +34,20 @@ class Path(Protocol):
     """
 
     @property
-    def points(self) -> Array: ...
+    def points(self) -> Array:
+        """The corners of the path."""
+
     @property
-    def cost(self) -> float: ...
+    def cost(self) -> float:
+        """Its cost."""
+
     @property
-    def expanded(self) -> int: ...
+    def expanded(self) -> int:
+        """The effort."""
+
     @property
-    def is_limited(self) -> bool: ...
+    def is_limited(self) -> bool:
+        """Whether the limit ended the search."""
 
 
 class PathRequest(NamedTuple):
@@ -73,8 +80,8 @@ class PathPlanner(GroupComponent):
     An agent plans in its first turn, and again when its `PathRequest` changes: its goal, or the regions that it knows
     to be ``closed``. The path leads around fixed obstacles; those that move, and other agents, are not planned around.
     The waypoints begin where it is and end at the goal. Without a path, the list is empty, so that what steers the
-    agent lets it wait, its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a path again, it does not
-    count among the agents that reached their goals.
+    agent lets it wait, its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a path again, it does
+    not count among the agents that reached their goals.
     """
 
     #: In a process of its own, its copy of the world has the obstacles.

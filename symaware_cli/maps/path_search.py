@@ -136,8 +136,8 @@ class PathSearch:
     ) -> GridPath:
         """Find a path of least cost by jump points; see `path`.
 
-        A node is a cell and the move that led to it, as that decides which moves are worth considering. Of several nodes
-        of a cell, those of least cost count, within rounding errors.
+        A node is a cell and the move that led to it, as that decides which moves are worth considering. Of several
+        nodes of a cell, those of least cost count, within rounding errors.
         """
         first, begin = self.links(start)
         last, finish = self.links(goal)
