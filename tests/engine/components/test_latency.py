@@ -66,6 +66,7 @@ class Case:
 
 
 LINE = [[0, 0], [3, 0], [3, 3]]
+TIMED = [[0, 0, 0], [3, 3, 0], [6, 3, 3]]
 SEES = {"perception.range": {"range": 9.0}}
 ACTS = ["control", "intent"]
 REGIONS = {"floor": Region(box=(-1, 4, -1, 4)), "right": Region(box=(2, 4, -1, 4)), "left": Region(box=(-1, 0, -1, 4))}
@@ -122,6 +123,9 @@ CASES = {
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
+    "control.timed-waypoints": Case(ACTS, knowledge={"timed_waypoints": TIMED}),
+    "planning.cbs": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
+    "planning.prioritised": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
