@@ -14,10 +14,19 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from symaware_cli.maps.space_time import NEVER, Limits, Neighbours, Team, TeamPaths, at, distances, space_time_path
+from symaware_cli.maps.space_time import (
+    NEVER,
+    Limits,
+    Neighbours,
+    PlanningTeam,
+    TeamPaths,
+    at,
+    distances,
+    space_time_path,
+)
 
 
-class Conflict(NamedTuple):
+class CellConflict(NamedTuple):
     """Two agents in one cell, or two that exchange their cells.
 
     Attributes:
@@ -35,7 +44,7 @@ class Conflict(NamedTuple):
     other_cell: int
 
 
-class Constraint(NamedTuple):
+class StepConstraint(NamedTuple):
     """What an agent may not do: be in a cell at a step, or begin a move.
 
     Attributes:
@@ -51,17 +60,17 @@ class Constraint(NamedTuple):
     to: int | None
 
 
-class Node(NamedTuple):
+class ConstraintNode(NamedTuple):
     """A node of the tree of constraints."""
 
-    constraints: tuple[Constraint, ...]
+    constraints: tuple[StepConstraint, ...]
     paths: tuple[tuple[int, ...], ...]
 
 
 class ConflictSearch:
     """The search of one team."""
 
-    def __init__(self, team: Team, most: int, most_cells: int) -> None:
+    def __init__(self, team: PlanningTeam, most: int, most_cells: int) -> None:
         """Prepare.
 
         Args:
@@ -71,7 +80,7 @@ class ConflictSearch:
         """
         self._team, self._most, self._most_cells = team, most, most_cells
         self._to_goal = [distances(team.neighbours[row], team.goals[row]) for row in range(len(team.starts))]
-        self._widths: dict[tuple[int, tuple[Constraint, ...], int], list[set[int]]] = {}
+        self._widths: dict[tuple[int, tuple[StepConstraint, ...], int], list[set[int]]] = {}
 
     def paths(self) -> TeamPaths:
         """Find paths without conflicts whose sum of costs is least."""
@@ -84,7 +93,7 @@ class ConflictSearch:
             if path is None:
                 return TeamPaths([], 0, self._too_far(row), row)
             found.append(path)
-        root = Node((), tuple(found))
+        root = ConstraintNode((), tuple(found))
         # Nodes of equal costs: fewest conflicts first, then the oldest.
         ahead = [(self._cost(root), len(conflicts_of(root.paths)), 0, root)]
         nodes, made = 0, 1
@@ -108,7 +117,7 @@ class ConflictSearch:
                 if path is None:
                     continue
                 paths = (*node.paths[: constraint.row], path, *node.paths[constraint.row + 1 :])
-                child = Node(constraints, paths)
+                child = ConstraintNode(constraints, paths)
                 heapq.heappush(ahead, (self._cost(child), len(conflicts_of(paths)), made, child))
                 made += 1
         return TeamPaths([], nodes, f"no plan was found whose paths take less than {self._most_cells} nodes each")
@@ -116,11 +125,11 @@ class ConflictSearch:
     def _too_far(self, row: int) -> str:
         return f"no path of {self._team.names[row]} was found within {self._most_cells} nodes"
 
-    def _cost(self, node: Node) -> int:
+    def _cost(self, node: ConstraintNode) -> int:
         return sum(len(path) - 1 for path in node.paths)
 
     def _path(
-        self, row: int, constraints: Sequence[Constraint], others: Sequence[Sequence[int]]
+        self, row: int, constraints: Sequence[StepConstraint], others: Sequence[Sequence[int]]
     ) -> tuple[int, ...] | None:
         team = self._team
         longest = max((len(path) for path in others), default=0)
@@ -136,18 +145,18 @@ class ConflictSearch:
         )
         return None if path is None else tuple(path)
 
-    def _split(self, conflict: Conflict) -> tuple[Constraint, Constraint]:
+    def _split(self, conflict: CellConflict) -> tuple[StepConstraint, StepConstraint]:
         """Return a constraint of each agent, one of which holds in every plan."""
         step, one, other, cell, other_cell = conflict
         if cell == other_cell:
-            return Constraint(one, step, cell, None), Constraint(other, step, cell, None)
-        return Constraint(one, step, cell, other_cell), Constraint(other, step, other_cell, cell)
+            return StepConstraint(one, step, cell, None), StepConstraint(other, step, cell, None)
+        return StepConstraint(one, step, cell, other_cell), StepConstraint(other, step, other_cell, cell)
 
-    def _choice(self, node: Node, conflicts: Sequence[Conflict]) -> Conflict:
+    def _choice(self, node: ConstraintNode, conflicts: Sequence[CellConflict]) -> CellConflict:
         """Return the earliest conflict that raises the cost of both agents, else of one, else any."""
         best, most = conflicts[0], -1
         for conflict in conflicts:
-            raised = self._is_forced(node, conflict.one, conflict, conflict.cell, conflict.other_cell)
+            raised = int(self._is_forced(node, conflict.one, conflict, conflict.cell, conflict.other_cell))
             raised += self._is_forced(node, conflict.other, conflict, conflict.other_cell, conflict.cell)
             if raised > most:
                 best, most = conflict, raised
@@ -155,7 +164,7 @@ class ConflictSearch:
                 break
         return best
 
-    def _is_forced(self, node: Node, row: int, conflict: Conflict, cell: int, to: int) -> bool:
+    def _is_forced(self, node: ConstraintNode, row: int, conflict: CellConflict, cell: int, to: int) -> bool:
         """Return whether all paths of an agent that are as short as its present one contain its part of a conflict."""
         path = node.paths[row]
         if conflict.step >= len(path) - (cell != to):
@@ -172,7 +181,7 @@ class ConflictSearch:
         return widths[conflict.step] == {cell} and widths[conflict.step + 1] == {to}
 
 
-def limits_of(row: int, constraints: Sequence[Constraint]) -> Limits:
+def limits_of(row: int, constraints: Sequence[StepConstraint]) -> Limits:
     """Return the constraints of an agent as limits."""
     limits = Limits()
     for each in constraints:
@@ -207,9 +216,9 @@ def shortest_cells(
     return forward
 
 
-def conflicts_of(paths: Sequence[Sequence[int]]) -> list[Conflict]:
+def conflicts_of(paths: Sequence[Sequence[int]]) -> list[CellConflict]:
     """Return the first conflict of each two agents, earliest first."""
-    found: dict[tuple[int, int], Conflict] = {}
+    found: dict[tuple[int, int], CellConflict] = {}
     longest = max((len(path) for path in paths), default=0)
     before: list[int] = []
     for step in range(longest):
@@ -217,12 +226,12 @@ def conflicts_of(paths: Sequence[Sequence[int]]) -> list[Conflict]:
         where: dict[int, list[int]] = {}
         for row, cell in enumerate(now):
             for other in where.get(cell, ()):
-                found.setdefault((other, row), Conflict(step, other, row, cell, cell))
+                found.setdefault((other, row), CellConflict(step, other, row, cell, cell))
             where.setdefault(cell, []).append(row)
         for row, cell in enumerate(before):
             for other in where.get(cell, ()):
                 if other > row and before[other] == now[row] and cell != now[row]:
-                    found.setdefault((row, other), Conflict(step - 1, row, other, cell, now[row]))
+                    found.setdefault((row, other), CellConflict(step - 1, row, other, cell, now[row]))
         before = now
     return sorted(found.values())
 

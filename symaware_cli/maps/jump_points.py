@@ -104,4 +104,5 @@ class JumpPoints:
     def _has(self, cells: Indices, bit: int) -> Mask:
         """Return whether a move is possible from cells, some of which do not exist."""
         inside = (cells >= 0) & (cells < len(self._moves))
-        return inside & (self._moves[np.where(inside, cells, 0)] >> bit & 1 != 0)
+        found: Mask = inside & (self._moves[np.where(inside, cells, 0)] >> bit & 1 != 0)
+        return found

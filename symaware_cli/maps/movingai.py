@@ -99,7 +99,7 @@ def read_problems(path: FilePath) -> list[GridProblem]:
     lines = source.text.splitlines()
     if not lines or not re.fullmatch(r"version +1(\.0*)?", lines[0].strip()):
         _refuse(source, "a file of problems begins with `version 1`", 0)
-    problems = []
+    problems: list[GridProblem] = []
     for number, line in enumerate(lines[1:], 1):
         if not line.strip():
             continue

@@ -7,10 +7,10 @@ of least cost. An agent that finds no path is moved to the front and all plan ag
 
 from __future__ import annotations
 
-from symaware_cli.maps.space_time import NEVER, Limits, Team, TeamPaths, distances, space_time_path
+from symaware_cli.maps.space_time import NEVER, Limits, PlanningTeam, TeamPaths, distances, space_time_path
 
 
-def prioritised_paths(team: Team, most: int) -> TeamPaths:
+def prioritised_paths(team: PlanningTeam, most: int) -> TeamPaths:
     """Find paths of a team without conflicts.
 
     Agents whose goals are farther plan first.

@@ -18,7 +18,7 @@ Neighbours = Sequence[Sequence[int]]
 NEVER = 1 << 40
 
 
-class Team(NamedTuple):
+class PlanningTeam(NamedTuple):
     """Agents that move at the same time, from cell to cell or not at all, and stay where they arrive.
 
     Two of them are in conflict if they are in one cell, or exchange their cells.

@@ -30,7 +30,7 @@ from symaware_cli.maps.path_planner import (
 from symaware_cli.maps.planning_grid import MOVES, GridFrame, PlanningGrid
 from symaware_cli.maps.prioritised_search import prioritised_paths
 from symaware_cli.maps.raster import UNKNOWN
-from symaware_cli.maps.space_time import Neighbours, Team, TeamPaths
+from symaware_cli.maps.space_time import Neighbours, PlanningTeam, TeamPaths
 from symaware_cli.world import SECOND, ParameterError, nanoseconds
 from symaware_cli.world import Parameters as PluginParameters
 
@@ -159,7 +159,7 @@ class TeamPlanner(GroupComponent):
         self._delay = 0
 
     @abstractmethod
-    def _search(self, team: Team) -> TeamPaths:
+    def _search(self, team: PlanningTeam) -> TeamPaths:
         """Return paths of the team."""
 
     def _compute(self) -> TeamPlan | None:
@@ -181,7 +181,7 @@ class TeamPlanner(GroupComponent):
             stops = self._cells(ends, graphs, "is to go")
             self._check_legs(here, self._grid.centres[starts], "their places to the centres of cells")
             self._check_legs(self._grid.centres[stops], ends, "the centres of cells to their goals")
-            found = self._search(Team(graphs, starts, stops, group.ids))
+            found = self._search(PlanningTeam(graphs, starts, stops, group.ids))
         except _UnplannableError as error:
             found = TeamPaths([], 0, str(error), error.row)
         schedule = before if found.failure else self._continued(before, here, found, ends)
@@ -376,7 +376,7 @@ class PrioritisedPlanner(TeamPlanner):
             description="The greatest number of cells at steps that all searches expand.",
         )
 
-    def _search(self, team: Team) -> TeamPaths:
+    def _search(self, team: PlanningTeam) -> TeamPaths:
         return prioritised_paths(team, self.parameters.most_nodes)
 
 
@@ -398,5 +398,5 @@ class ConflictPlanner(TeamPlanner):
             200_000, ge=1, le=100_000_000, description="The greatest number of cells at steps that one path expands."
         )
 
-    def _search(self, team: Team) -> TeamPaths:
+    def _search(self, team: PlanningTeam) -> TeamPaths:
         return ConflictSearch(team, self.parameters.most_nodes, self.parameters.most_cells).paths()

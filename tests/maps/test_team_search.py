@@ -8,7 +8,7 @@ import pytest
 
 from symaware_cli.maps.conflict_search import ConflictSearch, conflicts_of, is_free_of_conflicts
 from symaware_cli.maps.prioritised_search import prioritised_paths
-from symaware_cli.maps.space_time import Limits, Team, TeamPaths, distances, space_time_path
+from symaware_cli.maps.space_time import Limits, PlanningTeam, TeamPaths, distances, space_time_path
 
 
 def grid(rows: list[str]) -> list[list[int]]:
@@ -24,11 +24,11 @@ def grid(rows: list[str]) -> list[list[int]]:
     return found
 
 
-def team(rows: list[str], starts: list[int], goals: list[int]) -> Team:
-    return Team([grid(rows)] * len(starts), starts, goals, [f"robot.{row}" for row in range(len(starts))])
+def team(rows: list[str], starts: list[int], goals: list[int]) -> PlanningTeam:
+    return PlanningTeam([grid(rows)] * len(starts), starts, goals, [f"robot.{row}" for row in range(len(starts))])
 
 
-def drawn(seed: int) -> Team:
+def drawn(seed: int) -> PlanningTeam:
     """A random team of two or three on a small grid."""
     random = np.random.default_rng(seed)
     height, width = (int(each) for each in random.integers(2, 5, 2))
@@ -40,7 +40,7 @@ def drawn(seed: int) -> Team:
     return team(rows, starts, goals)
 
 
-def least_cost(problem: Team) -> int | None:
+def least_cost(problem: PlanningTeam) -> int | None:
     """The least sum of costs by an exhaustive search of the cells of all agents together; None without a plan.
 
     An agent pays for each step until it declares that it stays at its goal.
@@ -79,7 +79,7 @@ def least_cost(problem: Team) -> int | None:
     return None
 
 
-def check(problem: Team, found: TeamPaths) -> None:
+def check(problem: PlanningTeam, found: TeamPaths) -> None:
     """Check that paths are a plan."""
     assert is_free_of_conflicts(found.paths)
     assert not conflicts_of(found.paths)
