@@ -123,7 +123,11 @@ def _group(draft: Draft, values: Values, count: int) -> Tree:
     model = chance.choice(["single-integrator", "unicycle", *draft.plugins("model")])
     group: Tree = {
         "model": values.use("model", model),
-        "knowledge": {"goal": _each(draft, count, 2), "waypoints": {"all": [[1, 1], [2, 0]]}},
+        "knowledge": {
+            "goal": _each(draft, count, 2),
+            "waypoints": {"all": [[1, 1], [2, 0]]},
+            "timed_waypoints": {"all": [[0, 1, 1], [2, 2, 0]]},
+        },
         "components": {"sense": values.use("component", chance.choice(draft.plugins("component:perception")))},
     }
     if chance.random() < 0.2:

@@ -79,6 +79,7 @@ NOT_DRAWN = {
     "ComponentUse.own": "`tests/language/test_own_parameters.py` compares scenarios with and without",
     "ScenarioDocument.extends": "the invariant `in_several_files` writes scenarios that extend a file",
     "MapForm.height": "about the files of maps: `tests/maps`",
+    "MapForm.resolution": "the same",
     "MapForm.unknown": "the same",
     "GroupSection.like": "`tests/language/test_group_templates.py` compares scenarios with those written in full",
     "ActionBounds.": "a run does not use it: `tests/learning` compares episodes with runs",

@@ -162,6 +162,8 @@ class KnownColumn:
     def padded(self) -> tuple[Array, NDArray[np.intp]]:
         """Like `values`, for lists that may differ in length: shorter ones are padded by their last element.
 
+        Empty lists are padded by zeros; if all are empty, the shape is (n, 0).
+
         Returns: The values, shape (n, longest, ...), and the length of each list, shape (n,).
 
         Raises:
@@ -217,9 +219,16 @@ class KnownColumn:
             self._is_ragged = False
             return values, np.full(len(values), values.shape[1] if values.ndim > 1 else 1, np.intp)
         lists = [self._numbers(one) for one in each]
-        if len({one.shape[1:] for one in lists}) > 1 or any(one.ndim < 2 or not len(one) for one in lists):
+        shapes = {one.shape[1:] for one in lists if one.size}
+        if len(shapes) != 1 or any(one.ndim < 2 for one in lists if one.size):
             raise self._misshapen()
         self._is_ragged = True
         counts = np.array([len(one) for one in lists], np.intp)
-        padded = [np.concatenate([one, np.repeat(one[-1:], counts.max() - len(one), axis=0)]) for one in lists]
+        nothing = np.zeros((1, *shapes.pop()))
+        padded = [
+            np.concatenate([one, np.repeat(one[-1:], counts.max() - len(one), axis=0)])
+            if one.size
+            else np.repeat(nothing, counts.max(), axis=0)
+            for one in lists
+        ]
         return frozen(padded), counts

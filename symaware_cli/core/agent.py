@@ -127,8 +127,8 @@ class AgentGroup(EntityGroup):
         """Like `known`, for lists that may differ in length, such as waypoints.
 
         Returns:
-            The lists, shape (n, longest, ...), with shorter ones padded by their last element, and their lengths, shape
-            (n,).
+            The lists, shape (n, longest, ...), with shorter ones padded by their last element and empty ones by zeros,
+            and their lengths, shape (n,). If all are empty, the shape of the lists is (n, 0).
 
         Raises:
             KeyError: An agent does not know it.

@@ -50,6 +50,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         sees_world: Whether it reads the world itself, and not only the awareness of its agent. If it computes in a
             worker process, that process then has a copy of the world.
         use: The plugin's entry-point name.
+        writes: The entries of knowledge that it writes, with what an agent knows before that if its scenario does not
+            say; so components that require them need no value in the scenario.
     """
 
     batchable: ClassVar[bool] = False
@@ -62,6 +64,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     signals: ClassVar[Sequence[Signal]] = ()
     specifications: ClassVar[str | None] = None
     specifications_of_others: ClassVar[bool] = False
+    writes: ClassVar[Mapping[str, Any]] = {}
 
     # Class defaults, so that a subclass with its own __init__ need not call this one.
     name: str = ""

@@ -178,7 +178,12 @@ class GroupBuilder:
             for each, made in instances.items()
             if made
         }
+        # Even if a component's parameters are invalid, its class declares what it writes.
+        kinds = [self._factory.plugins.get(section) for section in sections.values()]
+        written = {key: value for kind in kinds if kind for key, value in getattr(kind, "writes", {}).items()}
         known = entry.get("knowledge", {})
+        if isinstance(known, Mapping):
+            known = {**written, **known}
         capable = [
             component
             for component, made in instances.items()
@@ -189,7 +194,8 @@ class GroupBuilder:
         self.declared.update(each.name for each in (*parts, *signals.values()))
         if model is None or initial is None or self._diagnosis.earlier:
             return None, []
-        states, knowledge = initial
+        states, stated = initial
+        knowledge = [{**one, **{key: written[key] for key in written if key not in one}} for one in stated]
         body = self._document.agents[name].entity if self._document else Entity()
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []

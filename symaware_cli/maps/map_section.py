@@ -27,10 +27,11 @@ class MapForm(Section):
 
     file: AssetPath | None = Field(
         None,
-        description="The map, below the scenario's folder or one of `assets`: the .yaml file of a map of ROS, or "
-        "polygons as .wkt or .geojson, in metres.",
+        description="The map, below the scenario's folder or one of `assets`: the .yaml file of a map of ROS, "
+        "polygons as .wkt or .geojson, in metres, or the .map file of a map of Moving AI.",
     )
-    height: Length = Field(1.0, description="The height of the bodies of a map of ROS, for worlds in space [m].")
+    resolution: Length = Field(1.0, description="The side of the cells of a .map file [m].")
+    height: Length = Field(1.0, description="The height of the bodies of a map of cells, for worlds in space [m].")
     unknown: Literal["passable", "solid"] = Field(
         "passable", description="Whether unknown cells are bodies like occupied ones, or nothing is there."
     )
@@ -92,7 +93,7 @@ class MapSection(ScenarioSection):
 def _read(name: str, form: MapForm, context: SectionContext) -> tuple[FloorPart, dict[str, bytes]]:
     """Read the file of a map; return what it contributes, and the files."""
     from symaware_cli.assets import asset
-    from symaware_cli.maps import polygon_file, ros_map
+    from symaware_cli.maps import movingai, polygon_file, ros_map
     from symaware_cli.maps.convex import convex_pieces
 
     suffix = PurePosixPath(name).suffix.lower()
@@ -102,12 +103,16 @@ def _read(name: str, form: MapForm, context: SectionContext) -> tuple[FloorPart,
     if suffix in ros_map.SUFFIXES:
         raster, files = ros_map.read_ros_map(name, path, context.folders)
         part = of_raster(raster, form.height, form.unknown == "solid")
+    elif suffix in movingai.SUFFIXES:
+        raster, content = movingai.read_map(path, form.resolution)
+        part, files = of_raster(raster, form.height, form.unknown == "solid"), {name: content}
     elif suffix in polygon_file.SUFFIXES:
         found = polygon_file.PolygonFile(path)
         pieces = [piece for rings in found.polygons for piece in convex_pieces([ring.corners for ring in rings])]
         part, files = of_polygons(pieces), {name: found.content}
     else:
-        raise MapError(f"its suffix is none of {', '.join((*ros_map.SUFFIXES, *polygon_file.SUFFIXES))}")
+        suffixes = (*ros_map.SUFFIXES, *polygon_file.SUFFIXES, *movingai.SUFFIXES)
+        raise MapError(f"its suffix is none of {', '.join(suffixes)}")
     return part, files
 
 

@@ -1,4 +1,4 @@
-"""A* on a planning grid, from a position to another.
+"""A* on a planning grid, from a position to another; by jump points where costs are lengths.
 
 P. E. Hart, N. J. Nilsson and B. Raphael, A formal basis for the heuristic determination of minimum cost paths, IEEE
 Transactions on Systems Science and Cybernetics 4 (1968).
@@ -7,15 +7,20 @@ Transactions on Systems Science and Cybernetics 4 (1968).
 from __future__ import annotations
 
 import heapq
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from symaware_cli.geometry import Array
 from symaware_cli.geometry.vectors import Indices
+from symaware_cli.maps.jump_points import JumpPoints
 from symaware_cli.maps.planning_grid import MOVES, PlanningGrid
 
 _DIAGONAL = 2.0**0.5
+
+#: The ratio of costs that are equal but for rounding errors.
+_ALIKE = 1.0 + 1e-9
 
 #: Within how many cells of a position the search for cells that it is linked with goes on until there are some.
 _NEAR = (1.5, 3.0, 6.0)
@@ -44,11 +49,12 @@ class PathSearch:
     obstacle. A body that is nearer to an obstacle than its radius counts as narrower on the link, so that it gets away.
     """
 
-    def __init__(self, grid: PlanningGrid) -> None:
+    def __init__(self, grid: PlanningGrid, jumps: bool = True) -> None:
         """Prepare.
 
         Args:
             grid: The grid.
+            jumps: Whether to search by jump points if costs are lengths.
         """
         self._grid = grid
         self._penalty: list[float] = grid.penalty.tolist()
@@ -58,6 +64,9 @@ class PathSearch:
         #: The moves from a cell by its bits: changes of the index, and lengths.
         self._steps = [[steps[bit] for bit in range(8) if bits >> bit & 1] for bits in range(256)]
         self._moves: list[int] = grid.moves.tolist()
+        is_uniform = not grid.penalty[grid.passable].any()
+        self._jump_points = JumpPoints(grid) if jumps and is_uniform else None
+        self._lengths = [length for _, length in steps]
 
     def path(self, start: Array, goal: Array, most: int) -> GridPath:
         """Find a path of least cost.
@@ -82,6 +91,8 @@ class PathSearch:
             least = step * (max(x, y) + (_DIAGONAL - 1.0) * min(x, y)) - slack
             return least if least > 0.0 else 0.0
 
+        if self._jump_points is not None:
+            return self._jumped(start, goal, most, self._jump_points, estimate)
         best: dict[int, float] = dict(zip(first.tolist(), begin.tolist(), strict=True))
         parent: dict[int, int] = {}
         # Entries of equal estimates are taken by cell, so that the search does not depend on anything else.
@@ -119,6 +130,57 @@ class PathSearch:
         while cells[-1] in parent:
             cells.append(parent[cells[-1]])
         return GridPath(self._points(start, cells[::-1], goal), found_cost, expanded, False)
+
+    def _jumped(
+        self, start: Array, goal: Array, most: int, jump_points: JumpPoints, estimate: Callable[[int], float]
+    ) -> GridPath:
+        """Find a path of least cost by jump points; see `path`.
+
+        A node is a cell and the move that led to it, as that decides which moves are worth considering. Of several
+        nodes of a cell, those of least cost count, within rounding errors.
+        """
+        first, begin = self.links(start)
+        last, finish = self.links(goal)
+        ends = dict(zip(last.tolist(), finish.tolist(), strict=True))
+        nearest: dict[int, float] = dict(zip(first.tolist(), begin.tolist(), strict=True))
+        best = {(cell, -1): cost for cell, cost in nearest.items()}
+        parent: dict[tuple[int, int], tuple[int, int]] = {}
+        ahead = [(cost + estimate(cell), cell, -1) for cell, cost in nearest.items()]
+        heapq.heapify(ahead)
+        done: set[tuple[int, int]] = set()
+        found, found_cost, expanded = (-1, -1), self._direct(start, goal), 0
+        while ahead:
+            total, cell, arrived = heapq.heappop(ahead)
+            if total >= found_cost:
+                break
+            node = (cell, arrived)
+            cost = best[node]
+            if node in done or cost > nearest[cell] * _ALIKE:
+                continue
+            if expanded >= most:
+                return GridPath(np.empty((0, 2)), np.inf, expanded, True)
+            done.add(node)
+            expanded += 1
+            if cell in ends and cost + ends[cell] < found_cost:
+                found, found_cost = node, cost + ends[cell]
+            for bit in jump_points.directions(cell, arrived):
+                other, steps = jump_points.jump(cell, bit, ends)
+                if other < 0:
+                    continue
+                reached = cost + steps * self._lengths[bit]
+                following = (other, bit)
+                if reached < best.get(following, np.inf) and reached <= nearest.get(other, np.inf) * _ALIKE:
+                    best[following] = reached
+                    nearest[other] = min(reached, nearest.get(other, np.inf))
+                    parent[following] = node
+                    heapq.heappush(ahead, (reached + estimate(other), other, bit))
+        if found[0] < 0:
+            points = np.stack([start, goal]) if np.isfinite(found_cost) else np.empty((0, 2))
+            return GridPath(points, found_cost, expanded, False)
+        nodes = [found]
+        while nodes[-1] in parent:
+            nodes.append(parent[nodes[-1]])
+        return GridPath(self._points(start, [cell for cell, _ in nodes[::-1]], goal), found_cost, expanded, False)
 
     def links(self, position: Array) -> tuple[Indices, Array]:
         """Return the cells that a position is linked with, ascending, (m,), and the costs of these links, (m,)."""

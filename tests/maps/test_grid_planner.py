@@ -22,7 +22,7 @@ def planned(scenario: dict[str, Any]) -> dict[str, Any]:
     robot |= {
         "count": 2,
         "state": [[0.6, 1.0, 0.0], [2.2, 1.5, 0.0]],
-        "knowledge": {"goal": [[2.2, 0.9], [0.6, 0.5]], "waypoints": {"all": [[0, 0], [1, 0]]}, "closed": {"all": []}},
+        "knowledge": {"goal": [[2.2, 0.9], [0.6, 0.5]], "closed": {"all": []}},
         "components": {
             "sense": {"use": "perception.self"},
             "plan": {"use": "planning.grid", "with": {"margin": 0.05}},
@@ -89,7 +89,7 @@ def test_the_cost_is_written_beside_the_waypoints(
         assert known[0]["path_cost"] > 1.6
         assert tuple(known[0]["waypoints"][-1]) == (2.2, 0.9)
         assert known[1]["path_cost"] == -1.0
-        assert known[1]["waypoints"][0] == pytest.approx((2.2, 1.5))
+        assert known[1]["waypoints"] == ()
 
 
 def test_an_agent_without_a_path_has_not_reached_its_goal(
@@ -100,7 +100,7 @@ def test_an_agent_without_a_path_has_not_reached_its_goal(
     building()
     result = sa.load(room / "scenario.yaml").run(output=room / "log.mcap")
     assert "robot.1" not in result.summary.goals_reached
-    assert "goal-reached" in names(sa.open_log(room / "log.mcap"), "robot.1"), "what steers it waits at a waypoint"
+    assert names(sa.open_log(room / "log.mcap"), "robot.1") == ["goal-unreachable"], "what steers it lets it wait"
 
 
 def test_it_plans_without_a_map_over_an_area_and_any_obstacles(
@@ -176,7 +176,7 @@ def test_cars_follow_a_path_by_pure_pursuit(
     robot = planned["agents"]["robot"]
     robot |= {"count": 1, "entity": {"shape": {"circle": {"radius": 0.1}}}, "state": [[0.6, 1.0, math.pi / 2]]}
     robot["model"] = {"use": "bicycle", "with": {"wheelbase": 0.1}}
-    robot["knowledge"] = {"goal": {"all": [2.2, 0.9]}, "waypoints": {"all": [[0, 0], [1, 0]]}}
+    robot["knowledge"] = {"goal": {"all": [2.2, 0.9]}}
     robot["components"]["plan"]["with"] = {"margin": 0.1}
     robot["components"]["steer"] = {
         "use": "control.pure-pursuit",
@@ -185,3 +185,23 @@ def test_cars_follow_a_path_by_pure_pursuit(
     building()
     log = run(room)
     assert names(log, "robot.0") == ["path-planned", "goal-reached"]
+
+
+def test_a_car_without_a_path_stands_still_until_it_has_one(
+    building: Callable[..., Built], room: Path, planned: dict[str, Any]
+) -> None:
+    planned["run"]["duration"] = 20.0
+    robot = planned["agents"]["robot"]
+    robot |= {"count": 1, "entity": {"shape": {"circle": {"radius": 0.1}}}, "state": [[0.6, 1.0, math.pi / 2]]}
+    robot["model"] = {"use": "bicycle", "with": {"wheelbase": 0.1}}
+    robot["knowledge"] = {"goal": {"all": [1.4, 1.0]}}  # in the pillar
+    robot["components"]["steer"] = {
+        "use": "control.pure-pursuit",
+        "with": {"lookahead": 0.1, "lookahead_time": 0.1, "speed": 0.3},
+    }
+    planned["faults"] = {"sent": {"at": 3.0, "inform": {"of": "robot.0", "knowledge": {"goal": [2.2, 0.9]}}}}
+    building()
+    log = run(room)
+    assert names(log, "robot.0") == ["goal-unreachable", "path-planned", "goal-reached"]
+    driven = log.series("robot.0", "world")
+    assert np.ptp(driven.values[driven.times < 3_000_000_000, :2], axis=0).max() == 0.0

@@ -157,3 +157,24 @@ def test_a_body_that_touches_a_wall_gets_away_from_it() -> None:
     grid = PlanningGrid(GridFrame((0.0, 0.0), 0.0, 0.25, (16, 16)), {"wall": wall}, 0.3, 0.0, 0.0)
     path = PathSearch(grid).path(np.array([1.0, 0.3]), np.array([3.0, 3.0]), 1000)
     assert np.isfinite(path.cost)
+
+
+def uniform(seed: int) -> tuple[PlanningGrid, Array, Array]:
+    """A random grid on which every move costs its length."""
+    grid, obstacles, start, goal = drawn(seed)
+    named = {f"box_{number}": each for number, each in enumerate(obstacles)}
+    return PlanningGrid(grid.frame, named, 0.5 * RADIUS, 0.0, 0.0), start, goal
+
+
+@pytest.mark.parametrize("first", range(0, 500, 100))
+def test_jump_points_find_the_cost_of_a_star_and_expand_fewer_cells(first: int) -> None:
+    jumped, expanded = 0, 0
+    for seed in range(first, first + 100):
+        grid, start, goal = uniform(seed)
+        path, other = (PathSearch(grid, jumps).path(start, goal, 10**6) for jumps in (True, False))
+        assert path.cost == pytest.approx(other.cost, rel=1e-9), seed
+        if len(path.points) > 1:
+            legs = np.diff(path.points, axis=0)
+            assert np.sqrt((legs**2).sum(axis=1)).sum() == pytest.approx(path.cost), seed
+            jumped, expanded = jumped + path.expanded, expanded + other.expanded
+    assert jumped < 0.5 * expanded

@@ -28,7 +28,9 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "control.schedule": {"inputs": [{"time": 0.0, "input": [0.1, 0.0]}, {"time": 0.2, "input": [0.0, 0.2]}]},
     "differential-drive": {"left": ["left"], "right": ["right"]},
     "perception.map": {"scan": "lidar", "resolution": 0.5, "within": (-5.0, 5.0, -5.0, 5.0)},
+    "planning.cbs": {"within": (-5.0, 5.0, -5.0, 5.0)},
     "planning.grid": {"resolution": 0.5, "within": (-5.0, 5.0, -5.0, 5.0)},
+    "planning.prioritised": {"within": (-5.0, 5.0, -5.0, 5.0)},
     "perception.range": {"range": 5.0, "position_noise": 0.1},
     "dubins-aircraft": {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1},
     "linear": COUPLED,
@@ -71,9 +73,12 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     },
     "control.waypoints": {"agents.robot.knowledge.waypoints": {"all": [[0.0, 0.0], [3.0, 1.0]]}},
     "perception.map": LIDAR,
-    "planning.grid": {
-        "agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}, "waypoints": {"all": [[0.0, 0.0]]}},
+    "control.timed-waypoints": {
+        "agents.robot.knowledge.timed_waypoints": {"all": [[0.0, 0.0, 0.0], [3.0, 3.0, 1.0]]},
     },
+    "planning.cbs": {"agents.robot.knowledge": {"goal": [[3.0, 1.0], [-2.0, 1.0], [0.0, -3.0]]}},
+    "planning.grid": {"agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}}},
+    "planning.prioritised": {"agents.robot.knowledge": {"goal": [[3.0, 1.0], [-2.0, 1.0], [0.0, -3.0]]}},
     "prediction.error": {"agents.robot.components.estimate": {"use": "uncertainty.conformal"}},
     "restore": {"faults.other": {"at": 0.05, "stop": "robot.1"}},
 }

@@ -62,6 +62,7 @@ CASES = {
     ),
     "control.vector-field-histogram": Case("goal", [1, 0], [0, 3], [0, 3], parameters={"scan": "lidar"}),
     "control.waypoints": Case("waypoints", [[1, 0]], [[1, 2], [-1, 2]], [-1, 2]),
+    "control.timed-waypoints": Case("timed_waypoints", [[0, 1, 0]], [[0, 1, 2], [1, -1, 2]], [-1, 2]),
     "control.pure-pursuit": Case(
         "waypoints", [[0, 0], [1, 0]], [[1, 0], [3, 0], [6, 2], [9, 2]], [9, 2], 0.3, 600, Bicycle(), (0, 0, 0)
     ),
@@ -127,8 +128,9 @@ each_case = pytest.mark.parametrize("use", CASES)
 
 
 def test_there_is_a_case_for_every_built_in_component_that_needs_knowledge() -> None:
-    # A planner steers nobody; whether it plans anew is a test of its own.
-    assert {name for name, kind in built_in() if kind.knowledge} == {*CASES, "planning.grid"}
+    # Planners steer nobody; whether they plan anew is tested in tests/maps.
+    planners = {"planning.cbs", "planning.grid", "planning.prioritised"}
+    assert {name for name, kind in built_in() if kind.knowledge} == {*CASES, *planners}
 
 
 @each_case

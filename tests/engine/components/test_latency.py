@@ -69,6 +69,7 @@ class Case:
 
 
 LINE = [[0, 0], [3, 0], [3, 3]]
+TIMED = [[0, 0, 0], [3, 3, 0], [6, 3, 3]]
 SEES = {"perception.range": {"range": 9.0}}
 ACTS = ["control", "intent"]
 REGIONS = {"floor": Region(box=(-1, 4, -1, 4)), "right": Region(box=(2, 4, -1, 4)), "left": Region(box=(-1, 0, -1, 4))}
@@ -137,7 +138,10 @@ CASES = {
         {"scan": "perception-lidar", "resolution": 0.5, "within": (-5, 5, -5, 5), "record": 0.1},
         before={"perception.lidar": {"rays": 24}},
     ),
-    "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3], "waypoints": LINE}),
+    "control.timed-waypoints": Case(ACTS, knowledge={"timed_waypoints": TIMED}),
+    "planning.cbs": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
+    "planning.prioritised": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
+    "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
     "communication.gossip": Case([], knowledge={"rumour": 1}),

@@ -121,3 +121,12 @@ def test_what_is_no_list_of_positions_is_refused(waypoints: Any) -> None:
     group = Team({}, 1, [[0.0, 0.0]], [{"waypoints": waypoints}]).group("robot")
     with pytest.raises(ValueError, match="`waypoints`"):
         Waypoints().check(group)
+
+
+@pytest.mark.parametrize("lists", [[[], SQUARE], [[], []]], ids=["some", "all"])
+def test_an_agent_without_waypoints_waits_and_has_reached_nothing(lists: Any) -> None:
+    events, places, _ = travel(patrol(lists), 400)
+    assert (places[:, 0] == 0.0).all()
+    assert [source for source, name, _ in events if name == "goal-reached"] == [
+        f"agents.robot.{row}.steer" for row, each in enumerate(lists) if each
+    ]

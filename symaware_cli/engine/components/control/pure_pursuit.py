@@ -17,7 +17,7 @@ class WaypointLines(NamedTuple):
 
     Attributes:
         waypoints: The waypoints, as returned by `AgentGroup.known_lists`; shape (n, k, 2).
-        counts: Their numbers; shape (n,).
+        counts: Their numbers; shape (n,). 0 for an agent that waits.
         corners: The ends of legs, with the first again at the end of a loop; shape (n, m + 1, 2).
         directions: The unit vector of each leg; shape (n, m, 2).
         length: The length of each leg [m]; shape (n, m).
@@ -40,7 +40,9 @@ def _lines(waypoints: Array, counts: Indices, loop: bool) -> WaypointLines:
     Raises:
         ValueError: The waypoints are no lines in the plane.
     """
-    if waypoints.ndim != 3 or counts.min(initial=2) < 2 or waypoints.shape[2] != 2:
+    if waypoints.shape == (len(counts), 0):
+        waypoints = np.zeros((len(counts), 2, 2))
+    if waypoints.ndim != 3 or (counts == 1).any() or waypoints.shape[2] != 2:
         raise ValueError("the knowledge `waypoints` of each agent must be a list of at least 2 positions of 2 numbers")
     number = np.arange(waypoints.shape[1] + loop)
     following = np.where(number < counts[:, None], number, 0 if loop else counts[:, None] - 1)
@@ -85,7 +87,7 @@ class PurePursuit(Approach):
 
     An agent remembers its progress along the line and searches for its position only a little ahead of it, so a line
     may cross itself. It stops at the last waypoint, or starts the next lap. After a change of its waypoints it searches
-    the whole new line.
+    the whole new line. While the list is empty, as that of a planner without a path, it stands still.
     """
 
     batchable = True
@@ -152,11 +154,15 @@ class PurePursuit(Approach):
             # An agent past the end does not turn back.
             past = ends & (lines.total - travelled <= 1e-6)
             speed = np.where(past, 0.0, np.where(ends, self._slowing(remaining), speed))
+        waiting = lines.counts == 0
+        speed[waiting] = 0.0
         control_input = np.empty((len(state), 2))
         control_input[:, 0] = speed
         angle = np.arctan(model.wheelbase * curvature)  # type: ignore[attr-defined]
         control_input[:, 1] = np.where(behind, np.copysign(model.input_bounds()[1][1], sine), angle)
         intent = np.stack([self._at(lines, travelled + speed * later) for later in self._ahead], axis=1)
+        if waiting.any():
+            intent[waiting] = position[waiting, None]
         return PursuitDecision(control_input, intent, lines, begins, travelled, remaining)
 
     def _update(self, value: PursuitDecision) -> None:
@@ -166,14 +172,15 @@ class PurePursuit(Approach):
             self.emit_for(row, "goal-changed", "has other waypoints than those it passed")
         self._finished = self._finished & ~value.begins
         if self.parameters.loop:
-            before = np.where(value.begins, 0.0, np.floor_divide(self._travelled, self._lines.total))
-            laps = np.floor_divide(travelled, lines.total)
+            then, now = (np.where(each.counts > 0, each.total, 1.0) for each in (self._lines, lines))
+            before = np.where(value.begins, 0.0, np.floor_divide(self._travelled, then))
+            laps = np.floor_divide(travelled, now)
             for row in np.flatnonzero(laps > before).tolist():
                 number = int(laps[row])
                 self.emit_for(row, "lap-completed", f"completed lap {number}", number=number)
         else:
             near = (value.remaining <= self.parameters.tolerance) & (lines.total - travelled <= 1.0)
-            arrived = near & ~self._finished
+            arrived = near & ~self._finished & (lines.counts > 0)
             self._finished = self._finished | arrived
             for row in np.flatnonzero(arrived).tolist():
                 self.emit_for(row, "goal-reached", "reached its last waypoint")
@@ -191,7 +198,7 @@ class PurePursuit(Approach):
         distance = apart[..., 0] * apart[..., 0] + apart[..., 1] * apart[..., 1]
         there = lines.starts[:, :-1] + along
         if self.parameters.loop:
-            laps = np.floor_divide(before, lines.total)
+            laps = np.floor_divide(before, np.where(lines.counts > 0, lines.total, 1.0))
             there = there + (laps * lines.total)[:, None]
             there = np.where(there < before[:, None] - 1e-9, there + lines.total[:, None], there)
         else:
@@ -205,7 +212,7 @@ class PurePursuit(Approach):
     def _at(self, lines: WaypointLines, travelled: Array) -> Array:
         """Return the points at given distances along the lines [m]; shape (n, 2)."""
         if self.parameters.loop:
-            travelled = np.remainder(travelled, lines.total)
+            travelled = np.remainder(travelled, np.where(lines.counts > 0, lines.total, 1.0))
         travelled = np.minimum(travelled, lines.total)
         leg = np.minimum((lines.starts[:, 1:] < travelled[:, None]).sum(axis=1), lines.length.shape[1] - 1)
         rest = travelled - lines.starts[self._rows, leg]

@@ -41,7 +41,8 @@ class Waypoints(Approach):
 
     An agent heads straight for the next waypoint at cruise speed and turns to the one after it as soon as it is within
     the tolerance; before the last one its speed decreases in proportion to the distance. The intent is the path ahead,
-    along the waypoints, over the horizon. After a change of its waypoints an agent starts at the first new one.
+    along the waypoints, over the horizon. After a change of its waypoints an agent starts at the first new one. While
+    the list is empty, as that of a planner without a path, it stays where it is.
     """
 
     batchable = True
@@ -75,6 +76,8 @@ class Waypoints(Approach):
         """Return the present waypoints of each agent, (n, k, d), and their numbers, (n,)."""
         waypoints, counts = group.known_lists("waypoints")
         dimensions = len(group.model.position)
+        if waypoints.shape == (len(group), 0):
+            return np.zeros((len(group), 1, dimensions)), np.zeros(len(group), np.intp)
         if waypoints.ndim != 3 or waypoints.shape[1] < 1 or waypoints.shape[2] != dimensions:
             raise ValueError(
                 f"the knowledge `waypoints` of each agent must be a list of positions of {dimensions} numbers"
@@ -83,22 +86,25 @@ class Waypoints(Approach):
 
     def _compute(self) -> WaypointDecision:
         model, state = self._group.model, self._group.awareness.state
-        waypoints, counts = self._known(self._group)
-        begins = differing(self._waypoints, waypoints) | (counts != self._counts)
+        known, counts = self._known(self._group)
+        begins = differing(self._waypoints, known) | (counts != self._counts)
         number = np.where(begins, 0, self._next)
         position = model.positions(state)
+        waiting = counts == 0
+        waypoints = np.where(waiting[:, None, None], position[:, None], known) if waiting.any() else known
         reached = lengths(waypoints[self._rows, number] - position) <= self.parameters.tolerance
+        reached &= ~waiting
         upcoming = self._after(number, reached, counts)
         way = waypoints[self._rows, upcoming] - position
         distance = lengths(way)
         speed = np.full(len(distance), self.parameters.speed)
         if not self.parameters.loop:
-            ends = upcoming == counts - 1
+            ends = upcoming >= counts - 1
             speed[ends] = self._slowing(distance[ends])
         velocity = directions(way, distance) * speed[:, None]
         intent = self._path_ahead(waypoints, counts, position, upcoming, speed)
         control_input = model.follow_velocity(state, velocity)
-        return WaypointDecision(control_input, intent, waypoints, counts, begins, number, reached, upcoming)
+        return WaypointDecision(control_input, intent, known, counts, begins, number, reached, upcoming)
 
     def _update(self, value: WaypointDecision) -> None:
         self._steer(value.control_input, value.intent)
@@ -116,7 +122,7 @@ class Waypoints(Approach):
 
     def _after(self, number: Indices, step: Mask | Indices, counts: Indices) -> Indices:
         """Return the next waypoint; after the last one the first of a loop, else the last."""
-        following = number + step
+        following, counts = number + step, np.maximum(counts, 1)
         return following % counts if self.parameters.loop else np.minimum(following, counts - 1)
 
     def _path_ahead(self, waypoints: Array, counts: Indices, position: Array, upcoming: Indices, speed: Array) -> Array:
