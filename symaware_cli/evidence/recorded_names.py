@@ -13,8 +13,11 @@ from symaware_cli.core import AgentGroup, Environment, seconds
 from symaware_cli.engine import Simulation
 from symaware_cli.evidence.row_evaluator import RegionHere, norm, row_robustness
 from symaware_cli.specification import (
+    OTHER,
+    SELF,
     AbsentError,
     AgentScope,
+    AwarenessScope,
     BeliefScope,
     ClosestPairScope,
     PairScope,
@@ -82,6 +85,9 @@ class RecordedNames:
             case AgentScope():
                 state = self._world.state(scope.group)[row]
                 return self._of_agent(scope.group, row, state, self._world.applied_input(scope.group)[row], name)
+            case AwarenessScope():
+                first, second = scope.agents(row)
+                return self._of_awareness(first, second, name)
             case PairScope():
                 first, second = scope.agents(row)
                 return self._of_pair(first, second, name)
@@ -135,6 +141,29 @@ class RecordedNames:
         }[name]
         return {"first": of(first), "second": of(second)}
 
+    def _of_awareness(self, id: str, other: str, name: str) -> Any:
+        """Return what an agent believes, or what is true, of itself and another; beliefs that it lacks are absent."""
+        match name:
+            case "truth":
+                return {SELF: self._position(id), OTHER: self._position(other)}
+            case "true_velocity":
+                return {SELF: self._velocity(id), OTHER: self._velocity(other)}
+            case "distance" | "closing_speed":
+                return self._of_pair(id, other, name)
+        group, row = self._places[id]
+        is_position = name == "belief"
+        state, requested = group.awareness.state[row][None], group.control_input[row][None]
+        own = group.model.positions(state) if is_position else group.model.velocity(state, requested)
+        database, width = group.agents[row].awareness_database, self._world.roster.dimensions
+        motion = database[other].state if other in database else np.full(2 * width, np.nan)
+        is_known = not np.isnan(motion[:width]).any()
+        if name == "known":
+            return {OTHER: is_known}
+        found = {SELF: self._padded(own[0])}
+        if is_known:
+            found[OTHER] = motion[:width] if is_position else motion[width:]
+        return _Beliefs(found)
+
     def _of_world(self, scope: Scope, name: str) -> Any:
         """Return a value about the world, looked up as in a run."""
         return _of_one(scope.look_up(name))
@@ -179,6 +208,13 @@ def _of_one(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value[0]
     return value if np.isscalar(value) else _OfOne(value)
+
+
+class _Beliefs(dict[str, Array]):
+    """Beliefs of an agent by whom they are about; one that it lacks is absent."""
+
+    def __missing__(self, name: str) -> Array:
+        raise AbsentError(f"nothing is believed of the agent `{name}`")
 
 
 class _OfOne:

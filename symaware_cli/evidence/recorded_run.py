@@ -318,6 +318,10 @@ class RecordedSpecifications:
             needed = {"state", *({"requested_control"} if names & moving else ())}
             needed |= {"awareness"} & {*map(_kind, names)}
             needed |= names & {"intent", "risk", "uncertainty"}
+        elif specification.of == "awareness":
+            needed = {"world", "state", "awareness"}
+            needed |= {"requested_control"} if "believed_velocity" in names else set()
+            needed |= {"applied_control"} if "true_velocity" in names or names & moving else set()
         else:
             needed = {"world", *({"requested_control", "applied_control"} if names & moving else ())}
         return sorted({*(needed & self._left_out), *self._missing_events(specification)})

@@ -42,6 +42,7 @@ from .scenario_section import ScenarioSection as ScenarioSection
 from .scenario_section import SectionContext as SectionContext
 from .section import Identifier as Identifier
 from .section import Section as Section
+from .specification_section import SpecificationUse as SpecificationUse
 from .section import Use as Use
 from .source import Path as Path
 from .source import Source as Source
