@@ -8,6 +8,7 @@ from .branching import branch_cells as branch_cells
 from .branching import branch_rows as branch_rows
 from .branching import branches as branches
 from .branching import write_branch_table as write_branch_table
+from .certificate_page import decided as decided
 from .certification import Certificate as Certificate
 from .certification import CertificateVerification as CertificateVerification
 from .certification import certify as certify

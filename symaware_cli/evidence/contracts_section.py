@@ -47,7 +47,9 @@ def _of_text(written: object) -> object:
 class ContractsSection(ScenarioSection):
     """Contracts by name, monitored like specifications."""
 
-    form: ClassVar[Any] = dict[Name, Annotated[ContractUse, BeforeValidator(_of_text, json_schema_input_type=str | ContractUse)]]
+    form: ClassVar[Any] = dict[
+        Name, Annotated[ContractUse, BeforeValidator(_of_text, json_schema_input_type=str | ContractUse)]
+    ]
     description: ClassVar[str] = (
         "Awareness contracts by name: formulas over what agents believe and what is true. They are monitored like "
         "`specifications`, and may be claimed beside them: `P(sees) > 0.99; P(safe | sees) > 0.999`."

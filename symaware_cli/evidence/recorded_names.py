@@ -156,12 +156,12 @@ class RecordedNames:
         own = group.model.positions(state) if is_position else group.model.velocity(state, requested)
         database, width = group.agents[row].awareness_database, self._world.roster.dimensions
         motion = database[other].state if other in database else np.full(2 * width, np.nan)
-        is_known = not np.isnan(motion[:width]).any()
         if name == "known":
-            return {OTHER: is_known}
+            return {OTHER: not np.isnan(motion[:width]).any()}
         found = {SELF: self._padded(own[0])}
-        if is_known:
-            found[OTHER] = motion[:width] if is_position else motion[width:]
+        of_other = motion[:width] if is_position else motion[width:]
+        if not np.isnan(of_other).any():
+            found[OTHER] = of_other
         return _Beliefs(found)
 
     def _of_world(self, scope: Scope, name: str) -> Any:

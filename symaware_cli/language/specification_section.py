@@ -55,8 +55,8 @@ class SpecificationUse(Section):
     )
     of: Literal["truth", "belief", "awareness"] = Field(
         "truth",
-        description="truth: the formula is about what is true; belief: about what each agent believes; awareness: about "
-        "what the first agent of each pair believes about the second, beside what is true.",
+        description="truth: the formula is about what is true; belief: about what each agent believes; awareness: "
+        "about what the first agent of each pair believes about the second, beside what is true.",
     )
     logic: Literal["stl", "ltl"] = Field(
         "stl",

@@ -50,6 +50,7 @@ class AwarenessScope(PairScope):
         super().__init__(pairs, world, groups, regions)
         self._places = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
         self._known: NDArray[np.bool_] = np.ones(self.rows, bool)
+        self._lacking = ~self._known
 
     @property
     def names(self) -> Names:
@@ -60,8 +61,8 @@ class AwarenessScope(PairScope):
 
     @property
     def lacking(self) -> NDArray[np.bool_] | None:
-        """See the base class: the rows whose agent knows nothing of the other."""
-        return ~self._known
+        """See the base class: the rows whose agent does not know where the other is, or how fast."""
+        return self._lacking
 
     def subjects(self, row: int) -> tuple[str, ...]:
         """Return the agent whose awareness a row is about."""
@@ -120,4 +121,5 @@ class AwarenessScope(PairScope):
                 motion = databases[id][other].state
                 positions[row], velocities[row] = motion[:width], motion[width : 2 * width]
         self._known = ~np.isnan(positions).any(axis=1)
+        self._lacking = ~self._known | np.isnan(velocities).any(axis=1)
         return positions, velocities

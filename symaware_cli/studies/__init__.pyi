@@ -4,6 +4,7 @@ from .batch_check import differing_compositions as differing_compositions
 from .batch_check import differing_runs as differing_runs
 from .cell_stops import CellStops as CellStops
 from .claim import Claim as Claim
+from .claim_term import ClaimTerm as ClaimTerm
 from .custom_metrics import typed as typed
 from .executor import Block as Block
 from .executor import Blocks as Blocks
