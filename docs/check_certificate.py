@@ -173,7 +173,7 @@ def derived(part):  # what cannot be derived at all does not agree
 
 KIND = ("https://in-toto.io/Statement/v1", "urn:symaware:sweep-certificate:1")
 CLAIM = r"(.*?>\s*[0-9.eE+-]+)(?:\s+with\s+confidence\s+([^\s,]+))?\s*(?:,\s*(\w+)\s*)?"
-TERM = r"\s*P\(\s*([^()|]+?)\s*(?:\|\s*([^()|]+?)\s*)?\)\s*>\s*(\S+)\s*"
+TERM = r"\s*P\(\s*([^()|\s][^()|]*?)\s*(?:\|\s*([^()|\s][^()|]*?)\s*)?\)\s*>\s*(\S+)\s*"
 FIELDS = ("index", "variant", "seed", "state", "digest", "error", "parameters", "verdicts", "robustness", "metrics")
 read = json.loads(file.read_bytes())
 read = json.loads(base64.b64decode(read["payload"])) if "payload" in read else read

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 from symaware_cli.studies.row import Row
 
+_NAMES = r"[^()|\s][^()|]*?"
 _FORM = re.compile(
-    r"\s*P\(\s*(?P<satisfied>[^()|]+?)\s*(?:\|\s*(?P<given>[^()|]+?)\s*)?\)\s*>\s*(?P<probability>\S+)\s*"
+    rf"\s*P\(\s*(?P<satisfied>{_NAMES})\s*(?:\|\s*(?P<given>{_NAMES})\s*)?\)\s*>\s*(?P<probability>\S+)\s*"
 )
 
 #: Claims beyond these limits need more runs than a sweep may have.
