@@ -8,6 +8,9 @@ from .branching import branch_cells as branch_cells
 from .branching import branch_rows as branch_rows
 from .branching import branches as branches
 from .branching import write_branch_table as write_branch_table
+from .budgeting import Budget as Budget
+from .budgeting import BudgetLevel as BudgetLevel
+from .budgeting import budget as budget
 from .certificate_page import decided as decided
 from .certification import Certificate as Certificate
 from .certification import CertificateVerification as CertificateVerification
