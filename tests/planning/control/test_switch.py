@@ -1,0 +1,128 @@
+"""A switch changes the controller in force by conditions, and keeps each choice for its dwell time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from checkout import CHECKOUT
+
+import symaware_cli as sa
+
+SIMPLEX = CHECKOUT / "scenarios" / "simplex.yaml"
+
+SCENARIO: dict[str, Any] = {
+    "symaware": 1,
+    "name": "switching",
+    "seed": 1,
+    "run": {"duration": 4.0},
+    "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
+    "agents": {
+        "robot": {
+            "count": 2,
+            "model": {"use": "single-integrator"},
+            "state": [[0.0, 0.0], [0.0, 5.0]],
+            "components": {
+                "sense": {"use": "perception.omniscient"},
+                "guard": {"use": "control.switch", "with": {"when": "time % 1 >= 0.5 and y > 1", "to": "halt"}},
+                "drive": {
+                    "use": "control.schedule",
+                    "condition": "switched[0] == 0",
+                    "with": {"inputs": [{"time": 0.0, "input": [1.0, 0.0]}]},
+                },
+                "halt": {
+                    "use": "control.schedule",
+                    "condition": "switched[0] == 1",
+                    "with": {"inputs": [{"time": 0.0, "input": [0.0, 0.0]}]},
+                },
+            },
+        }
+    },
+}
+
+
+def scenario(**given: Any) -> sa.Scenario:
+    return sa.load(SCENARIO, {f"agents.robot.components.guard.with.{key}": value for key, value in given.items()})
+
+
+def switched(tmp_path: Path, **given: Any) -> np.ndarray[Any, Any]:
+    """Return at which tenths of a second the fallback of robot.1 is in force, each from 0 on."""
+    log = scenario(**given).run(output=tmp_path / "switch.mcap").log
+    assert log is not None
+    series = log.series("robot.1", "switched")
+    instants = np.rint(series.times * 10).astype(int)
+    found = np.zeros(41, int)
+    for instant, value in zip(instants, series.values[:, 0], strict=True):
+        found[instant:] = int(value)
+    return found
+
+
+def test_the_condition_of_each_agent_decides_which_of_its_controllers_is_in_force(tmp_path: Path) -> None:
+    found = switched(tmp_path)
+    tenths = np.arange(41)
+    assert found.tolist() == (tenths % 10 >= 5).astype(int).tolist()
+    final = scenario().run().final_states["robot"]
+    assert final[:, 0] == pytest.approx([4.0, 2.0])
+
+
+def test_a_choice_stays_for_its_dwell_time(tmp_path: Path) -> None:
+    found = switched(tmp_path, dwell=1.2, dwell_nominal=0.7)
+    changes = np.flatnonzero(np.diff(found)) + 1
+    lengths = np.diff(changes)
+    assert (lengths[::2] >= 12).all()
+    assert (lengths[1::2] >= 7).all()
+    assert found[5:17].all()
+
+
+def test_a_condition_has_to_be_confirmed(tmp_path: Path) -> None:
+    assert np.flatnonzero(switched(tmp_path, confirm=0.3)).min() == 8
+    assert not switched(tmp_path, confirm=0.6).any()
+
+
+def test_the_way_back_has_a_condition_of_its_own(tmp_path: Path) -> None:
+    found = switched(tmp_path, back="time > 2.25")
+    assert found.tolist()[:32] == [0] * 5 + [1] * 18 + [0] * 2 + [1] + [0] + [1] + [0] + [1] + [0] + [0]
+
+
+def test_a_run_continues_from_a_capture_while_a_dwell_time_lasts() -> None:
+    changes = {"agents.robot.components.guard.with.dwell": 1.2, "agents.robot.components.guard.with.confirm": 0.2}
+    whole = sa.load(SCENARIO, changes).run().digest if hasattr(sa.RunResult, "digest") else None
+    with sa.load(SCENARIO, changes).start() as run:
+        run.step(9)
+        state = run.capture()
+        run.step(20)
+        then = {group: states.copy() for group, states in run.states.items()}
+        run.restore(state)
+        run.step(20)
+        assert all((run.states[group] == states).all() for group, states in then.items())
+    assert whole is None or whole
+
+
+@pytest.mark.parametrize(
+    ("changes", "path", "said"),
+    [
+        ({"guard.with.when": "robustness(seas) < 1"}, "guard.with.when", "seas"),
+        ({"guard.with.when": "uncertanty > 1"}, "guard.with.when", "uncertanty"),
+        ({"guard.with.back": "always risk > 1"}, "guard.with.back", "condition"),
+        ({"guard.with.to": "hlt"}, "guard.with.to", "`hlt`"),
+        ({"halt.condition": "risk > 1"}, "guard.with.to", "whatever the switch decides"),
+        ({"guard.with.to": "sense", "sense.condition": "switched[0] == 1"}, "guard.with.to", "comes before the switch"),
+    ],
+)
+def test_switches_that_cannot_work_are_refused(changes: dict[str, Any], path: str, said: str) -> None:
+    with pytest.raises(sa.ScenarioError) as raised:
+        sa.load(SCENARIO, {f"agents.robot.components.{key}": value for key, value in changes.items()})
+    found = [(each.path, f"{each.message} {each.expected}") for each in raised.value.problems]
+    assert any(place.endswith(path) and said in text for place, text in found), found
+
+
+def test_the_shipped_scenario_is_safe_by_its_switch() -> None:
+    with_switch = sa.load(SIMPLEX).run(duration=10.0).summary
+    without = sa.load(SIMPLEX, {"agents.robot.components.guard.with.confirm": 100.0}).run(duration=10.0).summary
+    apart = [
+        next(each.verdict for each in summary.specifications if each.name == "apart")
+        for summary in (with_switch, without)
+    ]
+    assert apart == ["satisfied", "violated"]
