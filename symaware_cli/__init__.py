@@ -105,6 +105,7 @@ if TYPE_CHECKING:
         TopologyParameters,
     )
     from symaware_cli.evidence import (
+        AssuranceCase,
         BranchError,
         BranchResult,
         Budget,
@@ -117,6 +118,7 @@ if TYPE_CHECKING:
         SweepComparison,
         SweepVerification,
         VerificationResult,
+        assure,
         branch,
         branches,
         budget,
@@ -126,6 +128,7 @@ if TYPE_CHECKING:
         compare_sweeps,
         estimate,
         falsify,
+        verify_case,
         verify_certificate,
         verify_log,
         write_report,
@@ -133,7 +136,14 @@ if TYPE_CHECKING:
     from symaware_cli.geometry import Region
     from symaware_cli.help_place import in_help
     from symaware_cli.knowledge import Bisimulation, KnowledgeModel, TransitionSystem, bisimulation
-    from symaware_cli.language import Additions, InitialAgents, ScenarioError, ScenarioSection, SectionContext
+    from symaware_cli.language import (
+        Additions,
+        InitialAgents,
+        ScenarioError,
+        ScenarioSection,
+        SectionContext,
+        SpecificationUse,
+    )
     from symaware_cli.learning.environments import env, single_env
     from symaware_cli.learning.team import LearningError
     from symaware_cli.log import Log, LogError, Series, open_log
@@ -158,6 +168,7 @@ __all__ = [
     "AgentParameters",
     "AgentPattern",
     "AgentSelection",
+    "AssuranceCase",
     "AwarenessDatabase",
     "AwarenessVector",
     "Bisimulation",
@@ -243,6 +254,7 @@ __all__ = [
     "SimulationState",
     "Snapshot",
     "SpecificationStatus",
+    "SpecificationUse",
     "StateError",
     "SteppedSimulation",
     "SweepComparison",
@@ -265,6 +277,7 @@ __all__ = [
     "VerificationResult",
     "Wall",
     "WorldError",
+    "assure",
     "bisimulation",
     "branch",
     "branches",
@@ -288,6 +301,7 @@ __all__ = [
     "seconds",
     "single_env",
     "sweep",
+    "verify_case",
     "verify_certificate",
     "verify_log",
     "verify_sweep",
@@ -302,6 +316,7 @@ _HOMES = {
     "symaware_cli.knowledge.abstraction.knowledge_model": ("KnowledgeModel",),
     "symaware_cli.knowledge.abstraction.transition_system": ("TransitionSystem",),
     "symaware_cli.evidence.certification": ("Certificate", "CertificateVerification", "certify", "verify_certificate"),
+    "symaware_cli.evidence.assurance.assuring": ("AssuranceCase", "assure", "verify_case"),
     "symaware_cli.evidence.budgeting": ("Budget", "budget"),
     "symaware_cli.evidence.falsifying": ("Falsification", "falsify"),
     "symaware_cli.evidence.rare_events": ("RareEventEstimate", "estimate"),
@@ -350,6 +365,7 @@ _HOMES = {
     "symaware_cli.processes.distribution_error": ("DistributionError",),
     "symaware_cli.processes.place": ("Place",),
     "symaware_cli.language.problem": ("ScenarioError",),
+    "symaware_cli.language.specification_section": ("SpecificationUse",),
     "symaware_cli.language.scenario_section": ("Additions", "InitialAgents", "ScenarioSection", "SectionContext"),
     "symaware_cli.studies.sweep_error": ("SweepError",),
     "symaware_cli.world.probability_distribution": ("Latency",),

@@ -1,5 +1,9 @@
 # What other rooms use of this one.
 
+from .assurance.assuring import AssuranceCase as AssuranceCase
+from .assurance.assuring import assure as assure
+from .assurance.assuring import is_case as is_case
+from .assurance.assuring import verify_case as verify_case
 from .branch_changes import BranchError as BranchError
 from .branching import BranchResult as BranchResult
 from .branching import Cell as Cell
