@@ -15,7 +15,7 @@ from symaware_cli.evidence.assurance.sacm import sacm
 from symaware_cli.evidence.assurance.solution_check import SolutionCheck
 from symaware_cli.evidence.sweep_verification import Level
 from symaware_cli.language import FilePath
-from symaware_cli.log import LogError, whole_folder
+from symaware_cli.log import LogError, whole_file, whole_folder
 from symaware_cli.views import rendered
 
 #: The files of a case that was written.
@@ -106,14 +106,22 @@ def assure(
     with whole_folder(folder) as partial:
         suffix = path.suffix.lower() if path.suffix.lower() == ".toml" else ".yaml"
         (partial / CASE).with_suffix(suffix).write_bytes(path.read_bytes())
-        text = drawing(document, made.statuses)
         base = os.path.relpath(path.resolve().parent, folder.resolve())
         content = {**made.to_json(), "evidence": Path(base).as_posix()}
         (partial / RESULT).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        (partial / PICTURE).write_text(text, encoding="utf-8")
-        (partial / EXCHANGE).write_bytes(sacm(document, made.statuses))
-        (partial / PAGE).write_text(page(made, text), encoding="utf-8")
+        for name, shown in _shown(made).items():
+            (partial / name).write_bytes(shown)
     return made
+
+
+def _shown(case: AssuranceCase) -> Mapping[str, bytes]:
+    """Return the files that show a case, by their names."""
+    picture = drawing(case.document, case.statuses)
+    return {
+        PICTURE: picture.encode(),
+        EXCHANGE: sacm(case.document, case.statuses),
+        PAGE: page(case, picture).encode(),
+    }
 
 
 def is_case(folder: Path) -> bool:
@@ -131,7 +139,8 @@ def verify_case(
 ) -> AssuranceCase:
     """Check all evidence of an assurance case that was written, where it is now.
 
-    Evidence whose file is another one than when the case was written is stale.
+    Evidence whose file is another one than when the case was written is stale. The picture, the XML and the page then
+    show what holds now.
 
     Args:
         folder: The folder of the case.
@@ -143,6 +152,7 @@ def verify_case(
     Raises:
         LogError: The folder has no case.
         ScenarioError: The case in it is invalid.
+        OutputError: The picture cannot be written.
     """
     place = Path(folder)
     file = next((each for each in (place / CASE, (place / CASE).with_suffix(".toml")) if each.is_file()), place / CASE)
@@ -152,7 +162,19 @@ def verify_case(
         digests = {str(name): each["sha256"] for name, each in said["solutions"].items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise LogError(f"{place} is not the folder of an assurance case: {error}") from None
-    return _checked(read_case(file), base, place, digests, level, rows, seed, on_progress)
+    found = _checked(read_case(file), base, place, digests, level, rows, seed, on_progress)
+    for name, content in _shown(found).items():
+        if _content(place / name) != content:
+            with whole_file(place / name) as partial:
+                partial.write_bytes(content)
+    return found
+
+
+def _content(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
 
 
 def _checked(

@@ -160,7 +160,8 @@ class _Drawing:
             f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="Helvetica, sans-serif" font-size="12">'
             '<defs><marker id="supported" viewBox="0 0 10 10" refX="10" refY="5" markerWidth="9" markerHeight="9" '
             'orient="auto"><path d="M0 0L10 5L0 10z" fill="#37474f"/></marker>'
-            '<marker id="context" viewBox="-1 -1 12 12" refX="10" refY="5" markerWidth="10" markerHeight="10" orient="auto"><path d="M0 0L10 5L0 10z" '
+            '<marker id="context" viewBox="-1 -1 12 12" refX="10" refY="5" markerWidth="10" markerHeight="10" '
+            'orient="auto"><path d="M0 0L10 5L0 10z" '
             'fill="#ffffff" stroke="#37474f"/></marker></defs><rect width="100%" height="100%" fill="#ffffff"/>'
         )
         return head + "".join(parts) + "</svg>\n"
