@@ -46,7 +46,6 @@ def budget(
     overrides: terminal.Overrides = None,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the sweeps.")] = 0,
     jobs: terminal.Jobs = None,
-    trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
     """Find up to which degradation a claim is certified. Exit status 3 if it is at no level."""
