@@ -242,6 +242,10 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made("run", "own.yaml", "-q", "-o", "own2.mcap")
     made("sweep", "own.yaml", "--runs", "2", "-j", "0", "-o", "swept", "-q")
     (folder / "paired.yaml").write_text(PAIRED)
+    (folder / "case.yaml").write_text(
+        "symaware-case: 1\nname: own\ngoals: {G1: {text: Near, by: [Sn1]}}\n"
+        "solutions: {Sn1: {log: own.mcap, specification: near}}\n"
+    )
     made("sweep", "paired.yaml", "-j", "0", "-o", "paired", "-q")
     assert (folder / "executed").exists()
     (folder / "executed").unlink()
