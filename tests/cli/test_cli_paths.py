@@ -77,7 +77,7 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
     "certify": [[]],
     "assure": [["output=assured"]],
     "budget": [
-        ["output=budget", "--claim", "P(safe) > 0.1 with confidence 0.5", "--over", "run.duration=0.1", "--jobs", "0"]
+        ["output=budget", "--claim", "P(safe) > 0.1 with confidence 0.5", "--over", "run.duration=0.1"]
     ],
     "falsify": [["--specification", "safe", "--seeds", "2", "--runs", "2", "--jobs", "0"]],
     "estimate": [["--specification", "safe", "--levels", "none", "--trials", "1", "--repeats", "2", "--jobs", "0"]],

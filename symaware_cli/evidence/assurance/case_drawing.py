@@ -142,7 +142,7 @@ class _Drawing:
         }
         kind = next(key for key, entries in sections.items() if name in entries)
         lines = [name, *textwrap.wrap(sections[kind][name], _WRAP.get(kind, 27))]
-        height = len(lines) * _LINE + 2 * _PADDING
+        height: float = len(lines) * _LINE + 2 * _PADDING
         if kind == "solution":
             height = max(_WIDTH * 0.72, height * 1.25)
         elif kind in ("assumption", "justification"):
