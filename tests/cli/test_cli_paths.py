@@ -76,9 +76,7 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
     "verify": [["path=log.mcap"], ["path=sweep"], ["path=sweep/certificate.json"]],
     "certify": [[]],
     "assure": [["output=assured"]],
-    "budget": [
-        ["output=budget", "--claim", "P(safe) > 0.1 with confidence 0.5", "--over", "run.duration=0.1"]
-    ],
+    "budget": [["output=budget", "--claim", "P(safe) > 0.1 with confidence 0.5", "--over", "run.duration=0.1"]],
     "falsify": [["--specification", "safe", "--seeds", "2", "--runs", "2", "--jobs", "0"]],
     "estimate": [["--specification", "safe", "--levels", "none", "--trials", "1", "--repeats", "2", "--jobs", "0"]],
     "diff": [[], ["one=room.yaml", "other=room.yaml"], ["one=sweep", "other=sweep"]],

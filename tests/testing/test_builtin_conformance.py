@@ -57,11 +57,12 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
 CHANGES: Mapping[str, Mapping[str, Any]] = {
     "communication.consensus": {"agents.robot.knowledge.guess": {"uniform": [0.0, 1.0]}},
     "control.switch": {
+        "agents.robot.count": 1,
         "agents.robot.components.spare": {
             "use": "control.schedule",
             "condition": "switched[0] == 1",
             "with": {"inputs": [{"time": 0.0, "input": [0.1, 0.0]}]},
-        }
+        },
     },
     "control.follow": {
         "agents.leader": {"model": {"use": "unicycle"}, "state": [3.0, 0.0, 0.0]},

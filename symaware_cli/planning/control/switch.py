@@ -27,7 +27,8 @@ class Switch(GroupComponent):
 
     It switches to the fallback when the condition ``when`` has held for ``confirm``, and back when the condition
     ``back`` has, but never before the present choice has been in force for its dwell time: so it switches a bounded
-    number of times, whatever the conditions do. The choice is the part of awareness ``switched``, 1 while the fallback
+    number of times, whatever the conditions do. It is for groups of one agent, because conditions enable a group's
+    controllers as a whole. The choice is the part of awareness ``switched``, 1 while the fallback
     is in force, by which both controllers are enabled: ``condition: switched[0] == 0`` and ``condition: switched[0] ==
     1``. Declare it before them. The nominal controller keeps its state while it is off.
 
@@ -83,6 +84,9 @@ class Switch(GroupComponent):
                 known = f"one of {', '.join(error.names)}" if error.names else "a condition such as `uncertainty > 0.5`"
                 view.report(f"`{text}`: {error.problem}", "with", key, key=False, expected=known)
         own = {each.name: each for each in view.own_entries}
+        if len(entry.group) > 1:
+            said = "controllers take their turns for whole groups, so a switch is for a group of one agent"
+            view.report(said, "use", key=False, expected="a group of its own for each agent with a switch")
         if given.to not in own:
             view.report_unknown("component of these agents", given.to, "with", "to", known=own)
         elif SWITCHED.name not in getattr(own[given.to].timing.condition, "names", ()):
@@ -108,21 +112,22 @@ class Switch(GroupComponent):
         group.awareness[SWITCHED.name] = np.zeros((len(group), 1))
 
     def _compute(self) -> NDArray[np.bool_]:
-        """Return for which agents the condition to change the choice holds."""
+        """Return for which agents the fallback is to be in force by the conditions, whatever the times are."""
         wanted = np.zeros(len(self._group), bool)
         for row in range(len(wanted)):  # conditions refer to values of one agent, as those of components do
             look_up = partial(self._scope.look_up, row)
             if self._back is not None and self._switched[row]:
-                wanted[row] = self._back.holds(look_up)
+                wanted[row] = not self._back.holds(look_up)
             else:
-                wanted[row] = self._when.holds(look_up) != self._switched[row]
+                wanted[row] = self._when.holds(look_up)
         return wanted
 
     def _update(self, wanted: NDArray[np.bool_]) -> None:
         given, now = self.parameters, self.now
-        self._held = np.where(wanted, np.where(self._held < 0, now, self._held), -1)
+        differs = wanted != self._switched
+        self._held = np.where(differs, np.where(self._held < 0, now, self._held), -1)
         dwell = np.where(self._switched, nanoseconds(given.dwell), nanoseconds(given.dwell_nominal))
-        changed = wanted & (now - self._held >= nanoseconds(given.confirm)) & (now - self._since >= dwell)
+        changed = differs & (now - self._held >= nanoseconds(given.confirm)) & (now - self._since >= dwell)
         self._switched = self._switched ^ changed
         self._since, self._held = np.where(changed, now, self._since), np.where(changed, -1, self._held)
         self._group.awareness[SWITCHED.name] = self._switched[:, None].astype(float)

@@ -21,9 +21,9 @@ SCENARIO: dict[str, Any] = {
     "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
     "agents": {
         "robot": {
-            "count": 2,
+            "count": 1,
             "model": {"use": "single-integrator"},
-            "state": [[0.0, 0.0], [0.0, 5.0]],
+            "state": [0.0, 5.0],
             "components": {
                 "sense": {"use": "perception.omniscient"},
                 "guard": {"use": "control.switch", "with": {"when": "time % 1 >= 0.5 and y > 1", "to": "halt"}},
@@ -48,8 +48,8 @@ def scenario(**given: Any) -> sa.Scenario:
 
 
 def switched(tmp_path: Path, **given: Any) -> np.ndarray[Any, Any]:
-    """Return at which tenths of a second the fallback of robot.1 is in force, each from 0 on."""
-    series = scenario(**given).run(output=tmp_path / "switch.mcap").series("robot.1", "switched")
+    """Return at which tenths of a second the fallback of robot.0 is in force, each from 0 on."""
+    series = scenario(**given).run(output=tmp_path / "switch.mcap").series("robot.0", "switched")
     instants = np.rint(np.asarray(series.times) / 1e8).astype(int)
     found = np.zeros(41, int)
     for instant, value in zip(instants, series.values[:, 0], strict=True):
@@ -63,7 +63,7 @@ def test_the_condition_of_each_agent_decides_which_of_its_controllers_is_in_forc
     assert found[:40].tolist() == (tenths % 10 >= 5).astype(int).tolist()[:40]
     with scenario().start() as run:
         run.step(40)
-        assert run.state("robot")[:, 0] == pytest.approx([4.0, 2.0])
+        assert run.state("robot")[:, 0] == pytest.approx([2.0])
 
 
 def test_a_choice_stays_for_its_dwell_time(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_the_way_back_has_a_condition_of_its_own(tmp_path: Path) -> None:
 def test_a_run_continues_from_a_capture_while_a_dwell_time_lasts() -> None:
     with scenario(dwell=1.2, confirm=0.2).start() as run:
         run.step(9)
-        assert run.awareness("robot.1", "switched")[0] == 1.0
+        assert run.awareness("robot.0", "switched")[0] == 1.0
         state = run.capture()
         run.step(20)
         then = run.state("robot").copy(), run.awareness("robot", "switched").copy()
@@ -118,7 +118,7 @@ def test_switches_that_cannot_work_are_refused(changes: dict[str, Any], path: st
 
 def test_the_shipped_scenario_is_safe_by_its_switch() -> None:
     with_switch = sa.load(SIMPLEX).run(duration=10.0).summary
-    without = sa.load(SIMPLEX, {"agents.robot.components.guard.with.confirm": 100.0}).run(duration=10.0).summary
+    without = sa.load(SIMPLEX, {"agents.watcher.components.guard.with.confirm": 100.0}).run(duration=10.0).summary
     apart = [
         next(each.verdict for each in summary.specifications if each.name == "apart")
         for summary in (with_switch, without)
