@@ -119,7 +119,6 @@ CASES = {
     "control.schedule": Case(
         ["control"], {"inputs": [{"time": 0.1 * number, "input": [1.0, 0.1 * number]} for number in range(20)]}
     ),
-    "control.switch": Case(["switched"], {"when": "time % 0.5 >= 0.2", "to": "spare"}),
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
