@@ -83,12 +83,12 @@ def rows(sweep: Path, runs: int | None = None, jobs: int = 0) -> Iterator[Row]:
     table = sa.sweep(sweep, runs=runs, jobs=jobs, claim=None if runs is None else "none")
     verdicts: dict[str, list[str]] = {}
     for variant, verdict in zip(
-        table.column("variant").to_pylist(), table.column(f"verdict.{claim.specification}").to_pylist(), strict=True
+        table.column("variant").to_pylist(), table.column(f"verdict.{claim.names[0]}").to_pylist(), strict=True
     ):
         verdicts.setdefault(variant, []).append(verdict)
     for variant, found in verdicts.items():
         violated = sum(each != "satisfied" for each in found)
-        yield Row(sweep.stem, variant, claim.epsilon, len(found), violated)
+        yield Row(sweep.stem, variant, claim.terms[0].epsilon, len(found), violated)
 
 
 def failures(found: Sequence[Row]) -> list[str]:

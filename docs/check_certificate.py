@@ -42,7 +42,7 @@ def root(leaves):  # RFC 6962, section 2.1; split at the largest power of two be
     return leaves[0] if len(leaves) == 1 else sha256(b"\1" + root(leaves[:split]) + root(leaves[split:])).digest()
 
 
-def evidence(k, n):  # of k failures in n runs
+def evidence(k, n, epsilon):  # of k failures in n runs
     if claim["rule"] == "fixed":  # 1 / P(X <= k), X binomial
         e = Decimal(epsilon)
         return 1 / float(max(sum(comb(n, i) * e**i * (1 - e) ** (n - i) for i in range(k + 1)), Decimal("1e-300")))
@@ -58,21 +58,47 @@ def planned(name, default=""):  # a value of the plan, which has one key a line,
 
 def stated_claim():  # by the plan
     found = re.fullmatch(CLAIM, planned("claim"))
-    return found and (found[1], float(found[2]), float(found[3] or 0.99), found[4] or "fixed")
+    terms = found and [re.fullmatch(TERM, each) for each in found[1].split(";")]
+    return found and ([named(*term.groups()) for term in terms], float(found[2] or 0.99), found[3] or "fixed")
+
+
+def named(satisfied, given, probability):  # a term: the names that are to be satisfied, those given, the bound
+    return (*(re.split(r"\s+and\s+", names) if names else [] for names in (satisfied, given)), float(probability))
+
+
+def text_of(satisfied, given, probability):
+    return f"P({' and '.join(satisfied)}{' | ' * bool(given)}{' and '.join(given)}) > {probability:.12g}"
+
+
+def outcome(row, satisfied, given):  # None where the condition is not met
+    conditions, verdicts = ([row["verdicts"].get(name) or "undecided" for name in each] for each in (given, satisfied))
+    if row["state"] != "done":
+        return row["state"]
+    if {*conditions} - {"satisfied"}:
+        return None if "violated" in conditions else "undecided"
+    return (
+        "violated" if "violated" in verdicts else next((each for each in verdicts if each != "satisfied"), "satisfied")
+    )
 
 
 def of_statement():  # yields what has to agree with the folder, and whether it does
     yield "_type, predicateType", (read["_type"], read["predicateType"]) == KIND
-    yield "claim.text", claim["text"] == "P({}) > {:.12g} with confidence {:.12g}, {}".format(*numbers)
-    yield "claim in sweep.yaml", claim["stated"] == "post hoc" or stated_claim() == numbers
+    yield "claim.text", claim["text"] == CLAIMED
+    yield "claim in sweep.yaml", claim["stated"] == "post hoc" or stated_claim() == (terms, *decision)
     yield "claim.stated", claim["stated"] in ("before the first run", "post hoc")
     sweep = {"scenario": planned("scenario").removeprefix("scenario/"), "seed": planned("seed", "0")}
     sweep |= {"runs_of_each_combination": int(planned("runs", "1")), "paired": planned("paired", "false") == "true"}
     yield "sweep", said["sweep"] == sweep
-    formula = identity["resolved"]["specifications"][claim["specification"]]
-    yield "formula.specification", canonical(said["formula"]["specification"]) == canonical(formula)
+    stated = {**identity["resolved"].get("contracts", {}), **identity["resolved"].get("specifications", {})}
+    names = dict.fromkeys(name for satisfied, given, _ in terms for name in (*satisfied, *given))
+    formulas = {"specifications": {name: stated[name] for name in names}} if "terms" in claim else None
+    formula = {name: said["formula"][name] for name in said["formula"] if name not in ("semantics", "symaware")}
+    yield "formula", canonical(formula) == canonical(formulas or {"specification": stated[claim["specification"]]})
     yield "versions", said["versions"] == identity["versions"]
-    yield "alpha", isclose(said["alpha"], alpha) and isclose(said["alpha_of_each_combination"], alpha / len(cells))
+    yield (
+        "alpha",
+        isclose(said["alpha"], alpha) and isclose(said["alpha_of_each_combination"], alpha / len(cells) / len(terms)),
+    )
     yield "established", said["established"] == all(each["established"] for each in cells)
 
 
@@ -111,20 +137,31 @@ def of_rows():
 def of_combinations():
     for number, cell in enumerate(cells):
         mine = [row for row in rows if row["index"] % len(cells) == number]
-        verdicts = [row["verdicts"].get(claim["specification"]) or "undecided" for row in mine]
-        became = [each if row["state"] == "done" else row["state"] for row, each in zip(mine, verdicts, strict=True)]
-        good, n, k = became.count("satisfied"), len(mine), len(mine) - became.count("satisfied")
-        found, needed = evidence(k, n), len(cells) / alpha
-        print(f"combination {number}: {n} runs, {k} against, evidence {found:.6g} of {needed:.6g}")
-        figures = {"runs": n, "satisfied": good, "established": found >= needed}
-        figures["against"] = {name: became.count(name) for name in ("violated", "undecided", "failed", "lost")}
-        yield f"combination {number}", cell == cell | figures and len(cell) == 10
-        close = isclose(cell["evidence"], found, rel_tol=1e-3) and isclose(cell["needed"], needed, rel_tol=1e-6)
-        enough = cell["runs_needed"]
-        least = enough > k and evidence(k, enough) >= needed * (1 - 1e-6) > evidence(k, max(k, enough - 1)) * (1 - 2e-6)
-        yield f"evidence of combination {number}", close and least
+        parts = cell["terms"] if "terms" in claim else [cell]
+        for part, term in zip(parts, terms, strict=True):
+            yield from of_term(f"combination {number}{f', {text_of(*term)}' * ('terms' in claim)}", part, mine, *term)
+        if "terms" in claim:
+            yield f"runs of combination {number}", cell["runs"] == len(mine) and len(cell) == 6
+            yield f"combination {number}", cell["established"] == all(part["established"] for part in parts)
         fits = all(row["parameters"] == row["parameters"] | cell["parameters"] for row in mine)
         yield f"parameters of combination {number}", fits and all(row["variant"] == cell["variant"] for row in mine)
+
+
+def of_term(place, part, mine, satisfied, given, probability):
+    became = [outcome(row, satisfied, given) for row in mine]
+    became, epsilon = [each for each in became if each], round(1 - probability, 12)
+    good, n, k = became.count("satisfied"), len(became), len(became) - became.count("satisfied")
+    found, needed = evidence(k, n, epsilon), len(cells) * len(terms) / alpha
+    print(f"{place}: {n} runs, {k} against, evidence {found:.6g} of {needed:.6g}")
+    figures = {"satisfied": good, "established": found >= needed}
+    figures |= {"counted": n, "text": text_of(satisfied, given, probability)} if "terms" in claim else {"runs": n}
+    figures["against"] = {name: became.count(name) for name in ("violated", "undecided", "failed", "lost")}
+    yield place, part == part | figures and len(part) == (8 if "terms" in claim else 10)
+    close = isclose(part["evidence"], found, rel_tol=1e-3) and isclose(part["needed"], needed, rel_tol=1e-6)
+    enough = part["runs_needed"]
+    before = evidence(k, max(k, enough - 1), epsilon)
+    least = enough > k and evidence(k, enough, epsilon) >= needed * (1 - 1e-6) > before * (1 - 2e-6)
+    yield f"evidence of {place}", close and least
 
 
 def derived(part):  # what cannot be derived at all does not agree
@@ -135,21 +172,24 @@ def derived(part):  # what cannot be derived at all does not agree
 
 
 KIND = ("https://in-toto.io/Statement/v1", "urn:symaware:sweep-certificate:1")
-CLAIM = r"\s*P\(\s*(\S[^()]*?)\s*\)\s*>\s*(\S+?)(?:\s+with\s+confidence\s+([^\s,]+))?\s*(?:,\s*(\w+)\s*)?"
+CLAIM = r"(.*?>\s*[0-9.eE+-]+)(?:\s+with\s+confidence\s+([^\s,]+))?\s*(?:,\s*(\w+)\s*)?"
+TERM = r"\s*P\(\s*([^()|\s][^()|]*?)\s*(?:\|\s*([^()|\s][^()|]*?)\s*)?\)\s*>\s*(\S+)\s*"
 FIELDS = ("index", "variant", "seed", "state", "digest", "error", "parameters", "verdicts", "robustness", "metrics")
 read = json.loads(file.read_bytes())
 read = json.loads(base64.b64decode(read["payload"])) if "payload" in read else read
 said, subject = read["predicate"], {each["name"]: each["digest"]["sha256"] for each in read["subject"]}
 claim, cells = said["claim"], said["combinations"]
-numbers = (claim["specification"], claim["probability"], claim["confidence"], claim["rule"])
-epsilon, alpha = (round(1 - claim[name], 12) for name in ("probability", "confidence"))
+plain = [{"satisfied": [claim.get("specification")], "given": [], "probability": claim.get("probability")}]
+terms = [(each["satisfied"], each["given"], each["probability"]) for each in claim.get("terms", plain)]
+decision, alpha = (claim["confidence"], claim["rule"]), round(1 - claim["confidence"], 12)
+CLAIMED = "; ".join(text_of(*term) for term in terms) + " with confidence {:.12g}, {}".format(*decision)
 plan, identity = (folder / "sweep.yaml").read_text(), json.loads((folder / "identity.json").read_bytes())
 names = ("identity", *FIELDS)
 query = 'SELECT "{}" FROM runs ORDER BY "index"'.format('", "'.join(names)).replace('"seed"', "CAST(seed AS TEXT)")
 with closing(sqlite3.connect(folder / "journal.sqlite")) as journal:
     texts = journal.execute(query).fetchall()
 rows = [dict(zip(names, (*row[:7], *map(json.loads, row[7:])), strict=True)) for row in texts]
-print("the claim: P({}) > {} with confidence {}, {}; stated {}".format(*numbers, claim["stated"]))
+print(f"the claim: {CLAIMED}; stated {claim['stated']}")
 checks = [each for part in (of_statement, of_files, of_rows, of_combinations) for each in derived(part)]
 problems = [f"not as certified: {name}" for name, is_so in checks if not is_so]
 print(*problems or ["the certificate follows from the folder"], sep="\n")

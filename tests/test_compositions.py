@@ -77,6 +77,8 @@ def test_composed_scenarios_keep_every_promise(number: int, tmp_path: Path) -> N
 #: Words of the language that no scenario has which is drawn, and why.
 NOT_DRAWN = {
     "ComponentUse.own": "`tests/language/test_own_parameters.py` compares scenarios with and without",
+    "ContractUse.": "runs with contracts are neither batched nor spread: `tests/evidence/test_contracts.py`",
+    "ScenarioDocument.contracts": "the same",
     "ScenarioDocument.extends": "the invariant `in_several_files` writes scenarios that extend a file",
     "MapForm.height": "about the files of maps: `tests/maps`",
     "MapForm.resolution": "the same",

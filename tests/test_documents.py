@@ -150,7 +150,7 @@ def written(block: Block, folder: Path, number: int) -> Path:
     named = re.match(r"# (\S+\.(yaml|toml))$", block.text.partition("\n")[0])
     path = folder / (named[1] if named else f"snippet-{number}.{block.language}")
     text = block.text
-    if not {"symaware", "symaware-sweep", "symaware-tolerance", "extends"} & content.keys():
+    if not {"symaware", "symaware-sweep", "symaware-tolerance", "symaware-case", "extends"} & content.keys():
         text = ("extends: base.yaml\n" if block.language == "yaml" else 'extends = "base.yaml"\n') + text
     path.write_text(text, encoding="utf-8")
     return path

@@ -67,6 +67,8 @@ def _cases(folder: Path, made: Certificate) -> Iterable[ResultCase]:
 
 
 def _lines(folder: Path, made: Certificate) -> Iterator[str]:
+    from symaware_cli.evidence import decided
+
     said = made.statement["predicate"]
     cells = said["combinations"]
     established = sum(each["established"] for each in cells)
@@ -79,14 +81,16 @@ def _lines(folder: Path, made: Certificate) -> Iterator[str]:
     yield f"  {'over':<12} {said['probability_over']}"
     if len(cells) > 1:
         yield f"  {'combinations':<12} {established:,} of {len(cells):,}, error probability {said['alpha']:g} jointly"
-    for each in cells[:_MOST]:
-        against = ", ".join(f"{count:,} {name}" for name, count in each["against"].items() if count)
-        name = ", ".join([*filter(None, [each["variant"]]), *(f"{k}={v}" for k, v in each["parameters"].items())])
-        text = f"{each['runs']:,}; against it: {against or 'none'}; "
-        text += f"evidence {each['evidence']:.4g} of {each['needed']:.4g}"
-        yield f"  {'runs':<12} {f'{name}: ' if name else ''}{text}"
-        if not each["established"]:
-            yield f"  {'':<12} with as many against it, {each['runs_needed']:,} runs are needed"
+    for cell in cells[:_MOST]:
+        named = [*filter(None, [cell["variant"]]), *(f"{k}={v}" for k, v in cell["parameters"].items())]
+        for term, each in decided(cell):
+            against = ", ".join(f"{count:,} {name}" for name, count in each["against"].items() if count)
+            text = f"{each['runs']:,}; against it: {against or 'none'}; "
+            text += f"evidence {each['evidence']:.4g} of {each['needed']:.4g}"
+            name = ", ".join([*named, *([term] if term else [])])
+            yield f"  {'runs':<12} {f'{name}: ' if name else ''}{text}"
+            if not each["established"]:
+                yield f"  {'':<12} with as many against it, {each['runs_needed']:,} runs are needed"
     if len(cells) > _MOST:
         yield f"  {'':<12} {len(cells) - _MOST:,} more; --json lists all of them"
     yield f"  {'rows':<12} {said['rows']['count']:,}, root {said['rows']['root']}"

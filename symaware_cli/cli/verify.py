@@ -59,6 +59,8 @@ def verify(
         raise typer.Exit(_verify_certificate(path, level, rows, seed, key, quiet=quiet, as_json=as_json))
     if key is not None:
         terminal.fail(f"--key is for certificates, and {path} is none", terminal.WRONG_INPUT, as_json)
+    if path.is_dir() and _is_case(path):
+        raise typer.Exit(_verify_case(path, level, rows, seed, quiet=quiet, as_json=as_json))
     if path.is_dir():
         raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet=quiet, as_json=as_json))
     with terminal.trouble_shown(as_json, path), terminal.output_kept(as_json):
@@ -73,6 +75,28 @@ def verify(
         typer.echo("\n".join(_lines(result)))
     sys.stdout.flush()
     raise typer.Exit(0 if result.is_equal else terminal.FAILED)
+
+
+def _is_case(path: Path) -> bool:
+    from symaware_cli.evidence import is_case
+
+    return is_case(path)
+
+
+def _verify_case(folder: Path, level: str, rows: int, seed: int | None, *, quiet: bool, as_json: bool) -> int:
+    """Check the evidence of an assurance case again, and return the exit status."""
+    from symaware_cli.cli.assure import case_lines
+
+    with terminal.trouble_shown(as_json, folder), terminal.output_kept(as_json):
+        from symaware_cli.evidence import verify_case
+
+        with terminal.progress_shown("solutions", not (quiet or as_json)) as shown:
+            result = verify_case(folder, _level(level, as_json=as_json), rows=rows, seed=seed, on_progress=shown)
+    if as_json:
+        terminal.print_json(result.to_json())
+    elif not quiet:
+        typer.echo("\n".join(case_lines(folder, result)))
+    return 0 if result.is_supported else terminal.FAILED
 
 
 def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, *, quiet: bool, as_json: bool) -> int:

@@ -1,5 +1,9 @@
 # What other rooms use of this one.
 
+from .assurance.assuring import AssuranceCase as AssuranceCase
+from .assurance.assuring import assure as assure
+from .assurance.assuring import is_case as is_case
+from .assurance.assuring import verify_case as verify_case
 from .branch_changes import BranchError as BranchError
 from .branching import BranchResult as BranchResult
 from .branching import Cell as Cell
@@ -8,6 +12,10 @@ from .branching import branch_cells as branch_cells
 from .branching import branch_rows as branch_rows
 from .branching import branches as branches
 from .branching import write_branch_table as write_branch_table
+from .budgeting import Budget as Budget
+from .budgeting import BudgetLevel as BudgetLevel
+from .budgeting import budget as budget
+from .certificate_page import decided as decided
 from .certification import Certificate as Certificate
 from .certification import CertificateVerification as CertificateVerification
 from .certification import certify as certify

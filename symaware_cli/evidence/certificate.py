@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from symaware_cli.evidence.signed_statement import TYPE, canonical
@@ -22,8 +22,8 @@ from symaware_cli.studies import (
     SWEEP,
     CellStops,
     Claim,
+    ClaimTerm,
     JournalRecord,
-    Row,
     SweepError,
     SweepFolder,
     SweepJournal,
@@ -32,6 +32,9 @@ from symaware_cli.studies import (
 from symaware_cli.version import __version__
 
 PREDICATE_TYPE = "urn:symaware:sweep-certificate:1"
+
+#: The category of runs that do not meet the condition of a term.
+_NOT_COUNTED = "not counted"
 
 #: When a claim was stated.
 BEFOREHAND, POST_HOC = "before the first run", "post hoc"
@@ -65,23 +68,25 @@ def statement(folder: SweepFolder, post_hoc: Claim | None = None) -> dict[str, A
             f"the plan of {folder.path} has no claim: `symaware sweep ... --with 'claim=P(NAME) > 0.99'` states one "
             "beforehand, and `certify --claim` looks at one afterwards"
         )
-    if claim.specification not in names:
-        raise unknown_specification(claim.specification, names)
+    for name in claim.names:
+        if name not in names:
+            raise unknown_specification(name, names)
     if not plan.document.is_independent:
         raise SweepError(f"runs of the design `{plan.document.design}` are not independent: nothing can be certified")
     stops = CellStops(plan, names)
-    against = [Counter[str]() for _ in plan.cells]
+    counts = [[Counter[str]() for _ in claim.terms] for _ in plan.cells]
     with SweepJournal(folder.path / JOURNAL) as journal:
         for row in journal.rows():
             stops.add(row)
-            against[plan.cell(row.index).number][_outcome(row, claim)] += 1
+            for term, counted in zip(claim.terms, counts[plan.cell(row.index).number], strict=True):
+                counted[term.outcome(row) or _NOT_COUNTED] += 1
         count = journal.counts().all
         leaves = _root_hash(map(leaf_of, journal.records()))
     if count != stops.planned:
         raise SweepError(
             f"{count:,} of {stops.planned:,} runs are made: `symaware resume {folder.path}` makes the others"
         )
-    cells = [_of_cell(folder, claim, number, counts) for number, counts in enumerate(against)]
+    cells = [_of_cell(folder, claim, number, each) for number, each in enumerate(counts)]
     document = plan.document
     files = {name: (folder.path / name).read_bytes() for name in (SWEEP, IDENTITY)}
     files.update(folder.scenario_files())
@@ -95,16 +100,15 @@ def statement(folder: SweepFolder, post_hoc: Claim | None = None) -> dict[str, A
         "predicate": {
             "claim": {
                 "text": str(claim),
-                "specification": claim.specification,
-                "probability": claim.probability,
+                **_claimed(claim),
                 "confidence": claim.confidence,
                 "rule": claim.rule,
                 "stated": POST_HOC if post_hoc else BEFOREHAND,
             },
             "established": all(each["established"] for each in cells),
             "probability_over": _probability_over(folder),
-            "method": _METHODS[claim.rule],
-            "alpha": claim.alpha(1),
+            "method": _METHODS[claim.rule] + _of_terms(claim),
+            "alpha": claim.alpha(1) * len(claim.terms),
             "alpha_of_each_combination": claim.alpha(len(cells)),
             "combinations": cells,
             "formula": {**_formula(folder, claim), "semantics": SEMANTICS, "symaware": __version__},
@@ -136,29 +140,57 @@ def leaf_of(record: JournalRecord) -> bytes:
     return _leaf_hash(canonical(_plain(content)))
 
 
-def _outcome(row: Row, claim: Claim) -> str:
-    """Return the category in which a run is counted."""
-    if row.state != "done":
-        return row.state
-    return row.verdicts.get(claim.specification) or "undecided"
-
-
-def _of_cell(folder: SweepFolder, claim: Claim, number: int, counts: Counter[str]) -> dict[str, Any]:
-    cell, cells = folder.plan.cells[number], len(folder.plan.cells)
-    runs = counts.total()
-    failures = runs - counts["satisfied"]
-    evidence = claim.evidence(failures, runs)
+def _claimed(claim: Claim) -> dict[str, Any]:
+    """Return what is claimed, for machines."""
+    if claim.is_plain:
+        return {"specification": claim.terms[0].satisfied[0], "probability": claim.terms[0].probability}
     return {
+        "terms": [
+            {"satisfied": [*each.satisfied], "given": [*each.given], "probability": each.probability}
+            for each in claim.terms
+        ]
+    }
+
+
+def _of_terms(claim: Claim) -> str:
+    """Return how terms are decided, beyond a single probability."""
+    said = ""
+    if any(term.given for term in claim.terms):
+        said += "; given the condition, only the runs that meet it or leave it undecided are counted, and the latter "
+        said += "against the claim"
+    if len(claim.terms) > 1:
+        said += "; all terms that are certified hold jointly (Bonferroni)"
+    return said
+
+
+def _of_cell(folder: SweepFolder, claim: Claim, number: int, counts: Sequence[Counter[str]]) -> dict[str, Any]:
+    cell, cells = folder.plan.cells[number], len(folder.plan.cells)
+    terms = [_of_term(claim, *each, cells) for each in zip(claim.terms, counts, strict=True)]
+    found: dict[str, Any] = {
         "parameters": _plain(cell.parameters),
         "variant": cell.variant,
         "scenario": folder.identity.cells[number],
-        "runs": runs,
+        "runs": counts[0].total(),
+    }
+    if claim.is_plain:
+        return {**found, **terms[0]}
+    for term, each, counted in zip(claim.terms, terms, counts, strict=True):
+        each |= {"text": str(term), "counted": counted.total() - counted[_NOT_COUNTED]}
+    return {**found, "terms": terms, "established": all(each["established"] for each in terms)}
+
+
+def _of_term(claim: Claim, term: ClaimTerm, counts: Counter[str], cells: int) -> dict[str, Any]:
+    """Return the figures of a term in a combination."""
+    runs = counts.total() - counts[_NOT_COUNTED]
+    failures = runs - counts["satisfied"]
+    evidence = claim.evidence(term, failures, runs)
+    return {
         "satisfied": counts["satisfied"],
         "against": {name: counts[name] for name in ("violated", "undecided", "failed", "lost")},
         # Rounded, so that other implementations of the beta function give the same value.
         "evidence": float(f"{min(evidence, 1e300):.9g}"),
         "needed": float(f"{1.0 / claim.alpha(cells):.9g}"),
-        "runs_needed": claim.runs_needed(failures, cells),
+        "runs_needed": claim.runs_needed(term, failures, cells),
         "established": evidence >= 1.0 / claim.alpha(cells),
     }
 
@@ -178,10 +210,18 @@ def _probability_over(folder: SweepFolder) -> str:
 
 
 def _formula(folder: SweepFolder, claim: Claim) -> dict[str, Any]:
-    """Return the specification as stated in the resolved scenario of the first combination."""
-    stated = folder.identity.resolved.get("specifications")
-    found = stated.get(claim.specification) if isinstance(stated, Mapping) else None
-    return {"specification": _plain(found)}
+    """Return the specifications as stated in the resolved scenario of the first combination."""
+    found = {name: _plain(_stated(folder, name)) for name in claim.names}
+    return {"specification": found[claim.names[0]]} if claim.is_plain else {"specifications": found}
+
+
+def _stated(folder: SweepFolder, name: str) -> Any:
+    """Return a specification or contract as stated in the resolved scenario; None if it is elsewhere."""
+    for section in ("specifications", "contracts"):
+        stated = folder.identity.resolved.get(section)
+        if isinstance(stated, Mapping) and name in stated:
+            return stated[name]
+    return None
 
 
 def _plain(value: Any) -> Any:

@@ -48,7 +48,7 @@ def content(statement: Mapping[str, Any], public_key: str | None) -> dict[str, A
         "outcome": "established" if said["established"] else "not established for all combinations",
         "facts": {
             "stated": claim["stated"],
-            "specification": _formula_text(claim["specification"], formula["specification"]),
+            **_specifications(claim, formula),
             "semantics": f"version {formula['semantics']}, SymAware {formula['symaware']}",
             "the probability is over": said["probability_over"],
             "decided by": said["method"],
@@ -62,10 +62,37 @@ def content(statement: Mapping[str, Any], public_key: str | None) -> dict[str, A
             else "none",
         },
         "header": ("combination", "runs", "against", "evidence", "needed", "established"),
-        "rows": [_cells(each) for each in said["combinations"][:_MOST]],
+        "rows": [row for each in said["combinations"][:_MOST] for row in _rows(each)],
         "more": f"{more:,}" if more > 0 else "",
         "versions": ", ".join(f"{name} {said['versions'][name]}" for name in computed if name in said["versions"]),
     }
+
+
+def _specifications(claim: Mapping[str, Any], formula: Mapping[str, Any]) -> dict[str, str]:
+    """Return the formulas that the claim is about."""
+    if "terms" not in claim:
+        return {"specification": _formula_text(claim["specification"], formula["specification"])}
+    stated = [_formula_text(name, each) for name, each in formula["specifications"].items()]
+    return {"specifications": "; ".join(stated)}
+
+
+def decided(combination: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return the terms that are decided in a combination: the text of each, empty for the only one, and its figures.
+
+    The number of ``runs`` of a term with a condition is that of the runs that it counts.
+    """
+    if "terms" not in combination:
+        return [("", combination)]
+    return [(each["text"], {**each, "runs": each["counted"]}) for each in combination["terms"]]
+
+
+def _rows(combination: Mapping[str, Any]) -> list[list[str]]:
+    """Return the cells of a row for each term of a combination."""
+    found = []
+    for text, figures in decided(combination):
+        name, *cells = _cells({**combination, **figures})
+        found.append([f"{text}, {name}" if text else name, *cells])
+    return found
 
 
 def _cells(combination: Mapping[str, Any]) -> list[str]:

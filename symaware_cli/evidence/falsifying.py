@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -33,6 +34,7 @@ class Falsification:
         over: The varied parameters, as requested.
         result: The result of the search.
         folder: The folder with the counterexample and its log; None if none was written.
+        digest: The SHA-256 of the scenario's file, in hexadecimal.
     """
 
     scenario: Path
@@ -42,6 +44,7 @@ class Falsification:
     over: Sequence[str]
     result: SearchResult
     folder: Path | None = None
+    digest: str = ""
 
     @property
     def is_found(self) -> bool:
@@ -85,6 +88,7 @@ class Falsification:
             "outcome": None if result.outcome is None else asdict(result.outcome),
             "probability_at_most": self.bound,
             "folder": None if self.folder is None else str(self.folder),
+            "scenario_sha256": self.digest,
         }
 
 
@@ -133,13 +137,14 @@ def falsify(
     source = read_sweep(path, SweepRequest(asked, changes or ()))
     if output is not None:
         require_writable_folder(output)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
     space = SearchSpace(source, specification, seeds)
     result = search(space, method, runs, seed, jobs, batch, on_progress)
-    found = Falsification(path, specification, method, seed, said, result)
+    found = Falsification(path, specification, method, seed, said, result, digest=digest)
     if not found.is_found or output is None:
         return found
     folder = Path(output)
-    found = Falsification(path, specification, method, seed, said, result, folder)
+    found = Falsification(path, specification, method, seed, said, result, folder, digest)
     built = space.built(result.values)
     with whole_folder(folder) as partial:
         for name, content in built.files.items():

@@ -15,8 +15,11 @@ from symaware_cli.evidence.link_here import link_here
 from symaware_cli.evidence.row_evaluator import RegionHere, norm, row_robustness
 from symaware_cli.specification import (
     LINK,
+    OTHER,
+    SELF,
     AbsentError,
     AgentScope,
+    AwarenessScope,
     BeliefScope,
     ClosestPairScope,
     PairScope,
@@ -84,6 +87,9 @@ class RecordedNames:
             case AgentScope():
                 state = self._world.state(scope.group)[row]
                 return self._of_agent(scope.group, row, state, self._world.applied_input(scope.group)[row], name)
+            case AwarenessScope():
+                first, second = scope.agents(row)
+                return self._of_awareness(first, second, name)
             case PairScope():
                 first, second = scope.agents(row)
                 return self._of_pair(first, second, name)
@@ -139,6 +145,29 @@ class RecordedNames:
             "velocity": self._velocity,
         }
         return {"first": values[name](first), "second": values[name](second)}
+
+    def _of_awareness(self, id: str, other: str, name: str) -> Any:
+        """Return what an agent believes, or what is true, of itself and another; beliefs that it lacks are absent."""
+        match name:
+            case "truth":
+                return {SELF: self._position(id), OTHER: self._position(other)}
+            case "true_velocity":
+                return {SELF: self._velocity(id), OTHER: self._velocity(other)}
+            case "distance" | "closing_speed":
+                return self._of_pair(id, other, name)
+        group, row = self._places[id]
+        is_position = name == "belief"
+        state, requested = group.awareness.state[row][None], group.control_input[row][None]
+        own = group.model.positions(state) if is_position else group.model.velocity(state, requested)
+        database, width = group.agents[row].awareness_database, self._world.roster.dimensions
+        motion = database[other].state if other in database else np.full(2 * width, np.nan)
+        if name == "known":
+            return {OTHER: not np.isnan(motion[:width]).any()}
+        found = {SELF: self._padded(own[0])}
+        of_other = motion[:width] if is_position else motion[width:]
+        if not np.isnan(of_other).any():
+            found[OTHER] = of_other
+        return _Beliefs(found)
 
     def _of_world(self, scope: Scope, name: str) -> Any:
         """Return a value about the world, looked up as in a run, but for the positions of links."""
@@ -241,6 +270,13 @@ def _of_one(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value[0]
     return value if np.isscalar(value) else _OfOne(value)
+
+
+class _Beliefs(dict[str, Array]):
+    """Beliefs of an agent by whom they are about; one that it lacks is absent."""
+
+    def __missing__(self, name: str) -> Array:
+        raise AbsentError(f"nothing is believed of the agent `{name}`")
 
 
 class _OfOne:

@@ -204,7 +204,7 @@ class RecordedRun:
                     column.set_row(row, content.at(place))
 
     def _apply_beliefs(self, group: AgentGroup, message: LogMessage) -> None:
-        """Apply the recorded beliefs about the positions of others."""
+        """Apply the recorded beliefs about the positions and velocities of others."""
         content: Any = message.decode()
         if not content.has_states:
             return
@@ -214,17 +214,18 @@ class RecordedRun:
             group.awareness.world = self._environment.snapshot()
             return
         count = len(group)
-        others = content.others(count, roster.dimensions)
+        width = 2 * roster.dimensions
+        others = content.others(count, width)
         known = self._others.setdefault(
-            group.name, [(np.empty(0, np.intp), np.empty((0, roster.dimensions))) for _ in range(count)]
+            group.name, [(np.empty(0, np.intp), np.empty((0, width))) for _ in range(count)]
         )
         ends = np.cumsum(others.counts).tolist()
         for row, first, last in zip(others.present.tolist(), [0, *ends], ends, strict=False):
             known[row] = others.entities[first:last].astype(np.intp), others.values[first:last]
         pointers = np.cumsum([0, *(len(each) for each, _ in known)])
-        positions = np.concatenate([each for _, each in known])
+        positions, velocities = np.split(np.concatenate([each for _, each in known]), 2, axis=1)
         indices = np.concatenate([each for each, _ in known])
-        group.awareness.seen = Tracks(message.time, pointers, indices, positions, np.zeros_like(positions))
+        group.awareness.seen = Tracks(message.time, pointers, indices, positions, velocities)
 
 
 def _changed(before: Array, content: Any) -> Array:
@@ -318,6 +319,10 @@ class RecordedSpecifications:
             needed = {"state", *({"requested_control"} if names & moving else ())}
             needed |= {"awareness"} & {*map(_kind, names)}
             needed |= names & {"intent", "risk", "uncertainty"}
+        elif specification.of == "awareness":
+            needed = {"world", "state", "awareness"}
+            needed |= {"requested_control"} if "believed_velocity" in names else set()
+            needed |= {"applied_control"} if "true_velocity" in names or names & moving else set()
         else:
             needed = {"world", *({"requested_control", "applied_control"} if names & moving else ())}
         return sorted({*(needed & self._left_out), *self._missing_events(specification)})

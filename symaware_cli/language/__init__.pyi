@@ -49,6 +49,7 @@ from .source import SourceNode as SourceNode
 from .source import decode as decode
 from .source_parser import read as read
 from .source_parser import read_text as read_text
+from .specification_section import SpecificationUse as SpecificationUse
 from .specifications import SpecificationBuilder as SpecificationBuilder
 from .timing_check import TimingCheck as TimingCheck
 from .validation import validate as validate

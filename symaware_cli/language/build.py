@@ -334,7 +334,8 @@ class _SimulationBuilder:
         component_entries: list[ComponentEntry],
     ) -> RunOptions:
         """Build the options of the run, set the timing of the components, and add those that replace others."""
-        named = mapping(self._composition.data.get("specifications"))
+        written = mapping(self._composition.data.get("specifications"))
+        named = {**written, **document.specifications}
         check = TimingCheck(self._diagnosis, environment, document.regions, named, document.environment.entities)
         for component_entry in component_entries:
             use = document.agents[component_entry.group.name].components[component_entry.name]

@@ -36,6 +36,8 @@ class Diagnosis:
         self.warnings: list[Problem] = []
         #: Where the sections are written that add entries which no file contains, by the paths of these entries.
         self._places: dict[Path, Path] = {}
+        #: Where entries are written that sections add as they have them, by the paths of these entries.
+        self._moved: dict[Path, Path] = {}
 
     def place_at(self, above: Path, names: Iterable[str], section: Path) -> None:
         """Locate problems with entries that a section of the scenario adds at this section.
@@ -47,8 +49,19 @@ class Diagnosis:
         """
         self._places |= {(*above, name): section for name in names}
 
+    def move(self, entry: Path, to: Path) -> None:
+        """Locate problems below an entry that a section of the scenario adds at the place where it is written.
+
+        Args:
+            entry: The path of the entry.
+            to: The path of what stands for it: with the same keys, or a text alone.
+        """
+        self._moved[entry] = to
+
     def _placed(self, path: Path) -> Path:
         """Return where an entry is written."""
+        if path[:2] in self._moved:
+            return (*self._moved[path[:2]], *path[2:])
         if not self._places:
             return path
         return next((self._places[path[:end]] for end in (2, 3) if path[:end] in self._places), path)
@@ -99,6 +112,7 @@ class Diagnosis:
             error: The error.
             expected: A description of a valid expression, used if the error lists no valid names.
         """
+        path = self._placed(path)
         problem = self.composition.problem(
             "bad-expression",
             f"{quoted(dotted(path))}: {error.problem}",

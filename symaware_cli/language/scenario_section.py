@@ -22,6 +22,7 @@ from symaware_cli.geometry import Region
 from symaware_cli.language.problem import Problem
 from symaware_cli.language.section import Section
 from symaware_cli.language.source import Path
+from symaware_cli.language.specification_section import SpecificationUse
 from symaware_cli.world import PluginKind
 
 
@@ -33,11 +34,13 @@ class Additions:
         entities: Bodies that become part of the world, by name.
         regions: Sets of the workspace, by the names that formulas and conditions refer to.
         is_drawn: Whether they depend on the seed, so that every run has others.
+        specifications: Formulas that are monitored like those under `specifications`, by name.
     """
 
     entities: Mapping[str, Obstacle] = field(default_factory=dict)
     regions: Mapping[str, Region] = field(default_factory=dict)
     is_drawn: bool = False
+    specifications: Mapping[str, SpecificationUse] = field(default_factory=dict)
 
 
 class InitialAgents(ABC):
@@ -150,7 +153,7 @@ class ScenarioSection:
         return iter(())
 
     def additions(self, written: Any, context: SectionContext) -> Additions:
-        """Return what the section adds to the scenario: bodies of the world, and regions.
+        """Return what the section adds to the scenario: bodies of the world, regions, and specifications.
 
         Called before `build`, on the same object, and only for a valid scenario. Problems are reported to the context.
 

@@ -121,10 +121,27 @@ class SectionBuilder:
             owners |= {name: f"that of {quoted(key)}," for name in (*additions.entities, *additions.regions)}
             self._diagnosis.place_at(("environment", "entities"), additions.entities, (key,))
             self._diagnosis.place_at(("regions",), additions.regions, (key,))
+        document = self._stated(document, added)
         if entities.keys() == document.environment.entities.keys() and regions.keys() == document.regions.keys():
             return document
         environment = document.environment.model_copy(update={"entities": entities})
         return document.model_copy(update={"environment": environment, "regions": regions})
+
+    def _stated(self, document: ScenarioDocument, added: Mapping[str, Additions]) -> ScenarioDocument:
+        """Return the document with the specifications that sections add, and report names that are taken."""
+        found = dict(document.specifications)
+        owners = dict.fromkeys(found, "the specification")
+        for key, additions in added.items():
+            for name in additions.specifications.keys() & owners.keys():
+                said = f"{quoted(key)} adds a specification whose name is taken: {owners[name]} {quoted(name)}"
+                self._diagnosis.report("unsuitable", said, (key, name), key=True)
+            found |= {name: each for name, each in additions.specifications.items() if name not in owners}
+            owners |= dict.fromkeys(additions.specifications, f"that of {quoted(key)},")
+            for name in additions.specifications:
+                self._diagnosis.move(("specifications", name), (key, name))
+        if found.keys() == document.specifications.keys():
+            return document
+        return document.model_copy(update={"specifications": found})
 
     def parameters(self) -> Mapping[Path, Mapping[str, Any]]:
         """Return the parameters of the plugins that entries of the sections name, by the paths of the entries."""

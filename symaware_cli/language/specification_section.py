@@ -53,8 +53,10 @@ class SpecificationUse(Section):
         description="The pairs of agents of which there is a verdict each: a group, for all pairs in it, or a list of "
         "pairs [first, second] of ids or groups. Without `each` and `pairs` the formula is about the world.",
     )
-    of: Literal["truth", "belief"] = Field(
-        "truth", description="Whether the formula is about what is true, or about what each agent believes."
+    of: Literal["truth", "belief", "awareness"] = Field(
+        "truth",
+        description="truth: the formula is about what is true; belief: about what each agent believes; awareness: "
+        "about what the first agent of each pair believes about the second, beside what is true.",
     )
     logic: Literal["stl", "ltl"] = Field(
         "stl",
@@ -93,6 +95,8 @@ class SpecificationUse(Section):
             raise ValueError("say either `each` or `pairs`")
         if self.of == "belief" and self.each is None:
             raise ValueError("what is believed is believed by agents: say of which group, with `each`")
+        if self.of == "awareness" and self.pairs is None:
+            raise ValueError("awareness is of one agent about another: say of which, with `pairs`")
         if self.to is not None and not isinstance(self.from_, TriggerSection) and self.to < self.from_:
             raise ValueError("`to` comes before `from`")
         if self.offer is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import combinations, islice, product
+from itertools import combinations, islice, permutations, product
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from symaware_cli.specification import (
     AgentScope,
     Automaton,
     AutomatonError,
+    AwarenessScope,
     BeliefScope,
     ClosestPairScope,
     ExpressionError,
@@ -98,7 +99,7 @@ class SpecificationBuilder:
             use = document.specifications.get(name)
             if use is None:
                 self._unknown(name, "specification", (*path, place), document.specifications)
-            elif use.of == "belief":
+            elif use.of != "truth":
                 said = f"{quoted(name)} is about beliefs, and what an agent will believe is not predicted"
                 self._report("unsuitable", said, (*path, place), expected="a specification of the truth")
             elif (use.each not in (None, group) and not component.specifications_of_others) or (
@@ -223,17 +224,20 @@ class SpecificationBuilder:
             return kind(self._groups[use.each], self._world, groups, self._regions)
         if use.pairs is None:
             return WorldColumns(self._world, groups, self._regions, self._entities, self._check.specifications)
-        return self._pair_scope(use.pairs, (*path, "pairs"))
+        return self._pair_scope(use.pairs, (*path, "pairs"), of_awareness=use.of == "awareness")
 
-    def _pair_scope(self, said: str | Sequence[tuple[str, str]], path: Path) -> Scope | None:
-        """The scope of pairs of agents; None after a problem."""
+    def _pair_scope(
+        self, said: str | Sequence[tuple[str, str]], path: Path, *, of_awareness: bool = False
+    ) -> Scope | None:
+        """The scope of pairs of agents, in both orders if it is about awareness; None after a problem."""
         sets = self._pairs(said, path)
         if sets is None:
             return None
         groups = list(self._groups.values())
         every: Iterator[tuple[str, str]]
         if isinstance(said, str):
-            every = (pair for ids, _ in sets for pair in combinations(ids, 2))
+            paired = permutations if of_awareness else combinations
+            every = (pair for ids, _ in sets for pair in paired(ids, 2))
         else:
             every = (pair for first, second in sets for pair in product(first, second) if pair[0] != pair[1])
         most = MOST_PAIRS * max((group.runs for group in groups), default=1)
@@ -244,6 +248,12 @@ class SpecificationBuilder:
         if not found:
             self._report("invalid-value", "there is no pair: it takes two agents", path, expected="two agents")
             return None
+        if len(found) > most and of_awareness:
+            said_of = f"awareness is of more than {MOST_PAIRS:,} ordered pairs"
+            self._report("unsuitable", said_of, path, expected=f"`pairs` that name at most {MOST_PAIRS:,}")
+            return None
+        if of_awareness:
+            return AwarenessScope(list(found), self._world, groups, self._regions)
         if len(found) > most:
             return ClosestPairScope(sets, self._world, groups, self._regions)
         return PairScope(list(found), self._world, groups, self._regions)

@@ -87,7 +87,7 @@ def participant(built: Built, place: Asked, log: Path | None = None) -> Particip
     if built.options.presence:
         groups = ", ".join(f"`agents.{name}.present`" for name in sorted(built.options.presence))
         raise DistributionError(f"agents can enter and leave only in runs of one process: {groups}")
-    believed = [each.name for each in built.options.specifications if each.of == "belief"]
+    believed = [each.name for each in built.options.specifications if each.of != "truth"]
     if believed:
         said = "is about beliefs, which only the processes that run the agents have, not the host"
         raise DistributionError(f"the specification `{believed[0]}` {said}")

@@ -3,6 +3,9 @@
 from .absence import AbsentError as AbsentError
 from .automaton import Automaton as Automaton
 from .automaton import AutomatonError as AutomatonError
+from .awareness_scope import OTHER as OTHER
+from .awareness_scope import SELF as SELF
+from .awareness_scope import AwarenessScope as AwarenessScope
 from .closest_pair import ClosestPairScope as ClosestPairScope
 from .closest_pair import check_least as check_least
 from .forecast import Forecast as Forecast

@@ -23,7 +23,7 @@ class MonitorStatuses:
         self._rows: dict[str, list[int]] = {}
         scope = monitor.specification.scope
         for row in range(scope.rows):
-            for id in scope.agents(row):
+            for id in scope.subjects(row):
                 self._rows.setdefault(id, []).append(row)
         self._is_world = not self._rows
 

@@ -329,7 +329,7 @@ class _Parser:
         if name in _FOREIGN:
             raise ExpressionError(_FOREIGN[name], token.span)
         if self._is("("):
-            return self._call(token)
+            return self._of_whom(token) if name in self._keys else self._call(token)
         if name in self._definitions:
             return moved(self._definitions[name], token.span)
         if name in self._names:
@@ -381,6 +381,19 @@ class _Parser:
             wanted = "at least 1 argument" if count is None else f"{count} argument{'s' if count > 1 else ''}"
             raise ExpressionError(f"{name}(...) takes {wanted}, not {len(arguments)}", span)
         return Call(span, name, tuple(arguments))
+
+    def _of_whom(self, token: Token) -> Node:
+        """Parse a name with its key in round brackets: ``belief(other)`` is ``belief["other"]``."""
+        name, keys = token.text, self._keys[token.text]
+        self._take()
+        place = self._take()
+        if place.kind not in ("word", "text"):
+            raise ExpressionError(f"say whose: {name}({next(iter(keys.names), '...')})", self._spot(place))
+        key = place.text if place.kind == "word" else place.text[1:-1]
+        if key not in keys.names:
+            self._refuse_key(name, key, keys, place)
+        end = self._expect(")", f"{name}(...)")
+        return Element((token.span[0], end.span[1]), Name(token.span, name), key)
 
     def _key(self) -> int | str:
         sign = -1 if self._is("-") else 1

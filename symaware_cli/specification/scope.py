@@ -127,6 +127,18 @@ class Scope(ABC):
     def agents(self, row: int) -> tuple[str, ...]:
         """Return the ids of the agents that a row is about."""
 
+    def subjects(self, row: int) -> tuple[str, ...]:
+        """Return the ids of the agents that read the status of a row as their own: by default all it is about."""
+        return self.agents(row)
+
+    @property
+    def lacking(self) -> NDArray[np.bool_] | None:
+        """Which rows lacked what the names of the last instant refer to; None if none can.
+
+        Predicates without a value do not hold for these rows.
+        """
+        return None
+
     @property
     def momentary_agents(self) -> tuple[str, ...]:
         """The ids of the agents that the only row is about at the instant of the last `look_up`, if they change."""

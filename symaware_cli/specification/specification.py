@@ -65,7 +65,7 @@ class Specification:
     """
 
     name: str
-    of: Literal["truth", "belief"]
+    of: Literal["truth", "belief", "awareness"]
     each: str | None
     scope: Scope
     formulation: Formulation
@@ -123,6 +123,9 @@ class Specification:
                 wrong = np.isnan(column)
                 if present is not None:
                     wrong &= present
+                if wrong.any() and (lacking := self.scope.lacking) is not None:
+                    column = np.where(wrong & lacking, -np.inf, column)
+                    wrong &= ~lacking
                 if wrong.any():
                     who = " and ".join(agents(int(wrong.argmax())))
                     raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))

@@ -7,6 +7,7 @@ from .batch_simulation import batch_size as batch_size
 from .batch_simulation import refusal as refusal
 from .cell_stops import CellStops as CellStops
 from .claim import Claim as Claim
+from .claim_term import ClaimTerm as ClaimTerm
 from .custom_metrics import typed as typed
 from .executor import Block as Block
 from .executor import Blocks as Blocks

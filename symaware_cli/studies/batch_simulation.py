@@ -94,7 +94,9 @@ def _refusals(built: Built) -> Iterator[str]:
         elif replace(entry.timing, period=None, offset=0) != Timing():
             yield f"`{entry.path}` has turns that depend on its run"
     for each in options.specifications:
-        if not isinstance(each.scope, AgentScope | PairScope):
+        if each.of == "awareness":
+            yield f"the contract `{each.name}` is about what single agents believe of each other"
+        elif not isinstance(each.scope, AgentScope | PairScope):
             yield f"the specification `{each.name}` is about the world, or about too many pairs"
         elif isinstance(pairs := document.specifications[each.name].pairs, list) and not groups >= set(chain(*pairs)):
             yield f"the specification `{each.name}` is about single agents"

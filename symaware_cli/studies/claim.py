@@ -1,7 +1,7 @@
 """A claim about the runs of a sweep, such as ``P(safe) > 0.99 with confidence 0.99, fixed``, and its tests.
 
-The claim is P(failure) < epsilon; the hypothesis to be rejected is that P(failure) is epsilon or more. The tests are
-performed once at a planned number of runs, or sequentially after each run.
+Each term of a claim is P(failure) < epsilon; the hypothesis to be rejected is that P(failure) is epsilon or more. The
+tests are performed once at a planned number of runs, or sequentially after each run.
 
 Reasons: docs/decisions/0046-claims.md
 """
@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from symaware_cli.studies.claim_term import ClaimTerm, number
 from symaware_cli.studies.row import Row
 
 #: Both parameters of the beta distribution that is mixed over: few failures are expected.
@@ -92,73 +93,87 @@ def runs_needed(evidence: Callable[[int, int, float], float], failures: int, eps
 #: ``fixed``: all planned runs are executed, then tested once; ``sequential``: they may be tested after each run.
 ClaimRule = Literal["fixed", "sequential"]
 
+#: The terms, then the confidence and the rule.
 _FORM = re.compile(
-    r"\s*P\(\s*(?P<name>[^\s()][^()]*?)\s*\)\s*>\s*(?P<probability>[0-9.eE+-]+)"
-    r"(?:\s+with\s+confidence\s+(?P<confidence>[0-9.eE+-]+))?\s*(?:,\s*(?P<rule>\w+)\s*)?"
+    r"(?P<terms>.*?>\s*[0-9.eE+-]+)"
+    r"(?:\s+with\s+confidence\s+(?P<confidence>[0-9.eE+-]+))?\s*(?:,\s*(?P<rule>\w+)\s*)?",
+    re.DOTALL,
 )
 EXAMPLE = "P(safe) > 0.99 with confidence 0.99, sequential"
 
-#: Claims beyond these limits need more runs than a sweep may have.
-_RANGE = (0.0, 1.0 - 1e-6)
+#: More terms are taken for a mistake.
+_MOST_TERMS = 20
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """The claim that the probability of satisfying a specification exceeds a bound.
+    """The claim that probabilities exceed bounds, all of them jointly.
 
     Attributes:
-        specification: The name of the specification.
-        probability: The lower bound that the probability of satisfying it is claimed to exceed.
-        confidence: The least probability that no false claim is certified, jointly over all combinations of a sweep.
+        terms: The probabilities; at least one.
+        confidence: The least probability that no false term is certified, jointly over all combinations of a sweep.
         rule: When the runs are tested.
     """
 
-    specification: str
-    probability: float
+    terms: tuple[ClaimTerm, ...]
     confidence: float = 0.99
     rule: ClaimRule = "fixed"
 
     @classmethod
     def parse(cls, text: str) -> Claim:
-        """Parse a claim.
+        """Parse a claim; several terms are separated by semicolons.
 
         Raises:
             ValueError: The text is not a valid claim; the message gives the reason.
         """
         match = _FORM.fullmatch(text)
-        if match is None:
+        terms = [] if match is None else [ClaimTerm.parse(each) for each in match["terms"].split(";")]
+        if match is None or None in terms:
             raise ValueError(f"a claim is written like `{EXAMPLE}`")
-        probability = _number(match["probability"], "the probability", *_RANGE)
-        confidence = _number(match["confidence"] or "0.99", "the confidence", 0.0, 1.0 - 1e-9)
+        if len(terms) > _MOST_TERMS:
+            raise ValueError(f"a claim has at most {_MOST_TERMS} terms, not {len(terms)}")
+        confidence = number(match["confidence"] or "0.99", "the confidence", 0.0, 1.0 - 1e-9)
         rule = match["rule"] or "fixed"
         known = next((each for each in get_args(ClaimRule) if each == rule), None)
         if known is None:
             raise ValueError(f"a claim is `fixed` or `sequential`, not `{rule}`")
-        return cls(match["name"], probability, confidence, known)
+        return cls(tuple(each for each in terms if each is not None), confidence, known)
 
     def __str__(self) -> str:
-        return f"P({self.specification}) > {self.probability:.12g} with confidence {self.confidence:.12g}, {self.rule}"
+        return f"{'; '.join(map(str, self.terms))} with confidence {self.confidence:.12g}, {self.rule}"
 
     @property
-    def epsilon(self) -> float:
-        """The upper bound claimed for the probability of failure, to 12 digits, so that 1 - 0.99 is 0.01."""
-        return float(f"{1.0 - self.probability:.12g}")
+    def names(self) -> tuple[str, ...]:
+        """All specifications that it refers to, each once."""
+        return tuple(dict.fromkeys(name for term in self.terms for name in term.names))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is about the probability of a single specification."""
+        return len(self.terms) == 1 and self.terms[0].is_plain
 
     def alpha(self, cells: int) -> float:
-        """Return the admissible probability of a false certificate for each combination (Bonferroni correction)."""
-        return float(f"{1.0 - self.confidence:.12g}") / cells
+        """Return the admissible probability of a false certificate for each term of each combination (Bonferroni)."""
+        return float(f"{1.0 - self.confidence:.12g}") / (cells * len(self.terms))
 
-    def evidence(self, failures: int, runs: int) -> float:
-        """Return the evidence; a combination is certified once it reaches 1 / alpha."""
-        return self._evidence(failures, runs, self.epsilon)
+    def evidence(self, term: ClaimTerm, failures: int, runs: int) -> float:
+        """Return the evidence for a term, which is certified once it reaches 1 / alpha.
 
-    def runs_needed(self, failures: int, cells: int) -> int:
-        """Return the least number of runs of a combination that suffices with a given number of failures."""
-        return runs_needed(self._evidence, failures, self.epsilon, self.alpha(cells))
+        Given the number of runs that meet a condition, the number of failures among them is binomial, so that both
+        tests hold for them as they do for all runs.
+        """
+        return self._evidence(failures, runs, term.epsilon)
 
-    def counts_against(self, row: Row) -> bool:
-        """Return whether a run counts against the claim; failed, lost and undecided runs do."""
-        return row.state != "done" or row.verdicts.get(self.specification) != "satisfied"
+    def runs_needed(self, term: ClaimTerm, failures: int, cells: int) -> int:
+        """Return the least number of runs that suffices for a term with a given number of failures.
+
+        Of a term with a condition, these are runs that meet it.
+        """
+        return runs_needed(self._evidence, failures, term.epsilon, self.alpha(cells))
+
+    def least_runs(self, cells: int) -> int:
+        """Return the least number of runs of a combination that can establish the claim."""
+        return max(self.runs_needed(term, 0, cells) for term in self.terms)
 
     @property
     def _evidence(self) -> Callable[[int, int, float], float]:
@@ -170,6 +185,7 @@ class ClaimProgress:
 
     Attributes:
         runs: The number of known runs before the first gap, up to the run that established the claim.
+        counted: The number of these that each term counts.
         failures: The number of these that count against it.
         stopped_at: The final number of runs; None while a sequential claim is not established.
     """
@@ -178,19 +194,21 @@ class ClaimProgress:
         self._claim = claim
         self._enough = 1.0 / claim.alpha(cells)
         self.runs = 0
-        self.failures = 0
+        self.counted = [0] * len(claim.terms)
+        self.failures = [0] * len(claim.terms)
         self.stopped_at: int | None = None
-        self._waiting: dict[int, bool] = {}
+        self._waiting: dict[int, list[str | None]] = {}
 
     @property
-    def evidence(self) -> float:
-        """The evidence after the known runs."""
-        return self._claim.evidence(self.failures, self.runs)
+    def evidence(self) -> list[float]:
+        """The evidence for each term after the known runs."""
+        counts = zip(self._claim.terms, self.failures, self.counted, strict=True)
+        return [self._claim.evidence(*each) for each in counts]
 
     @property
     def is_established(self) -> bool:
-        """Whether the evidence suffices."""
-        return self.evidence >= self._enough
+        """Whether the evidence for all terms suffices."""
+        return all(each >= self._enough for each in self.evidence)
 
     def add(self, replicate: int, row: Row) -> None:
         """Add a run.
@@ -199,23 +217,16 @@ class ClaimProgress:
             replicate: Its number within the combination.
             row: Its result.
         """
-        self._waiting[replicate] = self._claim.counts_against(row)
+        self._waiting[replicate] = [term.outcome(row) for term in self._claim.terms]
         while self.stopped_at is None and self.runs in self._waiting:
-            self.failures += self._waiting.pop(self.runs)
+            for place, outcome in enumerate(self._waiting.pop(self.runs)):
+                self.counted[place] += outcome is not None
+                self.failures[place] += outcome not in (None, "satisfied")
             self.runs += 1
+            # Each term has an e-process of its own, which may be looked at after each run, so all may be at once.
             if self._claim.rule == "sequential" and self.is_established:
                 self.stopped_at = self.runs
 
     def keeps(self, replicate: int) -> bool:
         """Return whether a run is part of the result, according to the runs so far."""
         return self.stopped_at is None or replicate < self.stopped_at
-
-
-def _number(text: str, what: str, low: float, high: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise ValueError(f"{what} is a number, not `{text}`") from None
-    if not low < value <= high:
-        raise ValueError(f"{what} is more than {low:g} and at most {high:.9g}, not {value:g}")
-    return value

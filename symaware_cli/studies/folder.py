@@ -270,8 +270,9 @@ def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIden
             files.update(built.files)
     check_rule(source.plan, list(specifications), source.problem("invalid-rule", "", ("until",)))
     claim = source.plan.document.claimed
-    if claim is not None and claim.specification not in specifications:
-        message = f"there is no specification `{claim.specification}` to claim anything about"
+    unknown = [] if claim is None else [name for name in claim.names if name not in specifications]
+    if unknown:
+        message = f"there is no specification `{unknown[0]}` to claim anything about"
         problem = source.problem("unknown-name", message, ("claim",))
         known = ", ".join(specifications) or "one in `specifications` of the scenario"
         raise ScenarioError([replace(problem, expected=known)])

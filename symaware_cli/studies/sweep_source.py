@@ -193,7 +193,7 @@ def _claim_faults(document: SweepDocument, composition: Composition) -> Iterator
     if not document.is_independent:
         message = f"a claim assumes independent runs, and those of the design `{document.design}` depend on each other"
         yield problem(message, "`design: random`")
-    needed = claim.runs_needed(0, cell_count(document))
+    needed = claim.least_runs(cell_count(document))
     if claim.rule == "fixed" and document.runs < needed:
         message = f"{document.runs:,} runs of each combination cannot establish it, even if none fails"
         yield problem(message, f"`runs` of at least {needed:,}, or `--with claim=none` for runs that certify nothing")

@@ -46,6 +46,7 @@ FILES: Mapping[str, str] = {
     "file": "specifications.yaml",
     "scenarios": "room.yaml",
     "tolerance": "tolerance.yaml",
+    "case": "case.yaml",
 }
 """The sound file for a parameter, by its name; that of others is given by the call."""
 
@@ -74,6 +75,8 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
     "check": [["paths=log.mcap"], ["paths=log.mcap", "--formula", "always x < 4"], ["paths=sweep"]],
     "verify": [["path=log.mcap"], ["path=sweep"], ["path=sweep/certificate.json"]],
     "certify": [[]],
+    "assure": [["output=assured"]],
+    "budget": [["output=budget", "--claim", "P(safe) > 0.1 with confidence 0.5", "--over", "run.duration=0.1"]],
     "falsify": [["--specification", "safe", "--seeds", "2", "--runs", "2", "--jobs", "0"]],
     "estimate": [["--specification", "safe", "--levels", "none", "--trials", "1", "--repeats", "2", "--jobs", "0"]],
     "diff": [[], ["one=room.yaml", "other=room.yaml"], ["one=sweep", "other=sweep"]],
@@ -176,6 +179,10 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "room.yaml").write_text(SCENARIO)
     (folder / "secret").write_text("0" * 64)
     (folder / "mine.py").write_text("")
+    (folder / "case.yaml").write_text(
+        "symaware-case: 1\nname: room\ngoals: {G1: {text: Safe, by: [Sn1]}}\n"
+        "solutions: {Sn1: {log: log.mcap, specification: safe}}\n"
+    )
     (folder / "tolerance.yaml").write_text("symaware-tolerance: 1\nchannels: {/contacts: {ignore: true}}\n")
     (folder / "specifications.yaml").write_text("near: {each: robot, formula: 'always x < 4'}\n")
     key = Ed25519PrivateKey.generate()

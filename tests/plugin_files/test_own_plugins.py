@@ -242,6 +242,10 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made("run", "own.yaml", "-q", "-o", "own2.mcap")
     made("sweep", "own.yaml", "--runs", "2", "-j", "0", "-o", "swept", "-q")
     (folder / "paired.yaml").write_text(PAIRED)
+    (folder / "case.yaml").write_text(
+        "symaware-case: 1\nname: own\ngoals: {G1: {text: Near, by: [Sn1]}}\n"
+        "solutions: {Sn1: {log: own.mcap, specification: near}}\n"
+    )
     made("sweep", "paired.yaml", "-j", "0", "-o", "paired", "-q")
     assert (folder / "executed").exists()
     (folder / "executed").unlink()
@@ -258,7 +262,9 @@ variants: {slow: {run.duration: 0.4}, quick: {run.duration: 0.2}}
 
 #: The arguments of each verb, with a scenario, a log or a sweep that has hostile code.
 VERBS = {
+    "assure": ["case.yaml", "-o", "out6"],
     "branch": ["own.mcap", "--at", "0.2", "-o", "out"],
+    "budget": ["own.yaml", "--claim", "P(near) > 0.5", "--over", "run.duration=0.1,0.2", "-o", "out5", "-j", "0"],
     "certify": ["swept", "--claim", "P(near) > 0.5"],
     "check": ["own.mcap", "--again"],
     "compare": ["paired", "contacts"],

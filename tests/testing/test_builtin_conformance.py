@@ -26,6 +26,7 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "articulated": {"joints": ["shoulder", "elbow"]},
     "control.random": {"inputs": [[0.1, 0.0], [0.0, 0.2]]},
     "control.schedule": {"inputs": [{"time": 0.0, "input": [0.1, 0.0]}, {"time": 0.2, "input": [0.0, 0.2]}]},
+    "control.switch": {"when": "x > 0.1", "to": "spare"},
     "differential-drive": {"left": ["left"], "right": ["right"]},
     "perception.map": {"scan": "lidar", "resolution": 0.5, "within": (-5.0, 5.0, -5.0, 5.0)},
     "planning.cbs": {"within": (-5.0, 5.0, -5.0, 5.0)},
@@ -63,6 +64,14 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "control.dynamic-window": LIDAR,
     "control.vector-field-histogram": LIDAR,
     "communication.consensus": {"agents.robot.knowledge.guess": {"uniform": [0.0, 1.0]}},
+    "control.switch": {
+        "agents.robot.count": 1,
+        "agents.robot.components.spare": {
+            "use": "control.schedule",
+            "condition": "switched[0] == 1",
+            "with": {"inputs": [{"time": 0.0, "input": [0.1, 0.0]}]},
+        },
+    },
     "control.follow": {
         "agents.leader": {"model": {"use": "unicycle"}, "state": [3.0, 0.0, 0.0]},
         "agents.robot.knowledge.offset": {"all": [-1.0, 0.0]},

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from symaware_cli.engine import RunSummary
+from symaware_cli.evidence.certificate_page import decided
 from symaware_cli.evidence.certification import Certificate
 from symaware_cli.evidence.checking import CheckResult
 from symaware_cli.evidence.comparison import ComparisonResult
@@ -151,7 +152,11 @@ def certificate_cases(folder: Path, made: Certificate) -> Iterator[ResultCase]:
     for cell in said["combinations"]:
         named = [*filter(None, [cell["variant"]]), *(f"{key}={value}" for key, value in cell["parameters"].items())]
         name = said["claim"]["text"] + (f" ({', '.join(named)})" if named else "")
-        told = f"{cell['runs']:,} runs; evidence {cell['evidence']:.4g} of {cell['needed']:.4g}"
+        told = "; ".join(
+            (f"{text}: " if text else "")
+            + f"{each['runs']:,} runs; evidence {each['evidence']:.4g} of {each['needed']:.4g}"
+            for text, each in decided(cell)
+        )
         if cell["established"] and not made.is_post_hoc:
             yield ResultCase(str(folder), name, "claim", message=told)
             continue

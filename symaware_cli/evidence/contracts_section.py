@@ -1,0 +1,83 @@
+"""The section `contracts` of scenarios: what the awareness of agents must be worth.
+
+Reasons: docs/decisions/0091-awareness-contracts.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BeforeValidator, Field
+
+from symaware_cli.core.identifiers import Name, Target
+from symaware_cli.language import Additions, Identifier, ScenarioSection, Section, SectionContext, SpecificationUse
+from symaware_cli.world import Seconds
+
+
+class ContractUse(Section):
+    """A formula about what agents believe, beside what is true."""
+
+    formula: str = Field(
+        max_length=2000,
+        description="What must hold of the awareness of one agent, `self`, of another, `other`, such as "
+        "`always norm(belief(other) - truth(other)) < 0.5`.",
+    )
+    of: Target | list[Target] | None = Field(
+        None, description="Whose awareness: a group, or a list of ids and groups. All agents if left out."
+    )
+    about: Target | list[Target] | None = Field(
+        None, description="Of whom: a group, or a list of ids and groups. All other agents if left out."
+    )
+    where: dict[Identifier, str] = Field(
+        default_factory=dict, description="Formulas to refer to by name, each also by those that follow it."
+    )
+    from_: Seconds = Field(0.0, alias="from", description="When the formula is to hold [s].")
+    to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")
+    on_violation: Literal["continue", "end", "event"] = Field(
+        "continue", description="What a breach does: the run goes on; it ends; or it goes on, with a warning."
+    )
+
+
+def _of_text(written: object) -> object:
+    """Return the contract that a text alone stands for."""
+    return {"formula": written} if isinstance(written, str) else written
+
+
+class ContractsSection(ScenarioSection):
+    """Contracts by name, monitored like specifications."""
+
+    form: ClassVar[Any] = dict[
+        Name, Annotated[ContractUse, BeforeValidator(_of_text, json_schema_input_type=str | ContractUse)]
+    ]
+    description: ClassVar[str] = (
+        "Awareness contracts by name: formulas over what agents believe and what is true. They are monitored like "
+        "`specifications`, and may be claimed beside them: `P(sees) > 0.99; P(safe | sees) > 0.999`."
+    )
+
+    def additions(self, written: Any, context: SectionContext) -> Additions:
+        """Return a specification for each contract."""
+        groups = list(context.document.agents)
+        return Additions(
+            specifications={name: _stated(each, groups) for name, each in context.document.contracts.items()}
+        )
+
+    def build(self, written: Any, context: SectionContext) -> Mapping[str, ContractUse]:
+        """Return the contracts."""
+        return {} if context.document is None else context.document.contracts
+
+
+def _stated(contract: ContractUse, groups: list[str]) -> SpecificationUse:
+    """Return the specification that a contract is: one about each ordered pair of the agents that it names."""
+    whose, whom = ([each] if isinstance(each, str) else each or groups for each in (contract.of, contract.about))
+    return SpecificationUse.model_validate(
+        {
+            "formula": contract.formula,
+            "pairs": [(one, other) for one in whose for other in whom],
+            "of": "awareness",
+            "where": contract.where,
+            "from": contract.from_,
+            "to": contract.to,
+            "on_violation": contract.on_violation,
+        }
+    )
