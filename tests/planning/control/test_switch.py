@@ -116,7 +116,7 @@ def test_switches_that_cannot_work_are_refused(changes: dict[str, Any], path: st
     assert any(place.endswith(path) and said in text for place, text in found), found
 
 
-def test_the_shipped_scenario_is_safe_by_its_switch() -> None:
+def test_the_robots_of_the_shipped_scenario_stay_apart_with_the_switch_alone() -> None:
     with_switch = sa.load(SIMPLEX).run(duration=10.0).summary
     without = sa.load(SIMPLEX, {"agents.watcher.components.guard.with.confirm": 100.0}).run(duration=10.0).summary
     apart = [
