@@ -16,6 +16,13 @@ from .checking import CheckResult as CheckResult
 from .checking import check_log as check_log
 from .comparison import ComparisonResult as ComparisonResult
 from .comparison import compare as compare
+from .causes.explanation import BeliefRow as BeliefRow
+from .causes.explanation import Explanation as Explanation
+from .causes.explanation import ExplanationPlan as ExplanationPlan
+from .causes.explanation import FutureComparison as FutureComparison
+from .causes.explanation import explain as explain
+from .causes.timeline import draw_timeline as draw_timeline
+from .causes.timeline import require_timeline_format as require_timeline_format
 from .falsifying import Falsification as Falsification
 from .falsifying import falsify as falsify
 from .finding import Finding as Finding

@@ -38,8 +38,8 @@ class Believe(Fault):
     holds at that time.
 
     The placebo draws anew what sensors of the agent draw about the other one, from keys of their own; all other draws
-    of the run are as they were. Components of single agents draw from one generator, and so everything that such a sensor
-    draws is drawn anew.
+    of the run are as they were. Components of single agents draw from one generator, and so everything that such a
+    sensor draws is drawn anew.
     """
 
     class Parameters(core.Parameters):
