@@ -106,8 +106,10 @@ def _announce(plan: ExplanationPlan) -> None:
 
 
 def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
+    from symaware_cli.evidence import strongest
+
     yield f"{found.log}: {terminal.printable(found.text)}"
-    best = max(found.everything, key=lambda each: (each.lower, each.shares.difference))
+    best = strongest(found.everything)
     yield f"  {'all true':<12} {_shares(best)}, from {best.instant:g} s on"
     if not found.is_in_awareness:
         yield f"  {'cause':<12} none in awareness: all beliefs made true save no more futures than their placebos"
@@ -126,8 +128,9 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
         if len(found.rows) > _MOST:
             yield f"  and {len(found.rows) - _MOST:,} more (--json)"
         yield ""
-        yield "  saved: in this run, its truth from then on prevents the violation; in general: the share of redrawn futures"
-        yield f"  that truth saves minus that of the placebo; at least: its lower bound, all together at {found.confidence:g}"
+        yield "  `saved`: true from then on, it prevents the violation of this run. In general: the share of redrawn"
+        yield "  futures that the truth saves minus that of the placebo, and its lower bound: no belief that is no cause"
+        yield f"  has one above 0, with confidence {found.confidence:g}"
     yield f"  {'branches':<12} {found.branches:,}"
     if output is not None:
         yield f"  {'picture':<12} {output}"

@@ -101,6 +101,11 @@ class FutureComparison(NamedTuple):
         }
 
 
+def strongest(comparisons: Sequence[FutureComparison]) -> FutureComparison:
+    """Return the established comparison with the greatest difference, or if none is, that one; the earliest of several."""
+    return max(comparisons, key=lambda each: (each.is_established, each.shares.difference, -each.instant))
+
+
 @dataclass(frozen=True, slots=True)
 class BeliefRow:
     """What was found about one belief.
@@ -121,8 +126,8 @@ class BeliefRow:
 
     @property
     def best(self) -> FutureComparison | None:
-        """The comparison with the greatest lower bound; the earliest of several."""
-        return max(self.tests, key=lambda each: (each.lower, each.shares.difference, -each.instant), default=None)
+        """The strongest comparison; see `strongest`."""
+        return strongest(self.tests) if self.tests else None
 
     @property
     def is_cause(self) -> bool:
@@ -223,9 +228,9 @@ def explain(
     """Find the beliefs that would have prevented the violation of a run, had they been true.
 
     First all beliefs are made true at once, and compared with their placebos: only if truth saves more futures, single
-    beliefs are examined. *In this run*, with all other draws as they were, each belief is made true from each instant on.
-    *In general*, everything after the instant is drawn anew, in the same way for a branch with the truth and for one
-    with the placebo; the difference of the shares of futures that they save has an exact paired interval, corrected by
+    beliefs are examined. *In this run*, with all other draws as they were, each belief is made true from each instant
+    on. *In general*, everything after the instant is drawn anew, in the same way for a branch with the truth and for
+    one with the placebo; the difference of the shares of futures that they save has an exact paired interval, corrected by
     Holm's procedure over all beliefs and instants. Before, sets of beliefs are screened by halves, with futures of their
     own, from the instant at which all beliefs together matter most: the halves of a set that saves nothing are not
     examined, and of the beliefs that remain the few strongest are.
@@ -273,7 +278,7 @@ def explain(
             on_plan(plan)
         examination = _Examination(run, plan, seed, 1.0 - confidence, on_progress)
         everything = examination.everything(beliefs)
-        best = max(everything, key=lambda each: each.shares.difference)
+        best = strongest(everything)
         rows = examination.rows(path, beliefs, best.instant) if any(each.is_established for each in everything) else []
         return Explanation(path, name, violated, text, plan, run.branches, confidence, everything, rows, run.times)
 

@@ -21,7 +21,7 @@ _MOST = 14
 FORMATS = (".png", ".svg", ".pdf")
 
 #: Widths of the picture and its row of a belief, and the room around the rows [inches].
-_WIDTH, _ROW, _AROUND = 10.0, 0.5, 1.9
+_WIDTH, _ROW, _AROUND = 11.0, 0.5, 1.9
 
 
 def require_timeline_format(path: Path) -> None:
@@ -59,7 +59,7 @@ def draw_timeline(explanation: Explanation, path: Path) -> None:
         figure = Figure(figsize=(_WIDTH, _AROUND + _ROW * max(len(rows), 1)))
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         height = figure.get_figheight()
-        axes.set_position((0.2, 0.95 / height, 0.5, 1.0 - _AROUND / height))
+        axes.set_position((0.2, 0.95 / height, 0.46, 1.0 - _AROUND / height))
         _draw(axes, explanation, rows)
         figure.text(0.02, 1.0 - 0.3 / height, _title(explanation), weight="bold", va="center")
         figure.text(0.02, 1.0 - 0.58 / height, explanation.text, va="center", size=9.0, color=FAINT)
@@ -122,17 +122,17 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
         axes.spines[side].set_visible(False)
     figure = axes.figure
     height = figure.get_figheight()  # type: ignore[union-attr]
-    bar = figure.add_axes((0.73, 0.62 / height, 0.24, 0.12 / height))
+    bar = figure.add_axes((0.72, 0.62 / height, 0.24, 0.12 / height))
     colours = figure.colorbar(bands, cax=bar, orientation="horizontal", extend="max")
     colours.set_label("error of the believed position [m]", size=9.0)
     bar.tick_params(labelsize=8.0)
-    filled = axes.plot([], [], "o", color=ink, label="its truth from here on prevents this violation")[0]
-    hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="does not")[0]
+    filled = axes.plot([], [], "o", color=ink, label="true from here on, it prevents this violation")[0]
+    hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="it does not")[0]
     figure.legend(
         handles=[filled, hollow],
         loc="lower left",
         bbox_to_anchor=(0.01, 0.0),
-        ncols=2,
+        ncols=3,
         frameon=False,
         handletextpad=0.1,
     )
@@ -141,5 +141,5 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
 def _difference(row: BeliefRow) -> str:
     best = row.best
     if best is None:
-        return "saves no more than chance (screening)" if row.in_this_run else ""
-    return f"saves {best.shares.difference:+.0%} from {best.instant:g} s ({best.lower:+.0%} to {best.upper:+.0%})"
+        return "no effect in redrawn futures"
+    return f"saves {best.shares.difference:+.0%} of futures (at least {best.lower:+.0%})"
