@@ -129,8 +129,8 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
             yield f"  and {len(found.rows) - _MOST:,} more (--json)"
         yield ""
         yield "  `saved`: true from then on, it prevents the violation of this run. In general: the share of redrawn"
-        yield "  futures that the truth saves minus that of the placebo, and its lower bound: no belief that is no cause"
-        yield f"  has one above 0, with confidence {found.confidence:g}"
+        yield "  futures that the truth saves minus that of the placebo, and its lower bound: with confidence"
+        yield f"  {found.confidence:g}, it is above 0 only for causes"
     yield f"  {'branches':<12} {found.branches:,}"
     if output is not None:
         yield f"  {'picture':<12} {output}"

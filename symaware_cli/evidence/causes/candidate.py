@@ -52,9 +52,9 @@ class Candidate:
 def beliefs_of(built: Built) -> list[Candidate]:
     """List the beliefs in a scenario that may be wrong, in the order of the agents.
 
-    These are states that sensors measure with errors, delays or not always, or that messages tell, and intents of others
-    where messages tell them. A belief about oneself is one of them if the own state is measured with errors. Where
-    faults are declared, exact sensors are included: a fault may make them inexact.
+    These are states that sensors measure with errors, delays or not always, or that messages tell, and intents of
+    others where messages tell them. A belief about oneself is one of them if the own state is measured with errors.
+    Where faults are declared, exact sensors are included: a fault may make them inexact.
     """
     simulation = built.simulation
     ids = [id for group in simulation.groups for id in group.ids]

@@ -102,7 +102,7 @@ class FutureComparison(NamedTuple):
 
 
 def strongest(comparisons: Sequence[FutureComparison]) -> FutureComparison:
-    """Return the established comparison with the greatest difference, or if none is, that one; the earliest of several."""
+    """Return the comparison with the greatest difference, established ones first; the earliest of several."""
     return max(comparisons, key=lambda each: (each.is_established, each.shares.difference, -each.instant))
 
 
@@ -230,10 +230,10 @@ def explain(
     First all beliefs are made true at once, and compared with their placebos: only if truth saves more futures, single
     beliefs are examined. *In this run*, with all other draws as they were, each belief is made true from each instant
     on. *In general*, everything after the instant is drawn anew, in the same way for a branch with the truth and for
-    one with the placebo; the difference of the shares of futures that they save has an exact paired interval, corrected by
-    Holm's procedure over all beliefs and instants. Before, sets of beliefs are screened by halves, with futures of their
-    own, from the instant at which all beliefs together matter most: the halves of a set that saves nothing are not
-    examined, and of the beliefs that remain the few strongest are.
+    one with the placebo; the difference of the shares of futures that they save has an exact paired interval, corrected
+    by Holm's procedure over all beliefs and instants. Before, sets of beliefs are screened by halves, with futures of
+    their own, from the instant at which all beliefs together matter most: the halves of a set that saves nothing are
+    not examined, and of the beliefs that remain the few strongest are.
 
     Args:
         log: The log.
@@ -241,8 +241,8 @@ def explain(
         agents: A pattern of the ids of the believing agents.
         before: How long before the violation beliefs become true [s].
         futures: The number of redrawn futures of each arm.
-        within: How long after the violation a branch is run at most [s]: what is not violated until then counts as saved.
-            None for the end of the run.
+        within: How long after the violation a branch is run at most [s]: what is not violated until then counts as
+            saved. None for the end of the run.
         confidence: The probability that no reported cause is none.
         budget: The most CPU time [s]; fewer futures are drawn if it would be exceeded. None for no limit.
         seed: The seed of the redrawn futures.

@@ -38,8 +38,8 @@ def draw_timeline(explanation: Explanation, path: Path) -> None:
     """Draw an explanation.
 
     Each row is a belief. Its band shows how far the believed position was from the true one, with white where nothing
-    was believed. On it, a dot stands at each instant from which the belief was made true: filled where that prevents the
-    violation of this run. The text at the right is the difference that truth makes in redrawn futures.
+    was believed. On it, a dot stands at each instant from which the belief was made true: filled where that prevents
+    the violation of this run. The text at the right is the difference that truth makes in redrawn futures.
 
     Args:
         explanation: The explanation.
@@ -113,7 +113,7 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
         )
     axes.set_yticks(range(len(rows)), [row.belief.text for row in rows])
     for label, row in zip(axes.get_yticklabels(), rows, strict=True):
-        label.set_weight("bold" if row.is_cause else "normal")
+        label.set_fontweight("bold" if row.is_cause else "normal")
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(max(len(rows), 1) - 0.5, -0.5)
     axes.set_xlim(begin, end)
@@ -128,8 +128,9 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
     bar.tick_params(labelsize=8.0)
     filled = axes.plot([], [], "o", color=ink, label="true from here on, it prevents this violation")[0]
     hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="it does not")[0]
+    blank = axes.plot([], [], "s", color="white", markeredgecolor=FAINT, label="nothing believed")[0]
     figure.legend(
-        handles=[filled, hollow],
+        handles=[filled, hollow, blank],
         loc="lower left",
         bbox_to_anchor=(0.01, 0.0),
         ncols=3,
