@@ -258,6 +258,7 @@ variants: {slow: {run.duration: 0.4}, quick: {run.duration: 0.2}}
 
 #: The arguments of each verb, with a scenario, a log or a sweep that has hostile code.
 VERBS = {
+    "explain": ["own.mcap"],
     "branch": ["own.mcap", "--at", "0.2", "-o", "out"],
     "certify": ["swept", "--claim", "P(near) > 0.5"],
     "check": ["own.mcap", "--again"],

@@ -256,8 +256,8 @@ def explain(
         KeyboardInterrupt: A signal ended a branch.
     """
     path = Path(log)
-    name, violated, text = _violation(path, specification)
     built = open_scenario(path)
+    name, violated, text = _violation(path, specification)
     step = built.simulation.environment.time_step / 1e9
     instants = _instants(violated, before, step)
     if not instants:
