@@ -28,10 +28,14 @@ def require_timeline_format(path: Path) -> None:
     """Check the name of a picture before anything is run.
 
     Raises:
-        LogError: It ends in none of `FORMATS`.
+        LogError: It ends in none of `FORMATS`, is a folder, or is in a folder that does not exist.
     """
     if path.suffix.lower() not in FORMATS:
         raise LogError(f"{path}: the picture of an explanation is a file {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
+    if path.is_dir():
+        raise LogError(f"cannot write {path}: it is a folder")
+    if not path.parent.is_dir():
+        raise LogError(f"cannot write {path}: there is no folder {path.parent}")
 
 
 def draw_timeline(explanation: Explanation, path: Path) -> None:
