@@ -147,6 +147,9 @@ class Composer:
             fault[kind] = {**fault[kind], "of": target} if isinstance(fault[kind], dict) else target
         if kind in ("place", "push", "inform"):
             fault[kind]["of"] = chance.choice([*self._draft.agents(), *self._draft.groups()])
+        if kind == "believe":
+            fault[kind] |= {"about": chance.choice([*self._draft.agents(), *self._draft.groups()])}
+            fault[kind]["part"] = chance.choice(["state", "intent"])
         when = "at" if chance.random() < 0.7 else "on"
         fault[when] = self._values.value(properties[when], when, "FaultUse")
         if chance.random() < 0.6 and kind not in ("restart", "restore", "push", "place", "inform"):

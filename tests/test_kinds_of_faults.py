@@ -17,6 +17,7 @@ BASES = {"component_fault": "of components", "message_fault": "of messages and l
 #: Words in modules that deal with faults, which are keys of kinds as well.
 OTHERWISE = {
     "evidence/branch_changes.py": "writes changes of a run as faults of the branch's scenario, in its notation",
+    "evidence/causes/candidate.py": "writes the belief that a branch makes true as a fault, in its notation",
     "engine/runtime/timing.py": "`stop` and `restart`: values of `on_failure`",
     "language/document.py": "`stop` and `restart`: values of `on_failure`",
     "testing/repeatability.py": "`replace`: how undecodable bytes are treated",

@@ -395,6 +395,12 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         ]
         self._changed(*(["state", *changed] if alone else changed))
 
+    def receive_part(self, name: str, id: str, value: TimeSeries) -> None:
+        """Store a part of another agent as if it had sent it; other beliefs about it are kept."""
+        received = self.received
+        if (len(value) or id in received.parts.get(name, _NO_PART)) and received.set_part(name, id, value):
+            self._changed(name)
+
     def forget(self, id: str) -> None:
         """Forget what another agent sent."""
         if id in self.received:

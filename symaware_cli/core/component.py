@@ -388,6 +388,13 @@ class Component(BaseComponent[Agent]):
             source = self.__dict__["_random"] = AgentChance(self._surroundings.seed, self.path)
         return source.at(self.turn)
 
+    def redraw(self, draw: str | None) -> None:
+        """Let the generator draw from other keys from the next turn on; see `AgentChance.redraw`."""
+        source: AgentChance | None = self.__dict__.get("_random")
+        if source is None:
+            source = self.__dict__["_random"] = AgentChance(self._surroundings.seed, self.path)
+        source.redraw(draw)
+
     def record(self, signal: Signal, value: Any) -> None:
         """Record the present value of one of the component's `signals`; call it in `_update`.
 

@@ -239,6 +239,8 @@ class GroupChance:
         self._step = 0
         self._is_regular = False
         self._ahead: dict[tuple[str | int, ...], _Ahead] = {}
+        #: What the keys of some agents contain in addition, by their numbers; see `redraw`.
+        self._redrawn: dict[tuple[int, int | None], str] = {}
         self.reseed(seed)
 
     def reseed(self, seed: Seed) -> None:
@@ -247,6 +249,19 @@ class GroupChance:
         self._share = max(1, len(self._numbers) // len(self._seeds))
         self._beginnings = [f"{each}\0{self._purpose}\0".encode() for each in self._seeds]
         self._ahead = {}
+
+    def redraw(self, agent: int, other: int | None, draw: str | None) -> None:
+        """Draw from other keys what concerns one pair of agents, or one agent alone; all other draws are as they were.
+
+        Args:
+            agent: The number of the drawing agent, from `agent_numbers`.
+            other: The number of the other agent; None for the draws that concern no other.
+            draw: Tells these keys from others; None to draw from the original ones again.
+        """
+        if draw is None:
+            self._redrawn.pop((agent, other), None)
+        else:
+            self._redrawn[agent, other] = draw
 
     def at(self, turn: Turn) -> Self:
         """Select the draws of a turn; in the same turn as before, continue."""
@@ -322,7 +337,27 @@ class GroupChance:
         width: int,
         rows: Indices | None = None,
     ) -> Array:
-        """Draw for some counters in this turn; few counters are drawn for several turns at once, which is faster."""
+        """Draw for some counters in this turn."""
+        drawn = self._of_turn(draw, purpose, first, second, width, rows)
+        for (agent, other), changed in self._redrawn.items():
+            if (other is None) == (rows is None):
+                chosen = first == agent if other is None else (first == agent) & (second == other)
+                if chosen.any():
+                    keys = self._key(self._turn, (*purpose, "redrawn", changed), len(first), rows)
+                    own = keys if isinstance(keys, int) else keys[chosen]
+                    drawn[chosen] = draw(first[chosen], second[chosen], own, width)
+        return drawn
+
+    def _of_turn(
+        self,
+        draw: Draw,
+        purpose: tuple[str | int, ...],
+        first: Numbers,
+        second: Numbers,
+        width: int,
+        rows: Indices | None,
+    ) -> Array:
+        """Draw for some counters; few counters are drawn for several turns at once, which is faster."""
         turn, count = self._turn, len(first)
         turns = _AHEAD // max(count, 1)
         if not self._is_regular or turn.repetition or turns < _FEWEST_TURNS:
@@ -404,12 +439,17 @@ class AgentChance:
         """
         self._seed = seed
         self._path = path
+        self._own_path = path
         self._turn: Turn | None = None
         self._generator: np.random.Generator | None = None
 
     def reseed(self, seed: int) -> None:
         """Draw from another seed from the next turn on."""
         self._seed = seed
+
+    def redraw(self, draw: str | None) -> None:
+        """Draw from other keys from the next turn on, which a text tells from others; None for the original ones."""
+        self._path = self._own_path if draw is None else f"{self._own_path} redrawn {draw}"
 
     def at(self, turn: Turn) -> np.random.Generator:
         """Return the generator of a turn: in its present state within the turn, else reset to the turn's beginning."""

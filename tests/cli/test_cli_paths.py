@@ -79,6 +79,9 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
     "budget": [["output=budget", "--claim", "P(safe) > 0.1 with confidence 0.5", "--over", "run.duration=0.1"]],
     "falsify": [["--specification", "safe", "--seeds", "2", "--runs", "2", "--jobs", "0"]],
     "estimate": [["--specification", "safe", "--levels", "none", "--trials", "1", "--repeats", "2", "--jobs", "0"]],
+    "explain": [
+        ["log=violated.mcap", "--before", "0.5", "--within", "0.1", "--futures", "16", "--agents", "runner"],
+    ],
     "diff": [[], ["one=room.yaml", "other=room.yaml"], ["one=sweep", "other=sweep"]],
     "report": [["path=log.mcap"], ["path=sweep"]],
     "branch": [["--at", "0.1"], ["--at", "0.1", "--over", "agents.robot.knowledge.goal=[3, 1]"]],
@@ -101,6 +104,7 @@ SUFFIXES = {
     "plot": ".png",
     "trajectories": ".png",
     "diff": ".png",
+    "explain": ".png",
     "export1": ".mcap",
     "certify": ".json",
     "report0-pdf": ".pdf",
@@ -191,6 +195,9 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "key.pem").write_bytes(pem)
     quiet, at = ["--quiet", "--set"], str(folder / "room.yaml")
     assert called(["run", at, *quiet, "seed=1", "--output", str(folder / "log.mcap")]) == (0, "")
+    mist = str(Path(__file__).parents[2] / "scenarios" / "mist.yaml")
+    violated = [mist, *quiet, "run.duration=4.0", "--output", str(folder / "violated.mcap")]
+    assert called(["run", *violated])[0] in (0, 3)
     claim = [
         "--with",
         "claim=P(safe) > 0.1 with confidence 0.5, fixed",

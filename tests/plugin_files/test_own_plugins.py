@@ -263,6 +263,7 @@ variants: {slow: {run.duration: 0.4}, quick: {run.duration: 0.2}}
 #: The arguments of each verb, with a scenario, a log or a sweep that has hostile code.
 VERBS = {
     "assure": ["case.yaml", "-o", "out6"],
+    "explain": ["own.mcap"],
     "branch": ["own.mcap", "--at", "0.2", "-o", "out"],
     "budget": ["own.yaml", "--claim", "P(near) > 0.5", "--over", "run.duration=0.1,0.2", "-o", "out5", "-j", "0"],
     "certify": ["swept", "--claim", "P(near) > 0.5"],

@@ -41,6 +41,7 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "range": {"range": 3.0},
     "topology random": {"probability": 0.5},
     "bias": {"of": "robot.0.sense", "state": [0.1, 0.0, 0.0]},
+    "believe": {"agent": "robot.0", "about": "robot.1"},
     "blind": {"root": "robot.0.sense"},
     "cut": {"between": ["robot.0", "robot.1"]},
     "degrade": {"loss": 0.5},

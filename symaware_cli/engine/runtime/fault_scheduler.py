@@ -78,6 +78,13 @@ class FaultScheduler:
                 call = partial(self._on_event, index)
                 self._connections[index] = self._router.connect(fault.on.event, fault.on.source, call)
 
+    def start(self, index: int) -> None:
+        """Queue a fault that has neither a time nor an event, for the present instant.
+
+        Between two steps, it begins before the turns of the next one, as if it had been declared for that instant.
+        """
+        self._put(self._queue.clock.now, "begin", (index, 0))
+
     def _put(self, time: int, kind: str, payload: Any) -> None:
         self._queue.put(time, OF_FAULTS, Phase.LANDING, 0, kind, payload)
 

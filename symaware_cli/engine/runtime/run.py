@@ -284,6 +284,10 @@ class Run:
         """Queue the faults from an index on, after a state of a run without them was restored."""
         self._faults.begin(first)
 
+    def begin_fault(self, index: int) -> None:
+        """Let a fault that has no time and no event begin at the present instant; see `FaultScheduler.start`."""
+        self._faults.start(index)
+
     def leave(self, reason: str) -> None:
         """End the run between two steps, unless it has ended; its log ends with the present state.
 

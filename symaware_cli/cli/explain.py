@@ -1,0 +1,150 @@
+"""``symaware explain``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from symaware_cli.cli import terminal
+from symaware_cli.cli.text_table import aligned
+from symaware_cli.help_place import in_help
+
+if TYPE_CHECKING:
+    from symaware_cli.evidence import BeliefRow, Explanation, ExplanationPlan, FutureComparison
+
+#: Beliefs that are shown, at most.
+_MOST = 20
+
+
+@in_help("check", 60)
+def explain(
+    log: Annotated[Path, typer.Argument(help="The log of a run that violated a specification.", metavar="LOG")],
+    specification: Annotated[
+        str | None,
+        typer.Option("--specification", help="The specification; by default the one violated first.", metavar="NAME"),
+    ] = None,
+    agents: Annotated[
+        str, typer.Option(help="Whose beliefs: an id or a pattern, such as `robot.*`.", metavar="PATTERN")
+    ] = "*",
+    before: Annotated[
+        str, typer.Option(help="How long before the violation beliefs become true [s].", metavar="SECONDS,...")
+    ] = "0.5,1,2,4",
+    futures: Annotated[
+        int,
+        typer.Option(min=16, max=100_000, help="The number of redrawn futures with the truth, and with the placebo."),
+    ] = 32,
+    within: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=1e6,
+            help="Run branches until this long after the violation [s]; by default to the end of the run.",
+        ),
+    ] = None,
+    budget: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=1e9, help="The most CPU time of the branches [s]; fewer futures are drawn to keep it."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the redrawn futures.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="A picture of who believed what, and when it mattered.", metavar="FILE"),
+    ] = None,
+    trust: terminal.Trust = False,
+    as_json: terminal.Json = False,
+) -> None:
+    """Find whose belief about whom, had it been true, would have prevented a violation."""
+    with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
+        from symaware_cli.evidence import draw_timeline, require_timeline_format
+        from symaware_cli.evidence import explain as explained
+
+        try:
+            grid = [float(each) for each in before.split(",")]
+        except ValueError:
+            grid = []
+        if not grid or not all(0.0 < each < 1e9 for each in grid):
+            terminal.fail(
+                f"--before {before}: expected positive times [s], as in 0.5,1,2", terminal.WRONG_INPUT, as_json
+            )
+        if output is not None:
+            require_timeline_format(output)
+        with terminal.progress_shown("branches", not as_json) as shown:
+            found = explained(
+                log,
+                specification,
+                agents=agents,
+                before=grid,
+                futures=futures,
+                within=within,
+                budget=budget,
+                seed=seed,
+                on_plan=None if as_json else _announce,
+                on_progress=shown,
+            )
+        if output is not None:
+            draw_timeline(found, output)
+    if as_json:
+        terminal.print_json(found.to_json())
+    else:
+        typer.echo("\n".join(_lines(found, output)))
+    sys.stdout.flush()
+
+
+def _announce(plan: ExplanationPlan) -> None:
+    """Say what it will cost, on the standard error, since the time differs from machine to machine."""
+    typer.echo(
+        f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time "
+        f"({plan.candidates} beliefs, {len(plan.instants)} instants, {plan.futures} futures)",
+        err=True,
+    )
+
+
+def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
+    from symaware_cli.evidence import strongest
+
+    yield f"{found.log}: {terminal.printable(found.text)}"
+    best = strongest(found.everything)
+    yield f"  {'all true':<12} {_shares(best)}, from {best.instant:g} s on"
+    if not found.is_in_awareness:
+        yield f"  {'cause':<12} none in awareness: all beliefs made true save no more futures than their placebos"
+    elif not found.causes:
+        yield f"  {'cause':<12} in awareness, but no single belief: none saves more futures than its placebo"
+    for each in found.causes:
+        assert each.best is not None
+        yield f"  {'cause':<12} {each.belief.text}: {_shares(each.best)}, from {each.best.instant:g} s on"
+        yield f"  {'to repeat':<12} {terminal.printable(each.command)}"
+    if found.rows:
+        yield ""
+        heads = ["belief", *(f"{each:g} s" for each in found.plan.instants), "in general", "at least"]
+        lines = [heads, *(_cells(each, len(found.plan.instants)) for each in found.rows[:_MOST])]
+        for line in aligned(lines, "<" + "<" * len(found.plan.instants) + ">>", indent="  "):
+            yield terminal.printable(line)
+        if len(found.rows) > _MOST:
+            yield f"  and {len(found.rows) - _MOST:,} more (--json)"
+        yield ""
+        yield "  `saved`: true from then on, it prevents the violation of this run. In general: the share of redrawn"
+        yield "  futures that the truth saves minus that of the placebo, and its lower bound: with confidence"
+        yield f"  {found.confidence:g}, it is above 0 only for causes"
+    yield f"  {'branches':<12} {found.branches:,}"
+    if output is not None:
+        yield f"  {'picture':<12} {output}"
+
+
+def _shares(test: FutureComparison) -> str:
+    shares = test.shares
+    truth, placebo = shares.first + shares.both, shares.second + shares.both
+    return f"truth saves {truth} of {shares.trials} futures, the placebo {placebo}"
+
+
+def _cells(row: BeliefRow, count: int) -> list[str]:
+    run = ["saved" if each else "-" for each in row.in_this_run] or [""] * count
+    best = row.best
+    if best is None:
+        return [row.belief.text, *run, "-", "-"]
+    return [row.belief.text, *run, f"{best.shares.difference:+.0%}", f"{best.lower:+.0%}"]

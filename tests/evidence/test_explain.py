@@ -1,0 +1,116 @@
+"""Explanations: exact comparisons of two arms, what is examined, and what is refused."""
+
+import itertools
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from planted_causes import planted
+from sweeping import symaware
+
+from symaware_cli import branch, load, open_log
+from symaware_cli.evidence import BranchError, explain
+from symaware_cli.evidence.causes.candidate import beliefs_of
+from symaware_cli.evidence.causes.paired_shares import PairedShares, holm
+from symaware_cli.language import open_scenario
+
+TOP = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("trials", [4, 9])
+@pytest.mark.parametrize("alpha", [0.05, 0.4])
+def test_the_interval_is_exact_and_agrees_with_the_test(trials: int, alpha: float) -> None:
+    """Its coverage, summed over all outcomes, is at least 1 - alpha for every pair of probabilities of a grid."""
+    outcomes = [(b, c) for b in range(trials + 1) for c in range(trials + 1 - b)]
+    intervals = {each: PairedShares(trials, *each).interval(alpha) for each in outcomes}
+    for each in outcomes:
+        shares = PairedShares(trials, *each)
+        assert (intervals[each][0] > 0.0) == (shares.probability < alpha)
+        assert intervals[each][0] <= shares.difference <= intervals[each][1]
+    for p, q in itertools.product((0.0, 0.1, 0.35, 0.5, 0.9), repeat=2):
+        if p + q <= 1.0:
+            within = [each for each in outcomes if intervals[each][0] - 1e-12 <= p - q <= intervals[each][1] + 1e-12]
+            assert sum(_chance(trials, *each, p, q) for each in within) >= 1.0 - alpha - 1e-9
+
+
+def _chance(trials: int, first: int, second: int, p: float, q: float) -> float:
+    """The probability of numbers of futures that only one arm saves, which has the probabilities p and q."""
+    rest = trials - first - second
+    ways = math.comb(trials, first) * math.comb(trials - first, second)
+    return float(ways * p**first * q**second * max(1.0 - p - q, 0.0) ** rest)
+
+
+def test_futures_are_counted_in_pairs() -> None:
+    shares = PairedShares.of([True, True, False, True], [False, True, True, True])
+    assert shares == PairedShares(4, 1, 1, 2)
+    assert PairedShares(0, 0, 0).difference == 0.0
+
+
+def test_holm_counts_hypotheses_without_a_test_as_well() -> None:
+    levels = holm([0.2, 0.001, 0.012], 4, 0.05)
+    assert levels == [0.05 / 2, 0.05 / 4, 0.05 / 3]
+    assert holm([0.02, 0.001, 0.02], 4, 0.05) == [0.05 / 3, 0.05 / 4, 0.05 / 3], "nothing is rejected after a failure"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return next(planted(tmp_path_factory.mktemp("planted"))).log
+
+
+def test_beliefs_that_cannot_be_wrong_are_no_candidates(log: Path) -> None:
+    found = [(each.agent, each.about) for each in beliefs_of(open_scenario(log))]
+    assert found == [
+        ("walker-0", "cart"),
+        ("walker-0", "walker-1"),
+        ("walker-1", "cart"),
+        ("walker-1", "walker-0"),
+    ]
+
+
+def test_a_row_of_an_explanation_is_a_branch_that_its_command_repeats(log: Path, tmp_path: Path) -> None:
+    plans: list[Any] = []
+    found = explain(log, before=[0.5, 1.0], within=0.5, futures=16, agents="walker-1", on_plan=plans.append)
+    assert [each.belief.text for each in found.causes] == ["walker-1 about cart"]
+    assert found.branches <= plans[0].branches
+    row, again = found.rows[0], tmp_path / "again.mcap"
+    assert row.best is not None
+    assert row.prevented_until(plans[0].instants) == plans[0].instants[-1]
+    _, _, written = row.command.partition("--set 'faults.true=")
+    branch(log, row.best.instant, {"faults.true": json.loads(written.rstrip("'"))}, again)
+    violated = [event.time / 1e9 for event in open_log(again).events() if event.name == "violated"]
+    assert not violated or violated[0] > found.violated + 0.5
+
+
+def test_the_same_explanation_comes_from_the_command_with_its_picture(log: Path, tmp_path: Path) -> None:
+    pictures = [tmp_path / "one.svg", tmp_path / "two.svg"]
+    said = []
+    for picture in pictures:
+        command = ["explain", str(log), "--before", "0.5", "--within", "0.2", "--futures", "16", "--agents", "walker-1"]
+        said.append(json.loads(symaware(*command, "-o", picture, "--json")))
+    assert said[0] == said[1]
+    assert said[0]["causes"] == [{"agent": "walker-1", "about": "cart", "part": "state", "is_drawn": True}]
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+    assert "walker-1 about cart" in pictures[0].read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"specification": "apar"}, "`apar` was not violated in .*; violated was apart"),
+        ({"agents": "cart"}, "no belief of cart in .* can be wrong"),
+        ({"before": [100.0]}, "no instant of the grid is that long before"),
+        ({"budget": 0.001}, "more than the budget of 0.001 s"),
+    ],
+)
+def test_what_cannot_be_explained_is_refused_before_any_branch(given: Any, said: str, log: Path) -> None:
+    with pytest.raises(BranchError, match=said):
+        explain(log, **{"before": [0.5], **given})
+
+
+def test_a_run_without_a_violation_has_nothing_to_explain(tmp_path: Path) -> None:
+    log = tmp_path / "sound.mcap"
+    load(TOP / "scenarios" / "hello.yaml").run(output=log)
+    with pytest.raises(BranchError, match="no specification was violated"):
+        explain(log)

@@ -1,0 +1,18 @@
+"""Explanations name planted causes, and no cause where there is none."""
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from planted_causes import Case, explained, is_right, planted, unplanted
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("made", "count", "least"), [(planted, 5, 5), (unplanted, 20, 20)])
+def test_the_first_cause_is_the_planted_one_and_none_is_named_without_one(
+    made: Callable[[Path], Iterator[Case]], count: int, least: int, tmp_path: Path
+) -> None:
+    """`benchmarks/explain.py` tries more cases."""
+    right = sum(is_right(case, explained(case)) for case in islice(made(tmp_path), count))
+    assert right >= least
