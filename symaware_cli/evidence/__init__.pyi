@@ -15,7 +15,6 @@ from .branching import write_branch_table as write_branch_table
 from .budgeting import Budget as Budget
 from .budgeting import BudgetLevel as BudgetLevel
 from .budgeting import budget as budget
-from .certificate_page import decided as decided
 from .causes.explanation import BeliefRow as BeliefRow
 from .causes.explanation import Explanation as Explanation
 from .causes.explanation import ExplanationPlan as ExplanationPlan
@@ -24,6 +23,7 @@ from .causes.explanation import explain as explain
 from .causes.explanation import strongest as strongest
 from .causes.timeline import draw_timeline as draw_timeline
 from .causes.timeline import require_timeline_format as require_timeline_format
+from .certificate_page import decided as decided
 from .certification import Certificate as Certificate
 from .certification import CertificateVerification as CertificateVerification
 from .certification import certify as certify

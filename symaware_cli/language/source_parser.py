@@ -70,7 +70,7 @@ def read_text(path: FilePath, name: str, kind: str, suffixes: Sequence[str]) -> 
         with open(path, "rb") as file:
             raw = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        suggestion = nearest_file(path, suffixes)
+        suggestion = nearest_file(path, tuple(suffixes))
         source.report("missing-file", f"there is no file {shown}", None, suggestion=suggestion)
         return source
     except (OSError, ValueError) as error:
