@@ -38,7 +38,7 @@ LESSER = (*AMPLIFIED, "circle-swap.yaml", "crossing.yaml", "drones.yaml", "inten
 
 VIOLATED = (
     *("learned.yaml", "lost-drone.yaml", "lost-link.yaml", "mist.yaml", "published.yaml", "random-walk.yaml"),
-    "shortcut.yaml",
+    *("shortcut.yaml", "simplex.yaml"),
 )
 """Scenarios in which a specification is violated, so that they exit with 3."""
 

@@ -274,7 +274,6 @@ def test_a_run_ends_where_a_link_arrives_and_components_work_on_where_it_is_beli
         ),
         ("link > 1", 'say which: link["base"]', None),
         ("link[0] > 1", "`link` takes a name in quotes", None),
-        ('norm(link("gripper")) > 1', '`link` takes a name in brackets: link["base"]', None),
         ("link.gripper > x + 1 and link.gripper[0] / 1 > speed", "this compares m with m/s", None),
     ],
 )
