@@ -367,4 +367,4 @@ def test_the_option_is_where_one_scenario_is_run_or_repeated() -> None:
     options = {
         name for name, each in all_commands().items() if any("--trust" in parameter.opts for parameter in each.params)
     }
-    assert options == {"branch", "check", "estimate", "falsify", "run", "show", "validate", "verify"}
+    assert options == {"branch", "check", "estimate", "explain", "falsify", "run", "show", "validate", "verify"}
