@@ -36,6 +36,9 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 _NONE: NDArray[np.int64] = np.empty(0, np.int64)
 
+#: A number greater than that of any pair, with which the numbers of those that touch end, so that searches find one.
+_LAST: NDArray[np.int64] = np.array([np.iinfo(np.int64).max])
+
 #: What rays of a lidar meet, by the group of geometries; and what hides agents from each other.
 _SOLID, _OPAQUE = np.array([1, 1, 1, 0, 1, 0], np.uint8), np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
@@ -53,7 +56,7 @@ class MujocoEnvironment(VehicleEnvironment):
     #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_surfaces", "_bits", "_geometries", "_count"),
-        *("_seen", "_keys", "_apart"),
+        *("_seen", "_keys", "_apart", "_any_apart"),
         *("_positions_at", "_velocities_at", "_free_positions_at", "_free_velocities_at", "_path_at", "_heights"),
         *("_articulations", "_bodies", "_dressed", "_groups", "_unseen", "_colours", "_hit"),
         "_levels",
@@ -280,10 +283,10 @@ class MujocoEnvironment(VehicleEnvironment):
                 self._inertia[part, 3] = model.dof_M0[places] / self.step_time
         #: The number of bodies, and the numbers of the pairs that touch, ascending.
         self._count = len(self.roster) + len(self.obstacles) + 1
-        self._touching: dict[int, None] = {}
+        self._touching = _LAST
         #: What the last step found: the geometries of its contacts, the numbers of their pairs, and which do not touch.
         self._seen: bytes | None = None
-        self._keys, self._apart = _NONE, np.empty(0, bool)
+        self._keys, self._apart, self._any_apart = _NONE, np.empty(0, bool), False
 
     @staticmethod
     def _write(places: NDArray[np.intp], into: Array, values: Array) -> None:
@@ -411,38 +414,46 @@ class MujocoEnvironment(VehicleEnvironment):
 
     def _track_contacts(self) -> bool:
         """Report what the last physics step brought together or apart; return whether an agent touches something."""
-        tracker, touching = self._tracker, self._touching
+        tracker = self._tracker
         if self._seen == b"" and not self._data.ncon:
             return tracker.agents > 0  # nothing was near before, and nothing is now
         contacts = self._data.contact
         # Pairs touch from when the engine counts one of their contacts until they are not near each other any more.
         # From one step to the next, mostly the same pairs are near.
-        ended: Collection[int] = ()
+        begun = ended = _NONE
         seen = contacts.geom.tobytes()
         if seen != self._seen:
             self._seen, self._keys = seen, self._pair_keys(contacts)
-            ended = touching.keys() - set(self._keys.tolist())
-            self._find_apart()
+            ended = self._find_apart()
         keys = self._keys
-        begun = set(keys[self._apart & (contacts.exclude == 0)].tolist())
-        if begun:
+        if self._any_apart:
+            begun = np.unique(keys[self._apart & (contacts.exclude == 0)])
+        if len(begun):
             distances, points = contacts.dist, contacts.pos
-            for key in sorted(begun):
+            for key in begun.tolist():
                 number = _nearest(keys, distances, key)
                 depth = max(0.0, -float(distances[number]))
                 tracker.begin(self._pair_of(key), tuple(points[number].tolist()), depth)
         if tracker.fresh:
             self._add_impulses(keys, contacts)
-        for key in sorted(ended):
+        for key in ended.tolist():
             tracker.end(self._pair_of(key))
-        if begun or ended:
-            self._touching = dict.fromkeys(sorted(touching.keys() - set(ended) | begun))
+        if len(begun) or len(ended):
+            # What ended is no longer near, so that it is not among the keys.
+            held = np.setdiff1d(self._touching, ended, assume_unique=True) if len(ended) else self._touching
+            self._touching = np.sort(np.concatenate([held, begun]))
             self._find_apart()
         return tracker.agents > 0
 
-    def _find_apart(self) -> None:
-        """Find the contacts of pairs that are near and do not touch."""
-        self._apart = np.array([key not in self._touching for key in self._keys.tolist()], bool)
+    def _find_apart(self) -> NDArray[np.int64]:
+        """Find the contacts of pairs that are near and do not touch; return the pairs that are not near any more."""
+        touching, keys = self._touching, self._keys
+        places = touching.searchsorted(keys)
+        touch = touching[places] == keys
+        self._apart, self._any_apart = ~touch, not touch.all()
+        is_over = np.ones(len(touching), bool)
+        is_over[places[touch]] = is_over[-1] = False
+        return touching[is_over]
 
     def _add_impulses(self, keys: NDArray[np.int64], contacts: Any) -> None:
         """Add the normal forces of this physics step to the impulses of the contacts that began in this time step."""
@@ -483,7 +494,7 @@ class MujocoEnvironment(VehicleEnvironment):
             elif not contacts.exclude[number]:
                 self._tracker.begin_resting(self._pair_of(key), point)
                 resting.append(key)
-        self._touching, self._seen = dict.fromkeys(resting), None
+        self._touching, self._seen = np.concatenate([np.array(resting, np.int64), _LAST]), None
 
     # -- states read from bodies
 
