@@ -85,7 +85,7 @@ def _run(tree: Mapping[str, Any], folder: Path, *, logged: bool = True) -> tuple
     file, log = folder / "planted.yaml", folder / "planted.mcap"
     file.write_text(yaml.safe_dump(dict(tree), sort_keys=False))
     log.unlink(missing_ok=True)
-    summary = symaware_cli.load(file).run(output=log if logged else None)
+    summary = symaware_cli.load(file).run(output=log, record=logged)
     return log, any(each.name == "violated" for each in summary.events)
 
 

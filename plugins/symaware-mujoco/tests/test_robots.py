@@ -387,7 +387,7 @@ def drive(folder: Path, changes: Sequence[str] = ()) -> sa.Scenario:
 @pytest.mark.parametrize("use", ["mujoco", "kinematic"])
 def test_a_controller_of_unicycles_drives_it_in_every_world_that_can(use: str, tmp_path: Path) -> None:
     changes = [] if use == "mujoco" else ["environment.use=kinematic", "environment.with={time_step: 0.02}"]
-    result = drive(tmp_path, [*changes, "run.duration=8"]).run(output=None)
+    result = drive(tmp_path, [*changes, "run.duration=8"]).run(record=False)
     assert result.summary.goals_reached == ("robot.0",)
 
 

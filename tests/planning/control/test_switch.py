@@ -117,8 +117,12 @@ def test_switches_that_cannot_work_are_refused(changes: dict[str, Any], path: st
 
 
 def test_the_robots_of_the_shipped_scenario_stay_apart_with_the_switch_alone() -> None:
-    with_switch = sa.load(SIMPLEX).run(duration=10.0).summary
-    without = sa.load(SIMPLEX, {"agents.watcher.components.guard.with.confirm": 100.0}).run(duration=10.0).summary
+    with_switch = sa.load(SIMPLEX).run(duration=10.0, record=False).summary
+    without = (
+        sa.load(SIMPLEX, {"agents.watcher.components.guard.with.confirm": 100.0})
+        .run(duration=10.0, record=False)
+        .summary
+    )
     apart = [
         next(each.verdict for each in summary.specifications if each.name == "apart")
         for summary in (with_switch, without)
