@@ -57,7 +57,7 @@ class ContractsSection(ScenarioSection):
 
     def additions(self, written: Any, context: SectionContext) -> Additions:
         """Return a specification for each contract."""
-        groups = list(context.document.agents)
+        groups = sorted(context.document.agents)  # so that their order in a file has no effect
         return Additions(
             specifications={name: _stated(each, groups) for name, each in context.document.contracts.items()}
         )

@@ -38,6 +38,10 @@ KINDS: Mapping[str, Sequence[Any]] = {
         {"of": "b.steer", "use": "control.velocity-obstacle", "with": {"speed": 0.5}},
     ],
     "restore": ["cut", "cut"],
+    "believe": [
+        {"agent": "a", "about": "b", "part": "state"},
+        {"agent": "a", "about": "*", "part": "state", "truth": False},
+    ],
 }
 
 #: These take effect at one instant.

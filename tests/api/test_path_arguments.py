@@ -20,10 +20,36 @@ SCENARIO: dict[str, Any] = {
     "agents": {"robot": {"count": 2, "model": {"use": "single-integrator"}, "state": [[0, 0], [3, 0]]}},
 }
 
+#: An assurance case about the log of a run.
+CASE = """
+symaware-case: 1
+name: case
+scenario: tiny.yaml
+goals: {G1: {text: They are near, by: [Sn1]}}
+solutions: {Sn1: {log: run.mcap, specification: near}}
+"""
+
+
+def assured(at: Path, to: Callable[[Path], Any]) -> None:
+    """Make the folder of an assurance case."""
+    (at / "case.yaml").write_text(CASE)
+    sa.assure(to(at / "case.yaml"), to(at / "case"), level="arithmetic")
+
+
+def verified(at: Path, to: Callable[[Path], Any]) -> None:
+    """Make that folder, and verify it."""
+    assured(at, to)
+    sa.verify_case(to(at / "case"), "arithmetic")
+
+
 #: For each function, what it is called with: the folder that has all files, and what makes paths.
 CALLS: dict[str, Callable[[Path, Callable[[Path], Any]], Any]] = {
+    "assure": assured,
     "branch": lambda at, to: sa.branch(to(at / "run.mcap"), 0.1, output=to(at / "branch.mcap")),
     "branches": lambda at, to: list(sa.branches(to(at / "run.mcap"), 0.1, [[]], to(at / "branches"))),
+    "budget": lambda at, to: sa.budget(
+        to(at / "tiny.yaml"), to(at / "budget"), claim="P(near) > 0.1", over="run.duration=0.1,0.2", runs=30
+    ),
     "certify": lambda at, to: sa.certify(to(at / "out"), output=to(at / "certificate.json")),
     "check_log": lambda at, to: sa.check_log(to(at / "run.mcap"), to(at / "stated.yaml")),
     "compare": lambda at, to: sa.compare(to(at / "run.mcap"), to(at / "run.mcap")),
@@ -34,11 +60,14 @@ CALLS: dict[str, Callable[[Path, Callable[[Path], Any]], Any]] = {
     "open_sweep": lambda at, to: sa.open_sweep(to(at / "out")),
     "single_env": lambda at, to: sa.single_env(to(at / "tiny.yaml"), "robot.0").close(),
     "sweep": lambda at, to: sa.sweep(to(at / "tiny.yaml"), to(at / "swept"), jobs=0),
+    "vector_env": lambda at, to: sa.vector_env(to(at / "tiny.yaml"), 2, "robot").close(),
+    "verify_case": verified,
     "verify_certificate": lambda at, to: sa.verify_certificate(
         to(at / "out" / "certificate.json"), "arithmetic", folder=to(at / "out")
     ),
     "verify_log": lambda at, to: sa.verify_log(to(at / "run.mcap")),
     "verify_sweep": lambda at, to: sa.verify_sweep(to(at / "out"), "arithmetic"),
+    "write_policy": lambda at, to: sa.write_policy(to(at / "policy.onnx"), [([[1.0]], [0.0])]),
 }
 #: Functions that take minutes or a browser's parts; their paths are those of `sweep` and `open_log`.
 ELSEWHERE = {"estimate", "falsify", "write_report"}

@@ -20,6 +20,7 @@ FAULTS: Mapping[str, Any] = {
     "freeze": "*.see",
     "blind": "*.see",
     "slow": {"of": "*.steer", "latency": 0.2},
+    "believe": {"agent": "*", "about": "*"},
     "bias": {"of": "*.see", "state": [0.5, 0.0]},
     "noise": {"of": "*.see", "deviation": [0.1, 0.1]},
     "drop": {"sender": "*", "probability": 0.5},
