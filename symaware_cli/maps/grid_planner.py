@@ -14,8 +14,9 @@ from pydantic import Field
 from symaware_cli.core import AgentGroup
 from symaware_cli.geometry import LARGEST, Array
 from symaware_cli.geometry.vectors import Mask
-from symaware_cli.maps.path_planner import Distance, Path, PathPlanner, PathRequest, floor_of_group, region_of
+from symaware_cli.maps.path_planner import Distance, PathPlanner, PathRequest, floor_of_group, region_of
 from symaware_cli.maps.path_search import PathSearch
+from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.maps.planning_grid import MOST_CELLS, GridFrame, PlanningGrid
 from symaware_cli.maps.raster import UNKNOWN
 from symaware_cli.world import ParameterError
@@ -77,7 +78,7 @@ class GridPlanner(PathPlanner):
         self._grid = PlanningGrid(frame, self._fixed(), radius, given.comfort, given.clearance_weight, hidden)
         self._searches: dict[tuple[str, ...], PathSearch] = {}
 
-    def _find(self, row: int, start: Array, request: PathRequest) -> Path:
+    def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
         return self._search(request.closed).path(start, np.array(request.goal), self.parameters.most_cells)
 
     def _search(self, closed: tuple[str, ...]) -> PathSearch:

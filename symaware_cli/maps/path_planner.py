@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar, NamedTuple, Protocol
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -15,39 +15,13 @@ from pydantic import Field, field_validator
 from symaware_cli.core import AgentGroup, GroupComponent, Level, Obstacle
 from symaware_cli.geometry import LARGEST, Array, Number, Region
 from symaware_cli.maps.floor import Floor
+from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.specification import PlacedRegion
 from symaware_cli.world import ParameterError
 from symaware_cli.world import Parameters as PluginParameters
 
 Distance = Annotated[float, Field(ge=0, le=LARGEST)]
 Area = tuple[Number, Number, Number, Number]
-
-
-class Path(Protocol):
-    """The result of a search.
-
-    Attributes:
-        points: The start, the corners of the path, and the goal [m]; shape (k, 2). Empty without a path.
-        cost: The cost of the path; infinite without one.
-        expanded: How many cells, nodes or iterations the search took.
-        is_limited: Whether the search ended because of its limit.
-    """
-
-    @property
-    def points(self) -> Array:
-        """The corners of the path."""
-
-    @property
-    def cost(self) -> float:
-        """Its cost."""
-
-    @property
-    def expanded(self) -> int:
-        """The effort."""
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether the limit ended the search."""
 
 
 class PathRequest(NamedTuple):
@@ -71,7 +45,7 @@ class PathPlans(NamedTuple):
     """
 
     requests: list[PathRequest]
-    paths: dict[int, Path]
+    paths: dict[int, PlannedPath]
 
 
 class PathPlanner(GroupComponent):
@@ -132,7 +106,7 @@ class PathPlanner(GroupComponent):
         self._requests: list[PathRequest | None] = [None] * len(group)
 
     @abstractmethod
-    def _find(self, row: int, start: Array, request: PathRequest) -> Path:
+    def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
         """Return the path of an agent from a position (2,) [m]."""
 
     def _compute(self) -> PathPlans:

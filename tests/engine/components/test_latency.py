@@ -141,6 +141,7 @@ CASES = {
     "control.timed-waypoints": Case(ACTS, knowledge={"timed_waypoints": TIMED}),
     "planning.cbs": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.prioritised": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
+    "planning.roadmap": Case([], {"samples": 200, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
