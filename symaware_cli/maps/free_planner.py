@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import AgentGroup
-from symaware_cli.geometry import Array, Number
+from symaware_cli.geometry import Array
 from symaware_cli.maps.floor import boxes_of
 from symaware_cli.maps.free_space import FreeSpace
 from symaware_cli.maps.path_planner import PathPlanner, PathRequest, floor_of_group, region_of
@@ -26,11 +26,7 @@ _REACH = 0.05
 
 
 class FreePlanner(PathPlanner):
-    """Plans paths from positions to positions in an area, on lines on which the body touches nothing.
-
-    A body that is nearer to an obstacle than the `margin` at its start, or would be at its goal, first moves away from
-    it, or to it at last.
-    """
+    """Plans paths in an area on which the body touches no obstacle; unknown cells of the map count as obstacles."""
 
     class Parameters(PathPlanner.Parameters):
         """The body, the area, and what is closed."""
@@ -60,23 +56,20 @@ class FreePlanner(PathPlanner):
         radius = group.entity.radius + self.parameters.margin
         self._space = FreeSpace(obstacles, radius, radius + _REACH * max(east - west, north - south))
 
-    @property
-    def _extent(self) -> Number:
-        """The area to plan in [m^2]."""
-        west, east, south, north = self._area_within
-        return (east - west) * (north - south)
-
-    def _placed(self, shares: Array) -> Array:
-        """Return the positions in the area of shares of its width and height, (m, 2) each [m]."""
-        west, east, south, north = self._area_within
-        return np.array([west, south]) + shares * [east - west, north - south]
-
     def _is_within(self, position: Array) -> bool:
         west, east, south, north = self._area_within
         return bool(west <= position[0] <= east and south <= position[1] <= north)
 
     def _regions(self, closed: tuple[str, ...]) -> list[PlacedRegion]:
         return [region_of(self._group, name) for name in closed]
+
+
+class SamplingPlanner(FreePlanner):
+    """Plans paths between positions, by others that are drawn from the area.
+
+    A body that is nearer to an obstacle than the `margin` at its start, or would be at its goal, first moves away from
+    it, or to it at last.
+    """
 
     def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
         space, goal, regions = self._space, np.array(request.goal), self._regions(request.closed)
@@ -90,11 +83,20 @@ class FreePlanner(PathPlanner):
         if not np.isfinite(found.cost):
             return found
         points = polyline([start[None], found.points, goal[None]])
-        if len(points) == 1:
-            points = np.stack([start, goal])
         beside = sum(float(np.sqrt(((one - other) ** 2).sum())) for one, other in ((start, first), (goal, last)))
         return found._replace(points=points, cost=found.cost + beside)
 
     @abstractmethod
     def _between(self, row: int, start: Array, goal: Array, request: PathRequest) -> PlannedPath:
         """Return the path of an agent between positions that its body fits in, (2,) each [m], no straight line."""
+
+    @property
+    def _extent(self) -> float:
+        """The area to plan in [m^2]."""
+        west, east, south, north = self._area_within
+        return (east - west) * (north - south)
+
+    def _placed(self, shares: Array) -> Array:
+        """Return the positions in the area of shares of its width and height, (m, 2) each [m]."""
+        west, east, south, north = self._area_within
+        return np.array([west, south]) + shares * [east - west, north - south]

@@ -11,14 +11,14 @@ from pydantic import Field
 
 from symaware_cli.core import AgentGroup
 from symaware_cli.geometry import Array
-from symaware_cli.maps.free_planner import FreePlanner
+from symaware_cli.maps.free_planner import SamplingPlanner
 from symaware_cli.maps.path_planner import PathRequest
 from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.maps.roadmap import Roadmap
 from symaware_cli.world import GroupChance, agent_numbers
 
 
-class RoadmapPlanner(FreePlanner):
+class RoadmapPlanner(SamplingPlanner):
     """Plans a path to the ``goal`` on a graph of random positions, and writes it as ``waypoints`` and ``path_cost``.
 
     The graph is computed once, when the run begins, for the whole group: positions are drawn uniformly from the area,
@@ -37,7 +37,7 @@ class RoadmapPlanner(FreePlanner):
         "goal-unreachable": "The roadmap has no path to the goal of an agent, or none was found within the limit.",
     }
 
-    class Parameters(FreePlanner.Parameters):
+    class Parameters(SamplingPlanner.Parameters):
         """The roadmap, the body and the limit."""
 
         samples: int = Field(

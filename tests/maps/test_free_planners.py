@@ -13,7 +13,10 @@ from symaware_cli.language.build import Built
 from symaware_cli.language.problem import Problem
 
 #: The planners, with parameters that suit a small room.
-PLANNERS: dict[str, dict[str, Any]] = {"planning.roadmap": {"margin": 0.05, "samples": 300}}
+PLANNERS: dict[str, dict[str, Any]] = {
+    "planning.roadmap": {"margin": 0.05, "samples": 300},
+    "planning.rrt-star": {"margin": 0.05, "iterations": 400},
+}
 
 each_planner = pytest.mark.parametrize("use", PLANNERS)
 

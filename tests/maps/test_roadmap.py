@@ -6,6 +6,7 @@ from random_maps import SIDE, is_free, length_of, random_map
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from symaware_cli.core import Obstacle
 from symaware_cli.geometry import Array
 from symaware_cli.maps.free_space import FreeSpace
 from symaware_cli.maps.roadmap import Roadmap
@@ -80,8 +81,6 @@ def test_without_positions_there_is_no_path() -> None:
 
 @pytest.mark.parametrize("away", [0.0, 0.1, 0.2])
 def test_a_body_that_is_near_to_a_wall_gets_away_from_it(away: float) -> None:
-    from symaware_cli.core import Obstacle
-
     wall = Obstacle.model_validate({"shape": {"box": {"length": 4.0, "width": 0.2}}, "position": (2.0, 0.1)})
     freed = FreeSpace({"wall": wall}, 0.3, 1.0).freed(np.array([2.0, 0.2 + away]))
     assert freed is not None
@@ -90,7 +89,5 @@ def test_a_body_that_is_near_to_a_wall_gets_away_from_it(away: float) -> None:
 
 
 def test_there_is_no_way_out_of_an_obstacle() -> None:
-    from symaware_cli.core import Obstacle
-
     wall = Obstacle.model_validate({"shape": {"box": {"length": 4.0, "width": 0.2}}, "position": (2.0, 0.1)})
     assert FreeSpace({"wall": wall}, 0.3, 1.0).freed(np.array([2.0, 0.15])) is None

@@ -142,6 +142,7 @@ CASES = {
     "planning.cbs": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.prioritised": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.roadmap": Case([], {"samples": 200, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
+    "planning.rrt-star": Case([], {"iterations": 50, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
