@@ -34,6 +34,7 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "planning.prioritised": {"within": (-5.0, 5.0, -5.0, 5.0)},
     "planning.roadmap": {"samples": 200, "within": (-5.0, 5.0, -5.0, 5.0)},
     "planning.rrt-star": {"iterations": 50, "within": (-5.0, 5.0, -5.0, 5.0)},
+    "planning.lattice": {"turning_radius": 1.0, "within": (-5.0, 5.0, -5.0, 5.0)},
     "perception.range": {"range": 5.0, "position_noise": 0.1},
     "dubins-aircraft": {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1},
     "linear": COUPLED,
@@ -93,6 +94,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "planning.prioritised": {"agents.robot.knowledge": {"goal": [[3.0, 1.0], [-2.0, 1.0], [0.0, -3.0]]}},
     "planning.roadmap": {"agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}}},
     "planning.rrt-star": {"agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}}},
+    "planning.lattice": {"agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}}},
     "prediction.error": {"agents.robot.components.estimate": {"use": "uncertainty.conformal"}},
     "restore": {"faults.other": {"at": 0.05, "stop": "robot.1"}},
 }

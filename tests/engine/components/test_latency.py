@@ -143,6 +143,7 @@ CASES = {
     "planning.prioritised": Case([], {"within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.roadmap": Case([], {"samples": 200, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.rrt-star": Case([], {"iterations": 50, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
+    "planning.lattice": Case([], {"turning_radius": 1.0, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "planning.grid": Case([], {"resolution": 0.5, "within": (-5, 5, -5, 5)}, {"goal": [3, 3]}),
     "communication.state": Case([]),
     "communication.broadcast": Case([]),
