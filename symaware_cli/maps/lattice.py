@@ -155,7 +155,7 @@ class Lattice:
         away = ends - starts
         length = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2)
         one, other = self.clearances(starts), self.clearances(ends)
-        free = np.minimum(one, other) + error >= radii
+        free: Mask = np.minimum(one, other) + error >= radii
         doubtful = np.flatnonzero(free & (0.5 * (one + other - length) - error < radii))
         for radius in np.unique(radii[doubtful]).tolist():
             some = doubtful[radii[doubtful] == radius]
@@ -255,22 +255,22 @@ class LatticeSearch:
         direction = np.array([np.cos(heading), np.sin(heading)])
         ways = []
         for sign in (1.0, -1.0):
-            way = self._goal - position - sign * radius * np.array([-direction[1], direction[0]])
-            square = float(way[0] ** 2 + way[1] ** 2)
+            away = self._goal - position - sign * radius * np.array([-direction[1], direction[0]])
+            square = float(away[0] ** 2 + away[1] ** 2)
             if square < radius * radius:
                 continue
             straight = float(np.sqrt(square - radius * radius))
             # The angle of the radius to where the arc ends, from that to where it begins.
-            ends = np.arctan2(way[1], way[0]) - sign * np.arctan2(straight, radius)
+            ends = np.arctan2(away[1], away[0]) - sign * np.arctan2(straight, radius)
             turn = float(np.mod(sign * (ends - heading) + 0.5 * np.pi, 2.0 * np.pi))
             turn = 0.0 if turn > 2.0 * np.pi - 1e-9 else turn
             if turn <= _MOST_TURN:
                 curve = position + _arc(direction, sign * turn, radius, radius)
                 points = [curve if straight > _TINY * self._lattice.side else curve[:-1], self._goal[None]]
                 ways.append((radius * turn + straight, polyline(points)))
-        for length, points in sorted(ways, key=lambda each: each[0]):
-            if len(points) == 1 or self._are_free(points[:-1], points[1:]).all():
-                return length, points
+        for length, way in sorted(ways, key=lambda each: each[0]):
+            if len(way) == 1 or self._are_free(way[:-1], way[1:]).all():
+                return length, way
         return nothing
 
     def _are_free(self, starts: Array, ends: Array) -> Mask:

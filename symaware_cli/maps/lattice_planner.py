@@ -82,7 +82,8 @@ class LatticePlanner(FreePlanner):
 
     def _turning_radius(self, group: AgentGroup) -> float:
         """Return the least radius of arcs [m]."""
-        given, model = self.parameters.turning_radius, group.model
+        given: float | None = self.parameters.turning_radius
+        model = group.model
         if getattr(model, "heading", None) is None:
             raise ValueError("it plans for agents with a heading, such as those of the model `bicycle`")
         if not hasattr(model, "wheelbase"):

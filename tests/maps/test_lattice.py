@@ -101,7 +101,7 @@ def test_a_primitive_joins_two_states_by_a_way_that_a_car_can_drive(heading: int
     found = primitive(heading, turn, 0.25, TIGHTEST)
     assert found.heading == (heading + turn) % 16
     assert found.radius >= TIGHTEST * (1 - 1e-9)
-    assert np.allclose(found.points[[0, -1]], [[0, 0], np.array(found.cells) * 0.25])
+    assert np.allclose(found.points[[0, -1]], 0.25 * np.array([(0, 0), found.cells]))
     x, y = HEADINGS[heading]
     assert is_drivable(found.points, float(np.arctan2(y, x)))
     last = found.points[-1] - found.points[-2]
