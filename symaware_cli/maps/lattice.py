@@ -34,6 +34,9 @@ _TINY = 1e-9
 #: The greatest angle of the arc that leads to a goal [rad].
 _MOST_TURN = np.pi
 
+#: The greatest distance from the centre of a cell, in its sides, with room for rounding errors.
+_HALF_DIAGONAL = 0.71
+
 #: The greatest number of cells of the field of distances from obstacles.
 _MOST_CELLS = 250_000
 
@@ -92,8 +95,8 @@ def primitive(heading: int, turn: int, side: float, radius: float) -> Primitive:
     best = int(possible[np.lexsort((cells[possible, 0], cells[possible, 1], np.round(length[possible] / side, 9)))[0]])
     begun, left = float(first[best] - tangent[best]), float(second[best] - tangent[best])
     curve = (begun if begun > _TINY * side else 0.0) * one + _arc(one, angle, float(arc[best]), radius)
-    points = [np.zeros((1, 2)), curve if left > _TINY * side else curve[:-1], side * cells[best][None]]
-    return Primitive(tuple(cells[best].tolist()), end, float(length[best]), float(arc[best]), polyline(points))
+    parts = [np.zeros((1, 2)), curve if left > _TINY * side else curve[:-1], side * cells[best][None]]
+    return Primitive(tuple(cells[best].tolist()), end, float(length[best]), float(arc[best]), polyline(parts))
 
 
 def _arc(direction: Array, angle: float, radius: float, least: float) -> Array:
@@ -139,7 +142,7 @@ class Lattice:
 
     def contains(self, points: Array) -> Mask:
         """Return whether positions (m, 2) are in the area; shape (m,)."""
-        inside: Mask = ((points >= self.low) & (points <= self.high)).all(axis=1)
+        inside: Mask = np.all((points >= self.low) & (points <= self.high), axis=1)
         return inside
 
     def clearances(self, points: Array) -> Array:
@@ -151,11 +154,11 @@ class Lattice:
 
     def free(self, starts: Array, ends: Array, radii: Array) -> Mask:
         """Return whether discs of radii (m,) on straight lines in the area, (m, 2) each, touch nothing; shape (m,)."""
-        error = 0.71 * self._fine
+        error = _HALF_DIAGONAL * self._fine
         away = ends - starts
         length = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2)
         one, other = self.clearances(starts), self.clearances(ends)
-        free: Mask = np.minimum(one, other) + error >= radii
+        free: Mask = np.greater_equal(np.minimum(one, other) + error, radii)
         doubtful = np.flatnonzero(free & (0.5 * (one + other - length) - error < radii))
         for radius in np.unique(radii[doubtful]).tolist():
             some = doubtful[radii[doubtful] == radius]
