@@ -16,7 +16,7 @@ from symaware_cli.specification import PlacedRegion
 #: The least radius of a disc [m]: not even a point passes between two obstacles that meet.
 LEAST_RADIUS = 1e-9
 
-#: Pairs of a line and a piece that are measured together, to bound memory.
+#: Pairs of a line and a piece, or points of lines, that are measured together, to bound memory.
 _TOGETHER = 1 << 16
 
 #: Where a body that is nearer to an obstacle than its radius may get away to: directions, and distances in radii.
@@ -125,10 +125,13 @@ class FreeSpace:
         lengths = np.sqrt(((ends - starts) ** 2).sum(axis=1))
         spacing = max(_SPACING * self.radius, 1e-3 * float(lengths.max(initial=0.0)), 1e-6)
         counts = np.ceil(lengths / spacing).astype(np.intp) + 1
-        line = np.repeat(np.arange(len(starts)), counts)
-        number = np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)
-        share = (number / np.maximum(counts[line] - 1, 1))[:, None]
-        points = starts[line] + share * (ends - starts)[line]
-        for region in regions:
-            outside[line[region.robustness(points) > -(self.radius + 0.5 * spacing)]] = False
+        together = max(1, _TOGETHER // int(counts.max()))
+        for begin in range(0, len(starts), together):
+            some = slice(begin, begin + together)
+            line = np.repeat(np.arange(len(starts))[some], counts[some])
+            number = np.arange(len(line)) - np.repeat(np.cumsum(counts[some]) - counts[some], counts[some])
+            share = (number / np.maximum(counts[line] - 1, 1))[:, None]
+            points = starts[line] + share * (ends - starts)[line]
+            for region in regions:
+                outside[line[region.robustness(points) > -(self.radius + 0.5 * spacing)]] = False
         return outside

@@ -135,6 +135,7 @@ class Lattice:
         self.begins = [np.cumsum([0, *[len(p.points) - 1 for p in s[:-1]]]) for s in self.primitives]
         width, height = self.high - self.low
         fine = max(0.5 * min(side, space.radius), float(np.sqrt(width * height / _MOST_CELLS)))
+        fine = max(fine, max(width, height) / _MOST_CELLS)
         shape = (int(np.ceil(height / fine)), int(np.ceil(width / fine)))
         frame = GridFrame((within[0], within[2]), 0.0, fine, shape)
         self._fine, self._shape = fine, shape

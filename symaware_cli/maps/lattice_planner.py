@@ -21,6 +21,9 @@ from symaware_cli.world import ParameterError
 #: The least radius of arcs by default, in radii of the tightest turn of the model: what steers needs some room.
 _WIDER = 1.2
 
+#: The least side of the cells, in least radii of arcs: primitives are searched among the cells of some radii.
+_LEAST_SIDE = 0.02
+
 #: The side of the cells by default, in least radii of arcs.
 _SIDE = 1.0 / 3.0
 
@@ -62,15 +65,13 @@ class LatticePlanner(FreePlanner):
 
     def check(self, group: AgentGroup) -> None:
         """Check that the model has a heading and can turn as tightly, and what `FreePlanner` checks."""
-        self._turning_radius(group)
+        self._side(group)
         super().check(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Compute the lattice."""
         super().initialise_component(group)
-        radius = self._turning_radius(group)
-        side = self.parameters.resolution or _SIDE * radius
-        self._lattice = Lattice(self._space, self._area_within, radius, side)
+        self._lattice = Lattice(self._space, self._area_within, self._turning_radius(group), self._side(group))
 
     def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
         goal, model = np.array(request.goal), self._group.model
@@ -95,3 +96,12 @@ class LatticePlanner(FreePlanner):
             said = f"the model cannot turn as tightly: its turning radius is {tightest:.4g} m"
             raise ParameterError(said, ("turning_radius",))
         return given or _WIDER * tightest
+
+    def _side(self, group: AgentGroup) -> float:
+        """Return the side of the cells [m]."""
+        radius = self._turning_radius(group)
+        side: float = self.parameters.resolution or _SIDE * radius
+        if side < _LEAST_SIDE * radius:
+            said = f"the cells are too small for turns of {radius:.4g} m: at least {_LEAST_SIDE * radius:.4g} m"
+            raise ParameterError(said, ("resolution",))
+        return side

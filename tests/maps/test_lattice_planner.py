@@ -128,6 +128,7 @@ def test_a_run_goes_on_from_its_captured_state(
         ({"use": "unicycle"}, {}, "the turning radius is needed, as the model is no car"),
         ({"use": "bicycle"}, {"turning_radius": -1.0}, "turning_radius` is -1"),
         ({"use": "bicycle"}, {"most_nodes": 0}, "most_nodes` is 0"),
+        ({"use": "bicycle"}, {"resolution": 0.001}, "the cells are too small for turns of 0.877 m: at least 0.01754 m"),
     ],
 )
 def test_what_cannot_work_is_refused_before_the_run(

@@ -68,6 +68,17 @@ def test_a_robot_plans_straight_through_what_it_does_not_know_and_around_it_when
     assert "contact" not in names
 
 
+def test_it_plans_the_same_in_a_process_of_its_own(
+    building: Callable[..., Built], room: Path, exploring: dict[str, Any]
+) -> None:
+    exploring["run"]["duration"] = 8.0
+    building()
+    one = [event.data for event in planned(run(room))]
+    exploring["agents"]["robot"]["components"]["plan"]["run_in"] = "process"
+    building()
+    assert [event.data for event in planned(run(room))] == one
+
+
 def test_a_belief_that_changes_beside_the_path_is_no_reason_to_plan_again(
     building: Callable[..., Built], room: Path, exploring: dict[str, Any]
 ) -> None:
