@@ -26,8 +26,8 @@ class RapidTreePlanner(SamplingPlanner):
     Each plan grows a tree from where the agent is, by positions that are drawn from the area, and later from where a
     shorter path may be; the draws are keyed by the seed of the run, the agent and the instant. On its branches a disc
     around the agent, widened by a margin, touches no fixed obstacle. The cost is the length. It never rises with the
-    number of iterations, which is the same for each plan, whether or when a path was found; so runs repeat. See
-    `symaware_cli.maps.rrt_star`.
+    number of iterations, which is the same for each plan, whether or when a path was found; so runs repeat. If the
+    straight line is free, no tree is needed. See `symaware_cli.maps.rrt_star`.
 
     When an agent plans, what it writes and which events it fires is as for `planning.grid`.
     """
