@@ -109,7 +109,7 @@ def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> FloorPar
     corners = raster.placed(np.array([0.0, columns, columns, 0.0]), np.array([0.0, 0.0, rows, rows]))
     (low_x, low_y), (high_x, high_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     (whole,) = _areas(raster, np.array([[0, 0, columns, rows]], np.intp))
-    boxes = _boxes(raster, solid, height)
+    boxes = boxes_of(raster, solid, height)
     return FloorPart(
         bodies={f"map_{number}": body for number, body in enumerate(boxes)},
         occupied=_areas(raster, occupied),
@@ -141,7 +141,7 @@ def _points(corners: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(corner) for corner in corners.tolist())
 
 
-def _boxes(raster: Raster, rectangles: Rectangles, height: float) -> list[Obstacle]:
+def boxes_of(raster: Raster, rectangles: Rectangles, height: float) -> list[Obstacle]:
     """Return bodies that stand where rectangles of cells are."""
     middles = raster.placed(rectangles[:, [0, 2]].mean(axis=1), rectangles[:, [1, 3]].mean(axis=1))
     sizes = (rectangles[:, 2:] - rectangles[:, :2]) * raster.resolution

@@ -5,17 +5,21 @@ Reasons: docs/decisions/0084-maps.md
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup
+from symaware_cli.core import AgentGroup, Obstacle, ScenarioView
 from symaware_cli.geometry import LARGEST, Array
 from symaware_cli.geometry.vectors import Mask
-from symaware_cli.maps.path_planner import Distance, Path, PathPlanner, PathRequest, floor_of_group, region_of
+from symaware_cli.maps.believed_floor import BelievedFloor, rest_of_path
+from symaware_cli.maps.free_space import FreeSpace
+from symaware_cli.maps.map_perception import MAP, MapPerception
+from symaware_cli.maps.path_planner import Distance, PathPlanner, PathRequest, floor_of_group, region_of
 from symaware_cli.maps.path_search import PathSearch
+from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.maps.planning_grid import MOST_CELLS, GridFrame, PlanningGrid
 from symaware_cli.maps.raster import UNKNOWN
 from symaware_cli.world import ParameterError
@@ -30,6 +34,10 @@ class GridPlanner(PathPlanner):
     `clearance_weight` or `comfort` is 0, the search is by jump points (`symaware_cli.maps.jump_points`), which finds
     paths of the same cost and expands fewer cells. Obstacles that move, and other agents, are not planned around; what
     steers the agent avoids them.
+
+    With `on`, agents do not know the obstacles, but only what they believe of the map: the occupied areas of a
+    `perception.map`. What is unknown counts as free. When the belief has changed, an agent plans again if its disc
+    would touch an area on the rest of its path, or if it has no path.
 
     An agent plans in its first turn, and again when its goal changes or the regions that it knows to be ``closed``.
     The waypoints begin where it is and end at the goal. If no path exists, or none is found within the greatest number
@@ -52,38 +60,94 @@ class GridPlanner(PathPlanner):
         clearance_weight: float = Field(
             2.0, ge=0, le=1e6, description="Additional cost per metre where the widened body touches an obstacle."
         )
-        through_unknown: bool = Field(False, description="Whether paths may lead through unknown cells of the map.")
+        on: str | None = Field(
+            None,
+            min_length=1,
+            description="The `perception.map` on whose belief to plan. By default all fixed obstacles are known.",
+        )
+        through_unknown: bool | None = Field(
+            None, description="Whether paths may lead through unknown cells. By default only through those of a belief."
+        )
         most_cells: int = Field(
             200_000, ge=1, le=MOST_CELLS, description="The greatest number of cells that a search expands."
         )
 
     # The grids, which follow from the scenario.
-    uncaptured = ("_searches", "_grid")
+    uncaptured = ("_searches", "_grid", "_cells")
 
     def check(self, group: AgentGroup) -> None:
         """Check that there is a grid, that goals are positions, and that closed regions exist."""
         self._frame(group)
         super().check(group)
 
+    def check_scenario(self, view: ScenarioView) -> None:
+        """Check that the belief exists."""
+        name = self.parameters.on
+        if name is None:
+            return
+        own = {each.name: each for each in view.own_entries}
+        if name not in own:
+            known = [each.name for each in view.own_entries if isinstance(each.components[0], MapPerception)]
+            view.report_unknown("component", name, "with", "on", known=known)
+        elif not isinstance(own[name].components[0], MapPerception):
+            view.report(f"`{name}` is no belief about the map, but a `{own[name].use}`", "with", "on")
+
     def initialise_component(self, group: AgentGroup) -> None:
-        """Compute the grid."""
+        """Compute the grid, unless it depends on beliefs."""
         super().initialise_component(group)
-        given, floor = self.parameters, floor_of_group(group)
-        frame = self._frame(group)
-        hidden: Mask | None = None
-        if floor is not None and floor.raster is not None and not given.through_unknown:
-            hidden = floor.raster.at(frame.centres()) == UNKNOWN
-        radius = group.entity.radius + given.margin
-        self._grid = PlanningGrid(frame, self._fixed(), radius, given.comfort, given.clearance_weight, hidden)
+        floor, self._cells = floor_of_group(group), self._frame(group)
         self._searches: dict[tuple[str, ...], PathSearch] = {}
+        self._grid: PlanningGrid | None = None
+        if self.parameters.on is None:
+            hidden: Mask | None = None
+            if floor is not None and floor.raster is not None and not self.parameters.through_unknown:
+                hidden = floor.raster.at(self._cells.centres()) == UNKNOWN
+            self._grid = self._grid_of(self._fixed(), hidden)
 
-    def _find(self, row: int, start: Array, request: PathRequest) -> Path:
-        return self._search(request.closed).path(start, np.array(request.goal), self.parameters.most_cells)
+    def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
+        if self._grid is None:
+            believed, hidden = BelievedFloor(self._beliefs()[row]), None
+            if self.parameters.through_unknown is False:
+                hidden = ~believed.is_free(self._cells.centres())
+            search = PathSearch(
+                without_regions(self._grid_of(believed.obstacles(), hidden), self._group, request.closed)
+            )
+        else:
+            search = self._search(self._grid, request.closed)
+        return search.path(start, np.array(request.goal), self.parameters.most_cells)
 
-    def _search(self, closed: tuple[str, ...]) -> PathSearch:
+    def _beliefs(self) -> list[Array]:
+        if self.parameters.on is None:
+            return []
+        tables: list[Array] = list(self._group.awareness[MAP.field(self.parameters.on)])
+        return tables
+
+    def _is_outdated(self, row: int, position: Array) -> bool:
+        beliefs = self._beliefs()
+        if not beliefs or np.array_equal(beliefs[row], self._compared[row]):
+            return False
+        waypoints = np.array(self._group.knowledge[row]["waypoints"], float).reshape(-1, 2)
+        if not len(waypoints):
+            return True
+        rest = rest_of_path(waypoints, position)
+        space = FreeSpace(BelievedFloor(beliefs[row]).obstacles(), self._radius, 2.0 * self._radius)
+        here = min(self._radius, max(float(space.clearances(position[None])[0]), 0.0))
+        is_free = space.clear(rest[:1], rest[1:2], here).all() and space.clear(rest[1:-1], rest[2:]).all()
+        return not is_free
+
+    @property
+    def _radius(self) -> float:
+        """The radius of the disc [m]."""
+        return self._group.entity.radius + float(self.parameters.margin)
+
+    def _grid_of(self, obstacles: Mapping[str, Obstacle], hidden: Mask | None) -> PlanningGrid:
+        given = self.parameters
+        return PlanningGrid(self._cells, obstacles, self._radius, given.comfort, given.clearance_weight, hidden)
+
+    def _search(self, grid: PlanningGrid, closed: tuple[str, ...]) -> PathSearch:
         """Return the search without some regions."""
         if closed not in self._searches:
-            self._searches[closed] = PathSearch(without_regions(self._grid, self._group, closed))
+            self._searches[closed] = PathSearch(without_regions(grid, self._group, closed))
         return self._searches[closed]
 
     def _frame(self, group: AgentGroup) -> GridFrame:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar, NamedTuple, Protocol
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -15,39 +15,13 @@ from pydantic import Field, field_validator
 from symaware_cli.core import AgentGroup, GroupComponent, Level, Obstacle
 from symaware_cli.geometry import LARGEST, Array, Number, Region
 from symaware_cli.maps.floor import Floor
+from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.specification import PlacedRegion
 from symaware_cli.world import ParameterError
 from symaware_cli.world import Parameters as PluginParameters
 
 Distance = Annotated[float, Field(ge=0, le=LARGEST)]
 Area = tuple[Number, Number, Number, Number]
-
-
-class Path(Protocol):
-    """The result of a search.
-
-    Attributes:
-        points: The start, the corners of the path, and the goal [m]; shape (k, 2). Empty without a path.
-        cost: The cost of the path; infinite without one.
-        expanded: How many cells, nodes or iterations the search took.
-        is_limited: Whether the search ended because of its limit.
-    """
-
-    @property
-    def points(self) -> Array:
-        """The corners of the path."""
-
-    @property
-    def cost(self) -> float:
-        """Its cost."""
-
-    @property
-    def expanded(self) -> int:
-        """The effort."""
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether the limit ended the search."""
 
 
 class PathRequest(NamedTuple):
@@ -68,10 +42,12 @@ class PathPlans(NamedTuple):
     Attributes:
         requests: What each agent asks for now, by row.
         paths: The paths of those that ask for something new, by row.
+        beliefs: What each agent believes of the map, by row; empty if the planner knows the obstacles.
     """
 
     requests: list[PathRequest]
-    paths: dict[int, Path]
+    paths: dict[int, PlannedPath]
+    beliefs: list[Array]
 
 
 class PathPlanner(GroupComponent):
@@ -130,9 +106,11 @@ class PathPlanner(GroupComponent):
         """Start without a path."""
         super().initialise_component(group)
         self._requests: list[PathRequest | None] = [None] * len(group)
+        #: The beliefs with which paths were last compared.
+        self._compared: list[Array] = []
 
     @abstractmethod
-    def _find(self, row: int, start: Array, request: PathRequest) -> Path:
+    def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
         """Return the path of an agent from a position (2,) [m]."""
 
     def _compute(self) -> PathPlans:
@@ -144,9 +122,9 @@ class PathPlanner(GroupComponent):
         paths = {
             row: self._find(row, positions[row], request)
             for row, request in enumerate(requests)
-            if request != self._requests[row]
+            if request != self._requests[row] or self._is_outdated(row, positions[row])
         }
-        return PathPlans(requests, paths)
+        return PathPlans(requests, paths, self._beliefs())
 
     def _update(self, value: PathPlans) -> None:
         for row, path in value.paths.items():
@@ -158,12 +136,23 @@ class PathPlanner(GroupComponent):
                 said = f"found a path of {length:.4g} m"
                 self.emit_for(row, "path-planned", said, cost=path.cost, length=length, expanded=path.expanded)
                 continue
+            is_new = value.requests[row] != self._requests[row] or known["path_cost"] != -1.0
             known["waypoints"], known["path_cost"] = [], -1.0
+            if not is_new:
+                continue
             reason = f"no path to its goal exists after {path.expanded} {self.unit}"
             if path.is_limited:
                 reason = f"no path to its goal was found within {path.expanded} {self.unit}"
             self.emit_for(row, "goal-unreachable", reason, level=Level.WARNING, expanded=path.expanded)
-        self._requests = list(value.requests)
+        self._requests, self._compared = list(value.requests), list(value.beliefs)
+
+    def _beliefs(self) -> list[Array]:
+        """Return what each agent believes of the map, by row; empty if the planner knows the obstacles."""
+        return []
+
+    def _is_outdated(self, row: int, position: Array) -> bool:
+        """Return whether the path of an agent at a position (2,) [m] has to be planned again, for the same request."""
+        return False
 
     def _closed(self, group: AgentGroup, row: int) -> tuple[str, ...]:
         return closed_regions(group, row, self.parameters.closed)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from symaware_cli.geometry import Array
 from symaware_cli.geometry.vectors import Indices
 from symaware_cli.maps.jump_points import JumpPoints
+from symaware_cli.maps.planned_path import PlannedPath, no_path
 from symaware_cli.maps.planning_grid import MOVES, PlanningGrid
 
 _DIAGONAL = 2.0**0.5
@@ -24,22 +24,6 @@ _ALIKE = 1.0 + 1e-9
 
 #: Within how many cells of a position the search for cells that it is linked with goes on until there are some.
 _NEAR = (1.5, 3.0, 6.0)
-
-
-class GridPath(NamedTuple):
-    """The result of a search.
-
-    Attributes:
-        points: The start, the corners of the path, and the goal [m]; shape (k, 2). Empty without a path.
-        cost: The cost of the path; infinite without one.
-        expanded: How many cells were expanded.
-        is_limited: Whether the search ended because of its limit.
-    """
-
-    points: Array
-    cost: float
-    expanded: int
-    is_limited: bool
 
 
 class PathSearch:
@@ -68,7 +52,7 @@ class PathSearch:
         self._jump_points = JumpPoints(grid) if jumps and is_uniform else None
         self._lengths = [length for _, length in steps]
 
-    def path(self, start: Array, goal: Array, most: int) -> GridPath:
+    def path(self, start: Array, goal: Array, most: int) -> PlannedPath:
         """Find a path of least cost.
 
         Args:
@@ -107,7 +91,7 @@ class PathSearch:
             if cell in done:
                 continue
             if expanded >= most:
-                return GridPath(np.empty((0, 2)), np.inf, expanded, True)
+                return no_path(expanded, True)
             done.add(cell)
             expanded += 1
             cost = best[cell]
@@ -125,15 +109,15 @@ class PathSearch:
                     heapq.heappush(ahead, (reached + estimate(other), other))
         if found < 0:
             points = np.stack([start, goal]) if np.isfinite(found_cost) else np.empty((0, 2))
-            return GridPath(points, found_cost, expanded, False)
+            return PlannedPath(points, found_cost, expanded, False)
         cells = [found]
         while cells[-1] in parent:
             cells.append(parent[cells[-1]])
-        return GridPath(self._points(start, cells[::-1], goal), found_cost, expanded, False)
+        return PlannedPath(self._points(start, cells[::-1], goal), found_cost, expanded, False)
 
     def _jumped(
         self, start: Array, goal: Array, most: int, jump_points: JumpPoints, estimate: Callable[[int], float]
-    ) -> GridPath:
+    ) -> PlannedPath:
         """Find a path of least cost by jump points; see `path`.
 
         A node is a cell and the move that led to it, as that decides which moves are worth considering. Of several
@@ -158,7 +142,7 @@ class PathSearch:
             if node in done or cost > nearest[cell] * _ALIKE:
                 continue
             if expanded >= most:
-                return GridPath(np.empty((0, 2)), np.inf, expanded, True)
+                return no_path(expanded, True)
             done.add(node)
             expanded += 1
             if cell in ends and cost + ends[cell] < found_cost:
@@ -176,11 +160,11 @@ class PathSearch:
                     heapq.heappush(ahead, (reached + estimate(other), other, bit))
         if found[0] < 0:
             points = np.stack([start, goal]) if np.isfinite(found_cost) else np.empty((0, 2))
-            return GridPath(points, found_cost, expanded, False)
+            return PlannedPath(points, found_cost, expanded, False)
         nodes = [found]
         while nodes[-1] in parent:
             nodes.append(parent[nodes[-1]])
-        return GridPath(self._points(start, [cell for cell, _ in nodes[::-1]], goal), found_cost, expanded, False)
+        return PlannedPath(self._points(start, [cell for cell, _ in nodes[::-1]], goal), found_cost, expanded, False)
 
     def links(self, position: Array) -> tuple[Indices, Array]:
         """Return the cells that a position is linked with, ascending, (m,), and the costs of these links, (m,)."""

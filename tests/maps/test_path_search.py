@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from random_maps import outlines
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -36,23 +37,6 @@ def drawn(seed: int) -> tuple[PlanningGrid, list[Obstacle], Array, Array]:
     grid = PlanningGrid(frame, named, RADIUS, float(random.choice([0.0, 0.5])), float(random.uniform(0.0, 4.0)))
     ends = frame.placed(random.uniform(0.0, [columns, rows], (2, 2)))
     return grid, obstacles, ends[0], ends[1]
-
-
-def outlines(obstacles: list[Obstacle]) -> shapely.Geometry:
-    """The obstacles as shapely has them, made without our geometry."""
-    found = []
-    for each in obstacles:
-        assert each.position is not None
-        if each.shape.circle:
-            found.append(shapely.Point(each.position).buffer(each.shape.circle.radius, quad_segs=64))
-        elif each.shape.box:
-            half = 0.5 * np.array([each.shape.box.length, each.shape.box.width])
-            turn = np.array(
-                [[np.cos(each.heading), np.sin(each.heading)], [-np.sin(each.heading), np.cos(each.heading)]]
-            )
-            corners = (np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half) @ turn + each.position
-            found.append(shapely.Polygon(corners))
-    return shapely.unary_union(found)
 
 
 def least_cost(grid: PlanningGrid, search: PathSearch, start: Array, goal: Array) -> float:

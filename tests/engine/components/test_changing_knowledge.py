@@ -129,7 +129,14 @@ each_case = pytest.mark.parametrize("use", CASES)
 
 def test_there_is_a_case_for_every_built_in_component_that_needs_knowledge() -> None:
     # Planners steer nobody; whether they plan anew is tested in tests/maps.
-    planners = {"planning.cbs", "planning.grid", "planning.prioritised"}
+    planners = {
+        "planning.cbs",
+        "planning.grid",
+        "planning.lattice",
+        "planning.prioritised",
+        "planning.roadmap",
+        "planning.rrt-star",
+    }
     assert {name for name, kind in built_in() if kind.knowledge} == {*CASES, *planners}
 
 
