@@ -114,11 +114,15 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
     if not found.is_in_awareness:
         yield f"  {'cause':<12} none in awareness: all beliefs made true save no more futures than their placebos"
     elif not found.causes:
-        yield f"  {'cause':<12} in awareness, but no single belief: none saves more futures than its placebo"
+        which = "none that was compared" if found.uncompared else "none"
+        yield f"  {'cause':<12} in awareness, but no single belief: {which} saves more futures than its placebo"
     for each in found.causes:
         assert each.best is not None
         yield f"  {'cause':<12} {each.belief.text}: {_shares(each.best)}, from {each.best.instant:g} s on"
         yield f"  {'to repeat':<12} {terminal.printable(each.command)}"
+    if found.uncompared:
+        compared = sum(bool(each.tests) for each in found.rows)
+        yield f"  {'screening':<12} left {compared + len(found.uncompared)}; only the {compared} strongest were compared"
     if found.rows:
         yield ""
         heads = ["belief", *(f"{each:g} s" for each in found.plan.instants), "in general", "at least"]
@@ -146,5 +150,5 @@ def _cells(row: BeliefRow, count: int) -> list[str]:
     run = ["saved" if each else "-" for each in row.in_this_run] or [""] * count
     best = row.best
     if best is None:
-        return [row.belief.text, *run, "-", "-"]
+        return [row.belief.text, *run, "not compared" if row.is_uncompared else "-", "-"]
     return [row.belief.text, *run, f"{best.shares.difference:+.0%}", f"{best.lower:+.0%}"]

@@ -11,7 +11,9 @@ from planted_causes import planted
 from sweeping import symaware
 
 from symaware_cli import branch, load, open_log
-from symaware_cli.evidence import BranchError, explain
+from symaware_cli.cli.explain import _lines
+from symaware_cli.evidence import BranchError, draw_timeline, explain
+from symaware_cli.evidence.causes import explanation
 from symaware_cli.evidence.causes.candidate import beliefs_of
 from symaware_cli.evidence.causes.paired_shares import PairedShares, holm
 from symaware_cli.language import open_scenario
@@ -114,3 +116,21 @@ def test_a_run_without_a_violation_has_nothing_to_explain(tmp_path: Path) -> Non
     load(TOP / "scenarios" / "hello.yaml").run(output=log)
     with pytest.raises(BranchError, match="no specification was violated"):
         explain(log)
+
+
+def test_what_screening_leaves_and_is_not_compared_is_said_in_text_json_and_picture(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(explanation, "_MOST_TESTED", 0)
+    found = explain(log, before=[0.5], within=0.2, futures=16, agents="walker-1")
+    assert [each.belief.text for each in found.uncompared] == ["walker-1 about cart"]
+    assert [(each.is_uncompared, each.is_cause) for each in found.rows] == [(True, False), (False, False)]
+    assert found.to_json()["uncompared"] == [found.rows[0].belief.to_json()]
+    draw_timeline(found, tmp_path / "found.svg")
+    drawn = (tmp_path / "found.svg").read_text(encoding="utf-8")
+    assert "not compared" in drawn
+    assert "no effect in redrawn" not in drawn
+    said = "\n".join(_lines(found, None))
+    assert "none that was compared saves" in said
+    assert "left 1; only the 0 strongest were compared" in said
+    assert "not compared" in said

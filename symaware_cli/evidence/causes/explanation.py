@@ -113,7 +113,8 @@ class BeliefRow:
     Attributes:
         belief: The belief.
         in_this_run: Whether its truth from each instant on prevents the violation; empty if that was not tried.
-        tests: Its comparisons with the placebo; empty if screening excluded it.
+        tests: Its comparisons with the placebo; empty if it was not compared.
+        left: Whether screening left it. Of those that it leaves, only the strongest are compared.
         wrongness: How far the believed position was from the true one at each step [m], NaN for no belief.
         command: The command that repeats the branch in which it is true, at the instant that `best` names.
     """
@@ -121,6 +122,7 @@ class BeliefRow:
     belief: Candidate
     in_this_run: Sequence[bool]
     tests: Sequence[FutureComparison]
+    left: bool
     wrongness: Sequence[float]
     command: str
 
@@ -128,6 +130,11 @@ class BeliefRow:
     def best(self) -> FutureComparison | None:
         """The strongest comparison; see `strongest`."""
         return strongest(self.tests) if self.tests else None
+
+    @property
+    def is_uncompared(self) -> bool:
+        """Whether screening left it, but it was not compared: whether it is a cause is not known."""
+        return self.left and not self.tests
 
     @property
     def is_cause(self) -> bool:
@@ -148,6 +155,8 @@ class BeliefRow:
         return {
             "belief": self.belief.to_json(),
             "cause": self.is_cause,
+            "screening": "left" if self.left else "excluded",
+            "compared": bool(self.tests),
             "in_this_run": [{"at": at, "saved": saved} for at, saved in zip(instants, self.in_this_run, strict=False)],
             "prevented_until": self.prevented_until(instants),
             "in_general": [each.to_json() for each in self.tests],
@@ -189,6 +198,11 @@ class Explanation:
         return [each for each in self.rows if each.is_cause]
 
     @property
+    def uncompared(self) -> Sequence[BeliefRow]:
+        """The beliefs that screening left and that were not compared, as they are more than are compared at most."""
+        return [each for each in self.rows if each.is_uncompared]
+
+    @property
     def is_in_awareness(self) -> bool:
         """Whether all beliefs made true at once save more futures than the placebo."""
         return any(each.is_established for each in self.everything)
@@ -207,6 +221,7 @@ class Explanation:
             "in_awareness": self.is_in_awareness,
             "everything": [each.to_json() for each in self.everything],
             "causes": [each.belief.to_json() for each in self.causes],
+            "uncompared": [each.belief.to_json() for each in self.uncompared],
             "beliefs": [each.to_json(instants) for each in self.rows],
         }
 
@@ -352,17 +367,18 @@ class _Examination:
     def rows(self, log: Path, beliefs: Sequence[Candidate], screened_at: float) -> list[BeliefRow]:
         """Examine single beliefs, and return those that may be causes before the others."""
         instants = self._plan.instants
-        left = set(self._screened(beliefs, screened_at)) if len(beliefs) > 1 else set(beliefs)
+        left = self._screened(beliefs, screened_at) if len(beliefs) > 1 else list(beliefs)
+        compared = set(left[:_MOST_TESTED])
         few = len(beliefs) <= _MOST_ROWS
-        tested = [(each, at) for each in beliefs if each in left for at in instants]
+        tested = [(each, at) for each in beliefs if each in compared for at in instants]
         tests = [self._compared([each], at, f"one {each.text}", self._plan.futures) for each, at in tested]
         corrected = self._corrected(tests, len(beliefs) * len(instants))
         rows = []
         for each in beliefs:
             own = [test for (belief, _), test in zip(tested, corrected, strict=True) if belief == each]
-            saved = [self._saved(at, [each]) for at in instants] if few or each in left else []
+            saved = [self._saved(at, [each]) for at in instants] if few or each in compared else []
             wrongness = self._run.wrongness.get(each, [])
-            row = BeliefRow(each, saved, own, wrongness, "")
+            row = BeliefRow(each, saved, own, each in left, wrongness, "")
             at = (
                 row.best.instant
                 if row.best
@@ -372,7 +388,7 @@ class _Examination:
         return sorted(rows, key=_order)
 
     def _screened(self, beliefs: Sequence[Candidate], instant: float) -> list[Candidate]:
-        """Halve sets of beliefs as long as they save something, and return the strongest single ones."""
+        """Halve sets of beliefs as long as they save something, and return the single ones, the strongest first."""
         left: list[tuple[int, int, Candidate]] = []
         sets = [beliefs[: len(beliefs) // 2], beliefs[len(beliefs) // 2 :]]
         while sets:
@@ -384,7 +400,7 @@ class _Examination:
                 left.append((found.second - found.first, len(left), some[0]))
             else:
                 sets += [some[: len(some) // 2], some[len(some) // 2 :]]
-        return [each for _, _, each in sorted(left, key=lambda each: each[:2])[:_MOST_TESTED]]
+        return [each for _, _, each in sorted(left, key=lambda each: each[:2])]
 
     def _compared(self, beliefs: Sequence[Candidate], instant: float, purpose: str, futures: int) -> FutureComparison:
         """Compare truth and placebo in futures that are the same for both."""
@@ -414,8 +430,8 @@ class _Examination:
         return [each._replace(lower=low, upper=high) for each, (low, high) in zip(tests, ends, strict=True)]
 
 
-def _order(row: BeliefRow) -> tuple[bool, float, float, bool]:
-    """Causes before others, by the lower bound and the difference; then those that prevent this violation."""
+def _order(row: BeliefRow) -> tuple[bool, float, float, bool, bool]:
+    """Causes before others, by the lower bound and the difference; then those left, and what prevents this violation."""
     best = row.best
     lower, difference = (best.lower, best.shares.difference) if best else (-2.0, -2.0)
-    return not row.is_cause, -lower, -difference, not any(row.in_this_run)
+    return not row.is_cause, -lower, -difference, not row.left, not any(row.in_this_run)

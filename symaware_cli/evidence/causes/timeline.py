@@ -146,5 +146,5 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
 def _difference(row: BeliefRow) -> str:
     best = row.best
     if best is None:
-        return "no effect in redrawn futures"
+        return "not compared" if row.is_uncompared else "no effect when screened"
     return f"saves {best.shares.difference:+.0%} of futures (at least {best.lower:+.0%})"
