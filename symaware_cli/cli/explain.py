@@ -122,7 +122,8 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
         yield f"  {'to repeat':<12} {terminal.printable(each.command)}"
     if found.uncompared:
         compared = sum(bool(each.tests) for each in found.rows)
-        yield f"  {'screening':<12} left {compared + len(found.uncompared)}; only the {compared} strongest were compared"
+        left = compared + len(found.uncompared)
+        yield f"  {'screening':<12} left {left}; only the strongest ({compared}) were compared"
     if found.rows:
         yield ""
         heads = ["belief", *(f"{each:g} s" for each in found.plan.instants), "in general", "at least"]

@@ -121,16 +121,17 @@ def test_a_run_without_a_violation_has_nothing_to_explain(tmp_path: Path) -> Non
 def test_what_screening_leaves_and_is_not_compared_is_said_in_text_json_and_picture(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(explanation, "_MOST_TESTED", 0)
+    monkeypatch.setattr(explanation, "_MOST_TESTED", 1)
     found = explain(log, before=[0.5], within=0.2, futures=16, agents="walker-1")
-    assert [each.belief.text for each in found.uncompared] == ["walker-1 about cart"]
-    assert [(each.is_uncompared, each.is_cause) for each in found.rows] == [(True, False), (False, False)]
-    assert found.to_json()["uncompared"] == [found.rows[0].belief.to_json()]
+    assert [(each.belief.text, each.is_uncompared, each.is_cause) for each in found.rows] == [
+        ("walker-1 about cart", False, True),
+        ("walker-1 about walker-0", True, False),
+    ]
+    assert found.to_json()["uncompared"] == [found.rows[1].belief.to_json()]
     draw_timeline(found, tmp_path / "found.svg")
     drawn = (tmp_path / "found.svg").read_text(encoding="utf-8")
     assert "not compared" in drawn
-    assert "no effect in redrawn" not in drawn
+    assert "no effect" not in drawn
     said = "\n".join(_lines(found, None))
-    assert "none that was compared saves" in said
-    assert "left 1; only the 0 strongest were compared" in said
+    assert "left 2; only the strongest (1) were compared" in said
     assert "not compared" in said

@@ -431,7 +431,7 @@ class _Examination:
 
 
 def _order(row: BeliefRow) -> tuple[bool, float, float, bool, bool]:
-    """Causes before others, by the lower bound and the difference; then those left, and what prevents this violation."""
+    """Causes before others, by the lower bound and the difference; then what screening left, and what saves this run."""
     best = row.best
     lower, difference = (best.lower, best.shares.difference) if best else (-2.0, -2.0)
     return not row.is_cause, -lower, -difference, not row.left, not any(row.in_this_run)
