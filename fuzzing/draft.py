@@ -85,7 +85,7 @@ class Draft:
                 return NAMES.get(owner, ["nothing"])
             case "restart" | "freeze" | "blind":
                 return [*components, *(f"*.{each.partition('.')[2]}" for each in components)]
-            case "restore":
+            case "restore" | "prevent":
                 return [*tree.get("faults", {}), "f0"]
             case "region" | "union" | "intersection" | "complement" | "obstacles" | "inside" | "regions":
                 return sorted(tree["regions"])

@@ -74,7 +74,7 @@ def test_beliefs_that_cannot_be_wrong_are_no_candidates(log: Path) -> None:
 def test_a_row_of_an_explanation_is_a_branch_that_its_command_repeats(log: Path, tmp_path: Path) -> None:
     plans: list[Any] = []
     found = explain(log, before=[0.5, 1.0], within=0.5, futures=16, agents="walker-1", on_plan=plans.append)
-    assert [each.belief.text for each in found.causes] == ["walker-1 about cart"]
+    assert [each.candidate.text for each in found.causes] == ["walker-1 about cart"]
     assert found.branches <= plans[0].branches
     row, again = found.rows[0], tmp_path / "again.mcap"
     assert row.best is not None
@@ -92,7 +92,9 @@ def test_the_same_explanation_comes_from_the_command_with_its_picture(log: Path,
         command = ["explain", str(log), "--before", "0.5", "--within", "0.2", "--futures", "16", "--agents", "walker-1"]
         said.append(json.loads(symaware(*command, "-o", picture, "--json")))
     assert said[0] == said[1]
-    assert said[0]["causes"] == [{"agent": "walker-1", "about": "cart", "part": "state", "is_drawn": True}]
+    assert said[0]["causes"] == [
+        {"kind": "belief", "agent": "walker-1", "about": "cart", "part": "state", "is_drawn": True}
+    ]
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
     assert "walker-1 about cart" in pictures[0].read_text(encoding="utf-8")
 
@@ -101,7 +103,7 @@ def test_the_same_explanation_comes_from_the_command_with_its_picture(log: Path,
     ("given", "said"),
     [
         ({"specification": "apar"}, "`apar` was not violated in .*; violated was apart"),
-        ({"agents": "cart"}, "no belief of cart in .* can be wrong"),
+        ({"agents": "cart"}, "nothing in .* can be a cause for cart"),
         ({"before": [100.0]}, "no instant of the grid is that long before"),
         ({"budget": 0.001}, "more than the budget of 0.001 s"),
     ],
@@ -123,11 +125,11 @@ def test_what_screening_leaves_and_is_not_compared_is_said_in_text_json_and_pict
 ) -> None:
     monkeypatch.setattr(explanation, "_MOST_TESTED", 1)
     found = explain(log, before=[0.5], within=0.2, futures=16, agents="walker-1")
-    assert [(each.belief.text, each.is_uncompared, each.is_cause) for each in found.rows] == [
+    assert [(each.candidate.text, each.is_uncompared, each.is_cause) for each in found.rows] == [
         ("walker-1 about cart", False, True),
         ("walker-1 about walker-0", True, False),
     ]
-    assert found.to_json()["uncompared"] == [found.rows[1].belief.to_json()]
+    assert found.to_json()["uncompared"] == [found.rows[1].candidate.to_json()]
     draw_timeline(found, tmp_path / "found.svg")
     drawn = (tmp_path / "found.svg").read_text(encoding="utf-8")
     assert "not compared" in drawn
