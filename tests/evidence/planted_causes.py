@@ -27,14 +27,15 @@ class Case(NamedTuple):
 
     Attributes:
         log: Its log.
-        causes: The planted cause, as its `Candidate.text`, and effects of it that are right as well; empty if none of
-            the candidates is a cause.
+        cause: The planted cause, as its `Candidate.text`; None if none of the candidates is a cause.
         kinds: The kinds of candidates that are examined.
+        before: How long before the violation they are made right [s].
     """
 
     log: Path
-    causes: tuple[str, ...]
+    cause: str | None
     kinds: tuple[str, ...] = ("beliefs",)
+    before: tuple[float, ...] = (0.5, 1.0)
 
 
 def _scenario(seed: int, bad: int | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -102,13 +103,14 @@ def planted(folder: Path) -> Iterator[Case]:
             continue
         log, violated = _run(_scenario(seed, bad, {}), folder)
         if violated:
-            yield Case(log, (f"walker-{bad} about cart",))
+            yield Case(log, f"walker-{bad} about cart")
 
 
 def with_lost_messages(folder: Path) -> Iterator[Case]:
     """Violations since the messages of the cart to one of two walkers, who see nobody, are lost or late, without end.
 
-    As a walker knows of the cart by these messages only, its wrong belief about the cart is an effect of them.
+    Of all other messages, one in five is lost, which does no harm. Only messages are candidates: as a walker knows of
+    the cart by these messages only, its wrong belief about the cart is an effect of them, and would be right as well.
     """
     seed = 20_000
     while True:
@@ -117,17 +119,16 @@ def with_lost_messages(folder: Path) -> Iterator[Case]:
         good = _talking(seed, {})
         if _run(good, folder, logged=False)[1]:
             continue
-        channel = {"loss": 0.9} if seed // 2 % 2 else {"delay": 2.5, "jitter": 0.5}
+        channel = {"loss": 0.95} if seed // 2 % 2 else {"delay": 2.5, "jitter": 0.5}
         link = {"sender": "cart", "receiver": bad, "channel": channel}
         log, violated = _run(_talking(seed, {"links": [link]}), folder)
         if violated:
-            effects = (f"{bad} about cart", f"{bad} about cart: intent")
-            yield Case(log, (f"messages cart to {bad}", *effects), ("beliefs", "messages"))
+            yield Case(log, f"messages cart to {bad}", ("messages",), (1.5,))
 
 
 def _talking(seed: int, network: Mapping[str, Any]) -> dict[str, Any]:
     """The scenario in which agents see only themselves, and tell each other where they are."""
-    tree = _scenario(seed, None, {"topology": {"use": "complete", **network}})
+    tree = _scenario(seed, None, {"topology": {"use": "complete", "channel": {"loss": 0.2}, **network}})
     for agent in tree["agents"].values():
         others = {name: use for name, use in agent["components"].items() if name != "see"}
         talk = {"inbox": {"use": "communication.inbox"}, "tell": {"use": "communication.broadcast"}}
@@ -144,7 +145,7 @@ def with_faults(folder: Path) -> Iterator[Case]:
             continue
         log, violated = _run(_putting(seed), folder)
         if violated:
-            yield Case(log, ("fault put",), ("beliefs", "messages", "faults"))
+            yield Case(log, "fault put", ("beliefs", "messages", "faults"), (0.5,))
 
 
 def _putting(seed: int) -> dict[str, Any]:
@@ -176,17 +177,17 @@ def unplanted(folder: Path) -> Iterator[Case]:
             }
         log, violated = _run(tree, folder)
         if violated:
-            yield Case(log, ())
+            yield Case(log, None)
 
 
 def explained(case: Case, seed: int = 0) -> Explanation:
-    """Explain a case at two instants, with few futures."""
-    return explain(case.log, kinds=case.kinds, before=(0.5, 1.0), within=0.5, futures=16, seed=seed)
+    """Explain a case at one or two instants, with few futures."""
+    return explain(case.log, kinds=case.kinds, before=case.before, within=0.5, futures=16, seed=seed)
 
 
 def is_right(case: Case, explanation: Explanation) -> bool:
     """Whether the first cause is the planted one, or no cause was found where there is none."""
-    if not case.causes:
+    if case.cause is None:
         return not explanation.causes
     first = explanation.causes[0].candidate if explanation.causes else None
-    return first is not None and first.text in case.causes
+    return first is not None and first.text == case.cause
