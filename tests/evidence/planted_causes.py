@@ -116,17 +116,17 @@ def with_lost_messages(folder: Path) -> Iterator[Case]:
     while True:
         seed += 1
         bad = f"walker-{seed % 2}"
-        good = _talking(seed, {})
+        good = talking(seed, {})
         if _run(good, folder, logged=False)[1]:
             continue
         channel = {"loss": 0.95} if seed // 2 % 2 else {"delay": 2.5, "jitter": 0.5}
         link = {"sender": "cart", "receiver": bad, "channel": channel}
-        log, violated = _run(_talking(seed, {"links": [link]}), folder)
+        log, violated = _run(talking(seed, {"links": [link]}), folder)
         if violated:
             yield Case(log, f"messages cart to {bad}", ("messages",), (1.5,))
 
 
-def _talking(seed: int, network: Mapping[str, Any]) -> dict[str, Any]:
+def talking(seed: int, network: Mapping[str, Any]) -> dict[str, Any]:
     """The scenario in which agents see only themselves, and tell each other where they are."""
     tree = _scenario(seed, None, {"topology": {"use": "complete", "channel": {"loss": 0.2}, **network}})
     for agent in tree["agents"].values():
@@ -143,12 +143,13 @@ def with_faults(folder: Path) -> Iterator[Case]:
         seed += 1
         if _run(_scenario(seed, None, {}), folder, logged=False)[1]:
             continue
-        log, violated = _run(_putting(seed), folder)
+        log, violated = _run(putting(seed), folder)
         if violated:
             yield Case(log, "fault put", ("beliefs", "messages", "faults"), (0.5,))
 
 
-def _putting(seed: int) -> dict[str, Any]:
+def putting(seed: int) -> dict[str, Any]:
+    """The scenario in which a walker is put in the way of the cart."""
     number = seed // 2 % 2
     tree = _scenario(seed, None, {})
     place = {"of": f"walker-{number}", "state": [START + TIMES[number], 0.3]}
@@ -166,7 +167,7 @@ def unplanted(folder: Path) -> Iterator[Case]:
         seed += 1
         number = seed // 2 % 2
         if seed % 2:
-            tree = _putting(seed)
+            tree = putting(seed)
         else:
             tree = _scenario(seed, number, {})
             components = tree["agents"][f"walker-{number}"]["components"]

@@ -62,7 +62,7 @@ class Candidate(ABC):
 
     def to_json(self) -> dict[str, Any]:
         """Return the object as plain data."""
-        return {"kind": self.kind, **asdict(self)}
+        return {"kind": self.kind, "text": self.text, **asdict(self)}
 
 
 @dataclass(frozen=True, slots=True)

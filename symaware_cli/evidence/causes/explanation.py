@@ -25,6 +25,7 @@ from symaware_cli.evidence.causes.paired_shares import PairedShares, holm
 from symaware_cli.language import FilePath, open_scenario
 from symaware_cli.language.build import Built
 from symaware_cli.log import open_log
+from symaware_cli.log.digest import digest
 from symaware_cli.world import key_of
 
 #: How long before the violation candidates are made right, by default [s].
@@ -210,6 +211,7 @@ class Explanation:
 
     Attributes:
         log: The log of the run.
+        digest: The digest of its content.
         specification: The name of the specification.
         violated: When it was violated [s].
         text: What the run said about the violation.
@@ -225,6 +227,7 @@ class Explanation:
     """
 
     log: Path
+    digest: str
     specification: str
     violated: float
     text: str
@@ -265,6 +268,7 @@ class Explanation:
         instants = self.plan.instants
         return {
             "log": str(self.log),
+            "digest": self.digest,
             "specification": self.specification,
             "violated": self.violated,
             "text": self.text,
@@ -272,6 +276,7 @@ class Explanation:
             "plan": self.plan.to_json(),
             "branches": self.branches,
             "confidence": self.confidence,
+            "where": self.where,
             "among_candidates": self.is_among_candidates,
             "everything": [each.to_json() for each in self.everything],
             "causes": [each.candidate.to_json() for each in self.causes],
@@ -365,6 +370,7 @@ def explain(
                 together = examination.together(path, candidates, best)
         return Explanation(
             path,
+            digest(open_log(path)).combined,
             name,
             violated,
             text,
