@@ -113,9 +113,13 @@ def _announce(plan: ExplanationPlan) -> None:
     """Say what it will cost, on the standard error, since the time differs from machine to machine."""
     typer.echo(
         f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time "
-        f"({plan.candidates} candidates, {len(plan.instants)} instants, {plan.futures} futures)",
+        f"({_counted(plan.candidates, 'candidate')}, {_counted(len(plan.instants), 'instant')}, {plan.futures} futures)",
         err=True,
     )
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
 def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
@@ -155,9 +159,8 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
         if len(found.rows) > _MOST:
             yield f"  and {len(found.rows) - _MOST:,} more (--json)"
         yield ""
-        right = "true" if is_about_beliefs else "true, in time or absent"
         what = "the truth" if is_about_beliefs else "this"
-        yield f"  `saved`: {right} from then on, it prevents the violation of this run. In general: the share of"
+        yield f"  `saved`: {found.made_right} from then on, it prevents the violation of this run. In general: the share of"
         yield f"  redrawn futures that {what} saves minus that of the placebo, and its lower bound: with"
         yield f"  confidence {found.confidence:g}, it is above 0 only for causes"
     yield f"  {'branches':<12} {found.branches:,}"

@@ -259,6 +259,12 @@ class Explanation:
         return "declared faults" if len(self.kinds) == 1 else "awareness or declared faults"
 
     @property
+    def made_right(self) -> str:
+        """What is made of the candidates, in a few words, as in "true or absent"."""
+        words = {"beliefs": "true", "messages": "in time", "faults": "absent"}
+        return " or ".join(words[each] for each in self.kinds)
+
+    @property
     def is_among_candidates(self) -> bool:
         """Whether all candidates made right at once save more futures than the placebos."""
         return any(each.is_established for each in self.everything)

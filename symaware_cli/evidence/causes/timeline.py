@@ -20,9 +20,6 @@ _MOST = 14
 #: The formats, by the end of the file's name.
 FORMATS = (".png", ".svg", ".pdf")
 
-#: What is made of a candidate of each kind.
-_MADE_RIGHT = {"beliefs": "true", "messages": "in time", "faults": "absent"}
-
 #: Widths of the picture and its row of a belief, and the room around the rows [inches].
 _WIDTH, _ROW, _AROUND = 11.0, 0.5, 1.9
 
@@ -136,7 +133,7 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[CandidateRow]) -> Non
     colours.set_label("error of the believed position [m]", size=9.0)
     bar.tick_params(labelsize=8.0)
     filled = axes.plot(
-        [], [], "o", color=ink, label=f"{_made_right(explanation)} from here on, it prevents this violation"
+        [], [], "o", color=ink, label=f"{explanation.made_right} from here on, it prevents this violation"
     )[0]
     hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="it does not")[0]
     blank = axes.plot([], [], "s", color="white", markeredgecolor=FAINT, label="nothing believed")[0]
@@ -148,10 +145,6 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[CandidateRow]) -> Non
         frameon=False,
         handletextpad=0.1,
     )
-
-
-def _made_right(explanation: Explanation) -> str:
-    return " or ".join(_MADE_RIGHT[each] for each in explanation.kinds)
 
 
 def _difference(row: CandidateRow) -> str:

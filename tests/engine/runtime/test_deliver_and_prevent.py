@@ -9,7 +9,7 @@ import yaml
 
 import symaware_cli as sa
 
-BAD = {"use": "complete", "channel": {"delay": 0.35, "jitter": 0.2, "loss": 0.4}}
+BAD: dict[str, Any] = {"use": "complete", "channel": {"delay": 0.35, "jitter": 0.2, "loss": 0.4}}
 
 
 def run(folder: Path, faults: Mapping[str, Any], topology: Any = BAD) -> sa.Log:
