@@ -111,9 +111,9 @@ def explain(
 
 def _announce(plan: ExplanationPlan) -> None:
     """Say what it will cost, on the standard error, since the time differs from machine to machine."""
+    size = f"{_counted(plan.candidates, 'candidate')}, {_counted(len(plan.instants), 'instant')}"
     typer.echo(
-        f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time "
-        f"({_counted(plan.candidates, 'candidate')}, {_counted(len(plan.instants), 'instant')}, {plan.futures} futures)",
+        f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time ({size}, {plan.futures} futures)",
         err=True,
     )
 
@@ -160,8 +160,8 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
             yield f"  and {len(found.rows) - _MOST:,} more (--json)"
         yield ""
         what = "the truth" if is_about_beliefs else "this"
-        yield f"  `saved`: {found.made_right} from then on, it prevents the violation of this run. In general: the share of"
-        yield f"  redrawn futures that {what} saves minus that of the placebo, and its lower bound: with"
+        yield f"  `saved`: {found.made_right} from then on, it prevents the violation of this run. In general: the"
+        yield f"  share of redrawn futures that {what} saves minus that of the placebo, and its lower bound: with"
         yield f"  confidence {found.confidence:g}, it is above 0 only for causes"
     yield f"  {'branches':<12} {found.branches:,}"
     if output is not None:
