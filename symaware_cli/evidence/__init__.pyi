@@ -18,7 +18,6 @@ from .budgeting import budget as budget
 from .causes.candidate import KINDS as KINDS
 from .causes.candidate import Candidate as Candidate
 from .causes.explanation import CandidateRow as CandidateRow
-from .causes.explanation import CandidateSet as CandidateSet
 from .causes.explanation import Explanation as Explanation
 from .causes.explanation import ExplanationPlan as ExplanationPlan
 from .causes.explanation import FutureComparison as FutureComparison

@@ -14,7 +14,7 @@ import numpy as np
 from symaware_cli.core.stateful import StateError
 from symaware_cli.engine import Run, StateMark, mark, return_to
 from symaware_cli.evidence.branch_changes import BranchError
-from symaware_cli.evidence.causes.candidate import Belief, Candidate
+from symaware_cli.evidence.causes.candidate import Candidate, PairBelief
 from symaware_cli.language import open_scenario, prepared
 
 #: How the faults of candidates are called in the scenario of the branches.
@@ -44,8 +44,8 @@ class BranchingRun:
             first: The index of the first of their faults: for each candidate its truth, and its placebo if it has one.
         """
         self.violated: float | None = None
-        beliefs = [each for each in candidates if isinstance(each, Belief)]
-        self.wrongness: Mapping[Belief, list[float]] = {each: [] for each in beliefs if each.part == "state"}
+        beliefs = [each for each in candidates if isinstance(each, PairBelief)]
+        self.wrongness: Mapping[PairBelief, list[float]] = {each: [] for each in beliefs if each.part == "state"}
         self.times: list[float] = []
         self.horizon = math.inf
         self.branches = 0

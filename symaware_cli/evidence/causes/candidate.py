@@ -66,7 +66,7 @@ class Candidate(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class Belief(Candidate):
+class PairBelief(Candidate):
     """A belief of one agent about another one, which a branch makes true.
 
     Attributes:
@@ -209,7 +209,7 @@ def command(candidates: Sequence[Candidate], log: Path, instant: float) -> str:
     return f"symaware branch {shlex.quote(str(log))} --at {instant:g} {sets}"
 
 
-def beliefs_of(built: Built) -> list[Belief]:
+def beliefs_of(built: Built) -> list[PairBelief]:
     """List the beliefs in a scenario that may be wrong, in the order of the agents.
 
     These are states that sensors measure with errors, delays or not always, or that messages tell, and intents of
@@ -218,7 +218,7 @@ def beliefs_of(built: Built) -> list[Belief]:
     """
     simulation = built.simulation
     ids = [id for group in simulation.groups for id in group.ids]
-    found: list[Belief] = []
+    found: list[PairBelief] = []
     for group in simulation.groups:
         own = others = told = drawn = False
         exact = False
@@ -237,10 +237,10 @@ def beliefs_of(built: Built) -> list[Belief]:
         for id in group.ids:
             for about in ids:
                 if about == id and own:
-                    found.append(Belief(id, about, "state", drawn))
+                    found.append(PairBelief(id, about, "state", drawn))
                 elif about != id:
-                    found += [Belief(id, about, "state", drawn)] if others else []
-                    found += [Belief(id, about, "intent", False)] if told else []
+                    found += [PairBelief(id, about, "state", drawn)] if others else []
+                    found += [PairBelief(id, about, "intent", False)] if told else []
     return found
 
 

@@ -13,9 +13,9 @@ from symaware_cli.evidence.branch_changes import BranchError
 from symaware_cli.evidence.causes.branching_run import BranchingRun, branching_run
 from symaware_cli.evidence.causes.candidate import (
     KINDS,
-    Belief,
     Candidate,
     DeclaredFault,
+    PairBelief,
     beliefs_of,
     command,
     faults_of,
@@ -521,7 +521,7 @@ class _Examination:
             saved = (
                 [each.acts_from(at) and self._saved(at, [each]) for at in instants] if few or each in compared else []
             )
-            wrongness = self._run.wrongness.get(each, []) if isinstance(each, Belief) else []
+            wrongness = self._run.wrongness.get(each, []) if isinstance(each, PairBelief) else []
             row = CandidateRow(each, saved, own, each in left, wrongness, "")
             at = (
                 row.best.instant
