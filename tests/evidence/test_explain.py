@@ -157,15 +157,15 @@ def report(log: Path) -> str:
     return page.read_text(encoding="utf-8")
 
 
-def test_a_report_shows_the_explanation_beside_the_log_unless_it_is_of_another_one(log: Path, tmp_path: Path) -> None:
-    found = explain(log, before=[0.5], within=0.2, futures=16, agents="walker-1").to_json()
-    own, beside = tmp_path / "own.mcap", tmp_path / "own.explain.json"
-    own.write_bytes(log.read_bytes())
+def test_a_report_shows_the_explanation_beside_the_log_unless_it_is_of_another_one(tmp_path: Path) -> None:
+    own = run_with({"put": put(2.0)}, tmp_path)
+    beside = tmp_path / "run.explain.json"
+    found = explain(own, kinds=["faults"], before=[0.5], within=0.2, futures=16).to_json()
     assert "Why it was violated" not in report(own)
     beside.write_text(json.dumps(found))
     page = report(own)
     assert "Why it was violated" in page
-    assert "walker-1 about cart: 16 of 16 futures saved" in page
+    assert "fault put: 16 of 16 futures saved" in page
     assert "symaware branch" in page
     for changed, said in (
         ({"digest": "0"}, "explains another log"),
