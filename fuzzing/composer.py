@@ -152,7 +152,7 @@ class Composer:
             fault[kind]["part"] = chance.choice(["state", "intent"])
         when = "at" if chance.random() < 0.7 else "on"
         fault[when] = self._values.value(properties[when], when, "FaultUse")
-        if chance.random() < 0.6 and kind not in ("restart", "restore", "push", "place", "inform"):
+        if chance.random() < 0.6 and kind not in ("restart", "restore", "prevent", "push", "place", "inform"):
             fault["for"] = self._values.value(properties["for"], "for", "FaultUse")
         faults = self._tree.setdefault("faults", {})
         faults[f"f{len(faults)}"] = fault

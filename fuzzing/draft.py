@@ -85,7 +85,7 @@ class Draft:
                 return NAMES.get(owner, ["nothing"])
             case "restart" | "freeze" | "blind":
                 return [*components, *(f"*.{each.partition('.')[2]}" for each in components)]
-            case "restore":
+            case "restore" | "prevent":
                 return [*tree.get("faults", {}), "f0"]
             case "region" | "union" | "intersection" | "complement" | "obstacles" | "inside" | "regions":
                 return sorted(tree["regions"])
@@ -96,7 +96,8 @@ class Draft:
             case "names" | "knowledge" | "name":
                 return [*self.group().get("knowledge", {}), "goal"]
             case "scan" | "strategy":
-                return [each.partition(".")[2] for each in components]
+                # The first component of the first group is drawn when there is none yet.
+                return [each.partition(".")[2] for each in components] or ["sense"]
             case "between" if owner.startswith("environment"):
                 return [*self.bodies(), *self.agents()]
             case "around" | "leader" | "agent" | "cell_of" | "apart_from" | "whom" | "others" | "hub":

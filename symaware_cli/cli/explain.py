@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,9 +14,9 @@ from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
-    from symaware_cli.evidence import BeliefRow, Explanation, ExplanationPlan, FutureComparison
+    from symaware_cli.evidence import Candidate, CandidateRow, Explanation, ExplanationPlan, FutureComparison
 
-#: Beliefs that are shown, at most.
+#: Candidates that are shown, at most.
 _MOST = 20
 
 
@@ -27,15 +27,24 @@ def explain(
         str | None,
         typer.Option("--specification", help="The specification; by default the one violated first.", metavar="NAME"),
     ] = None,
+    kinds: Annotated[
+        str, typer.Option(help="What may be a cause: beliefs, messages, or declared faults.", metavar="KIND,...")
+    ] = "beliefs,messages,faults",
     agents: Annotated[
-        str, typer.Option(help="Whose beliefs: an id or a pattern, such as `robot.*`.", metavar="PATTERN")
+        str,
+        typer.Option(
+            help="Whose beliefs and received messages: an id or a pattern, such as `robot.*`.", metavar="PATTERN"
+        ),
     ] = "*",
     before: Annotated[
-        str, typer.Option(help="How long before the violation beliefs become true [s].", metavar="SECONDS,...")
+        str,
+        typer.Option(help="How long before the violation these are made right [s].", metavar="SECONDS,..."),
     ] = "0.5,1,2,4",
     futures: Annotated[
         int,
-        typer.Option(min=16, max=100_000, help="The number of redrawn futures with the truth, and with the placebo."),
+        typer.Option(
+            min=16, max=100_000, help="The number of redrawn futures with a candidate made right, and with its placebo."
+        ),
     ] = 32,
     within: Annotated[
         float | None,
@@ -54,14 +63,14 @@ def explain(
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Seed of the redrawn futures.")] = 0,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="A picture of who believed what, and when it mattered.", metavar="FILE"),
+        typer.Option("--output", "-o", help="A picture of what mattered, and when.", metavar="FILE"),
     ] = None,
     trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Find whose belief about whom, had it been true, would have prevented a violation."""
+    """Find what would have prevented a violation: a true belief, messages in time, the absence of a fault."""
     with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
-        from symaware_cli.evidence import draw_timeline, require_timeline_format
+        from symaware_cli.evidence import KINDS, draw_timeline, require_timeline_format
         from symaware_cli.evidence import explain as explained
 
         try:
@@ -72,12 +81,16 @@ def explain(
             terminal.fail(
                 f"--before {before}: expected positive times [s], as in 0.5,1,2", terminal.WRONG_INPUT, as_json
             )
+        chosen = [each.strip() for each in kinds.split(",")]
+        if not set(chosen) <= set(KINDS):
+            terminal.fail(f"--kinds {kinds}: expected some of {','.join(KINDS)}", terminal.WRONG_INPUT, as_json)
         if output is not None:
             require_timeline_format(output)
         with terminal.progress_shown("branches", not as_json) as shown:
             found = explained(
                 log,
                 specification,
+                kinds=chosen,
                 agents=agents,
                 before=grid,
                 futures=futures,
@@ -98,11 +111,15 @@ def explain(
 
 def _announce(plan: ExplanationPlan) -> None:
     """Say what it will cost, on the standard error, since the time differs from machine to machine."""
+    size = f"{_counted(plan.candidates, 'candidate')}, {_counted(len(plan.instants), 'instant')}"
     typer.echo(
-        f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time "
-        f"({plan.candidates} beliefs, {len(plan.instants)} instants, {plan.futures} futures)",
+        f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time ({size}, {plan.futures} futures)",
         err=True,
     )
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
 def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
@@ -110,41 +127,63 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
 
     yield f"{found.log}: {terminal.printable(found.text)}"
     best = strongest(found.everything)
-    yield f"  {'all true':<12} {_shares(best)}, from {best.instant:g} s on"
-    if not found.is_in_awareness:
-        yield f"  {'cause':<12} none in awareness: all beliefs made true save no more futures than their placebos"
+    is_about_beliefs = list(found.kinds) == ["beliefs"]
+    treatment = "truth" if is_about_beliefs else "making all right"
+    yield f"  {'all at once':<12} {_shares(best, treatment, 'the placebo')}, from {best.instant:g} s on"
+    if not found.is_among_candidates:
+        yield f"  {'cause':<12} none in {found.where}: all at once save no more futures than their placebos"
     elif not found.causes:
-        yield f"  {'cause':<12} in awareness, but no single belief: none saves more futures than its placebo"
+        which = "none that was compared" if found.uncompared else "none"
+        yield f"  {'cause':<12} in {found.where}, but no single one: {which} saves more futures than its placebo"
     for each in found.causes:
         assert each.best is not None
-        yield f"  {'cause':<12} {each.belief.text}: {_shares(each.best)}, from {each.best.instant:g} s on"
+        yield f"  {'cause':<12} {_cause([each.candidate], each.best)}"
         yield f"  {'to repeat':<12} {terminal.printable(each.command)}"
+    if found.together is not None:
+        yield f"  {'together':<12} {_cause(found.together.candidates, found.together.test)}"
+        yield f"  {'to repeat':<12} {terminal.printable(found.together.command)}"
+    if found.uncompared:
+        compared = sum(bool(each.tests) for each in found.rows)
+        left = compared + len(found.uncompared)
+        yield f"  {'screening':<12} left {left}; only the strongest ({compared}) were compared"
+    for fault in found.over:
+        ends = 0.0 if fault.ends is None else fault.ends
+        yield f"  {'not tried':<12} {terminal.printable(fault.text)}, which was over at {ends:g} s: see --before"
     if found.rows:
         yield ""
-        heads = ["belief", *(f"{each:g} s" for each in found.plan.instants), "in general", "at least"]
+        head = "belief" if is_about_beliefs else "candidate"
+        heads = [head, *(f"{each:g} s" for each in found.plan.instants), "in general", "at least"]
         lines = [heads, *(_cells(each, len(found.plan.instants)) for each in found.rows[:_MOST])]
         for line in aligned(lines, "<" + "<" * len(found.plan.instants) + ">>", indent="  "):
             yield terminal.printable(line)
         if len(found.rows) > _MOST:
             yield f"  and {len(found.rows) - _MOST:,} more (--json)"
         yield ""
-        yield "  `saved`: true from then on, it prevents the violation of this run. In general: the share of redrawn"
-        yield "  futures that the truth saves minus that of the placebo, and its lower bound: with confidence"
-        yield f"  {found.confidence:g}, it is above 0 only for causes"
+        what = "the truth" if is_about_beliefs else "this"
+        yield f"  `saved`: {found.made_right} from then on, it prevents the violation of this run. In general: the"
+        yield f"  share of redrawn futures that {what} saves minus that of the placebo, and its lower bound: with"
+        yield f"  confidence {found.confidence:g}, it is above 0 only for causes"
     yield f"  {'branches':<12} {found.branches:,}"
     if output is not None:
         yield f"  {'picture':<12} {output}"
 
 
-def _shares(test: FutureComparison) -> str:
+def _cause(candidates: Sequence[Candidate], test: FutureComparison) -> str:
+    one = candidates[0]
+    treatment, control = (one.treatment, one.control) if len(candidates) == 1 else ("making them right", "the placebo")
+    names = ", and ".join(terminal.printable(each.text) for each in candidates)
+    return f"{names}: {_shares(test, treatment, control)}, from {test.instant:g} s on"
+
+
+def _shares(test: FutureComparison, treatment: str, control: str) -> str:
     shares = test.shares
-    truth, placebo = shares.first + shares.both, shares.second + shares.both
-    return f"truth saves {truth} of {shares.trials} futures, the placebo {placebo}"
+    right, placebo = shares.first + shares.both, shares.second + shares.both
+    return f"{treatment} saves {right} of {shares.trials} futures, {control} {placebo}"
 
 
-def _cells(row: BeliefRow, count: int) -> list[str]:
+def _cells(row: CandidateRow, count: int) -> list[str]:
     run = ["saved" if each else "-" for each in row.in_this_run] or [""] * count
     best = row.best
     if best is None:
-        return [row.belief.text, *run, "-", "-"]
-    return [row.belief.text, *run, f"{best.shares.difference:+.0%}", f"{best.lower:+.0%}"]
+        return [row.candidate.text, *run, "not compared" if row.is_uncompared else "-", "-"]
+    return [row.candidate.text, *run, f"{best.shares.difference:+.0%}", f"{best.lower:+.0%}"]

@@ -15,7 +15,9 @@ from .branching import write_branch_table as write_branch_table
 from .budgeting import Budget as Budget
 from .budgeting import BudgetLevel as BudgetLevel
 from .budgeting import budget as budget
-from .causes.explanation import BeliefRow as BeliefRow
+from .causes.candidate import KINDS as KINDS
+from .causes.candidate import Candidate as Candidate
+from .causes.explanation import CandidateRow as CandidateRow
 from .causes.explanation import Explanation as Explanation
 from .causes.explanation import ExplanationPlan as ExplanationPlan
 from .causes.explanation import FutureComparison as FutureComparison

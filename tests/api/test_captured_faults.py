@@ -38,14 +38,13 @@ KINDS: Mapping[str, Sequence[Any]] = {
         {"of": "b.steer", "use": "control.velocity-obstacle", "with": {"speed": 0.5}},
     ],
     "restore": ["cut", "cut"],
-    "believe": [
-        {"agent": "a", "about": "b", "part": "state"},
-        {"agent": "a", "about": "*", "part": "state", "truth": False},
-    ],
+    "believe": [{"agent": "a", "about": "b"}, {"agent": "b", "about": "c", "truth": False}],
+    "deliver": [{"sender": "a"}, {"sender": "b", "placebo": True}],
+    "prevent": ["cut", "late"],
 }
 
 #: These take effect at one instant.
-INSTANTANEOUS = {"restart", "push", "place", "inform", "restore"}
+INSTANTANEOUS = {"restart", "push", "place", "inform", "restore", "prevent"}
 
 CASES = [(kind, lasts) for kind in KINDS for lasts in (False, True) if not (lasts and kind in INSTANTANEOUS)]
 
@@ -71,7 +70,9 @@ def document(kind: str, *, lasts: bool) -> dict[str, Any]:
         name: {"at": at, kind: fault} | ({"for": 0.4} if lasts else {})
         for name, at, fault in zip(("one", "two"), (0.4, 0.6), KINDS[kind], strict=True)
     }
-    if kind == "restore":
+    if kind == "prevent":
+        faults["late"] = {"at": 0.8, "push": {"of": "b", "by": [0.3, 0.3]}}
+    if kind in ("restore", "prevent"):
         faults["cut"] = {"at": 0.2, "cut": {"between": ["a", "b"]}}
     return {
         "symaware": 1,

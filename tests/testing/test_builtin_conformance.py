@@ -49,10 +49,12 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "cut": {"between": ["robot.0", "robot.1"]},
     "degrade": {"loss": 0.5},
     "delay": {"by": 0.1},
+    "deliver": {"sender": "robot.0"},
     "drop": {"probability": 0.5},
     "freeze": {"root": "robot.0.steer"},
     "inform": {"of": "robot.0", "knowledge": {"goal": [1.0, 1.0]}},
     "noise": {"of": "robot.0.sense", "deviation": [0.1, 0.1, 0.1]},
+    "prevent": {"root": "other"},
     "partition": {"root": [["robot.0"], ["robot.1"]]},
     "place": {"of": "robot.0", "state": [0.0, 0.0, 1.0]},
     "push": {"of": "robot.0", "by": [0.1, 0.0, 0.0]},
@@ -96,6 +98,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "planning.rrt-star": {"agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}}},
     "planning.lattice": {"agents.robot.knowledge": {"goal": {"all": [3.0, 1.0]}}},
     "prediction.error": {"agents.robot.components.estimate": {"use": "uncertainty.conformal"}},
+    "prevent": {"faults.other": {"at": 0.05, "stop": "robot.1"}},
     "restore": {"faults.other": {"at": 0.05, "stop": "robot.1"}},
 }
 

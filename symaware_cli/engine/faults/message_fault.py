@@ -20,12 +20,16 @@ class MessageFault(Fault):
         loss: Probability that a message is lost.
         delay: Additional delay of a message, in nanoseconds.
         bandwidth: Greatest data rate of each link [bytes/s].
+        in_time: Whether messages are neither lost nor delayed.
+        draw: Names other random draws for the fates of messages; empty for those of the run.
     """
 
     ways: Ways
     loss: float = 0.0
     delay: int = 0
     bandwidth: float = math.inf
+    in_time: bool = False
+    draw: str = ""
 
     @property
     def source(self) -> str:
@@ -34,7 +38,9 @@ class MessageFault(Fault):
 
     def begin(self, run: FaultTargets) -> Any:
         """Disturb the message exchange."""
-        return run.disturb_messages(self.name, self.ways, self.loss, self.delay, self.bandwidth)
+        return run.disturb_messages(
+            self.name, self.ways, self.loss, self.delay, self.bandwidth, in_time=self.in_time, draw=self.draw
+        )
 
     def end(self, run: FaultTargets, begun: Any) -> None:
         """Remove the disturbance."""

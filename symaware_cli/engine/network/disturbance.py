@@ -1,4 +1,4 @@
-"""Disturbances: losses, delays and bandwidth limits that a fault imposes on messages."""
+"""Disturbances: losses, delays and bandwidth limits that a fault imposes on messages, or takes from them."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ class Disturbance:
         loss: Probability that a message is lost.
         delay: Additional delay of messages, in nanoseconds.
         bandwidth: Limit of the bandwidth of each link [bytes/s].
+        in_time: Whether the messages are neither lost nor delayed, whatever their links and other faults do.
+        draw: Names other random draws, which decide the fates of the messages; empty for those of the run.
     """
 
     name: str
@@ -31,6 +33,8 @@ class Disturbance:
     loss: float
     delay: int
     bandwidth: float = math.inf
+    in_time: bool = False
+    draw: str = ""
 
     def concerned(self, ids: Sequence[str], senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
         """Return which messages are affected; shape (m,)."""

@@ -142,13 +142,12 @@ class MessageExchange:
     def add_disturbances(self, disturbances: Sequence[Disturbance]) -> None:
         """Add disturbances from now on."""
         self.flush()
-        self._transmission.disturbances.extend(disturbances)
+        self._transmission.disturb(disturbances)
 
     def remove_disturbances(self, disturbances: Sequence[Disturbance]) -> None:
         """Remove disturbances."""
         self.flush()
-        for disturbance in disturbances:
-            self._transmission.disturbances.remove(disturbance)
+        self._transmission.relieve(disturbances)
 
     @property
     def in_flight(self) -> int:

@@ -145,6 +145,19 @@ class Transmission:
         """Draw the fates of messages from another seed from now on."""
         self._seed = seed
 
+    def disturb(self, disturbances: Sequence[Disturbance]) -> None:
+        """Add disturbances from now on."""
+        self.disturbances.extend(disturbances)
+        if any(each.draw for each in disturbances):
+            self._states.redraw([each for each in self.disturbances if each.draw])
+
+    def relieve(self, disturbances: Sequence[Disturbance]) -> None:
+        """Remove disturbances."""
+        for each in disturbances:
+            self.disturbances.remove(each)
+        if any(each.draw for each in disturbances):
+            self._states.redraw([each for each in self.disturbances if each.draw])
+
     @cached_property
     def _states(self) -> LinkStates:
         return LinkStates(self._seed, self._ids)
@@ -193,18 +206,24 @@ class Transmission:
         numbers, each = states.number(rows, now), sizes[sent.rows]
         impairment = self._impairment(senders, receivers, rows, numbers)
         victims: list[QueuedMessage] = []
+        timely = self._timely(senders, receivers)
         if network is None:
-            return _PERFECT.carry(states, rows, numbers, now, each, impairment), victims
+            return _in_time(_PERFECT.carry(states, rows, numbers, now, each, impairment), timely, now), victims
         has = None if linked else network.has(senders, receivers)
         waits = network.waits(states, rows, has) if network.has_queues else np.zeros(len(rows), bool)
         fates = network.carry(states, rows, numbers, now, each, has, waits if waits.any() else None, impairment)
-        for place in np.flatnonzero(waits).tolist():
+        for place in np.flatnonzero(waits if timely is None else waits & ~timely).tolist():
             queued = QueuedMessage(
                 sent.some(slice(place, place + 1)), sizes, int(rows[place]), int(numbers[place]), now
             )
             victims += self._wait(network, queued, int(each[place]), now)
             fates.reason[place] = WAITS
-        return fates, victims
+        return _in_time(fates, timely, now), victims
+
+    def _timely(self, senders: Indices, receivers: Indices) -> NDArray[np.bool_] | None:
+        """Return which messages faults deliver in time; None for none."""
+        hits = [each.concerned(self._ids, senders, receivers) for each in self.disturbances if each.in_time]
+        return np.any(hits, axis=0) if hits else None
 
     def _wait(self, network: Network, queued: QueuedMessage, size: int, now: int) -> list[QueuedMessage]:
         queue = self._queues.get(queued.row)
@@ -265,6 +284,15 @@ class Transmission:
         if name not in self.reasons:
             self.reasons.append(name)
         return self.reasons.index(name)
+
+
+def _in_time(fates: Fates, timely: NDArray[np.bool_] | None, now: int) -> Fates:
+    """Let messages arrive without a delay if they have a link; what their links remember of them stays."""
+    if timely is None:
+        return fates
+    chosen = timely & (fates.reason != NO_LINK)
+    due, reason = np.where(chosen, now, fates.due), np.where(chosen, np.uint8(0), fates.reason)
+    return fates._replace(due=due, reason=reason)
 
 
 def _immediate_fates(linked: NDArray[np.bool_] | None, count: int, now: int) -> Fates:

@@ -70,6 +70,7 @@ class Fault(Plugin, ABC):
     Attributes:
         lasts: Whether it has a duration; if not, it happens at once, and a scenario cannot give it a `for`.
         component_key: Whether its parameters name a component of a plugin, as `use` and `with` do elsewhere.
+        precedes: Whether it begins before other faults of the same instant.
         adds_components: Whether it may bring in components that other faults act on as well.
         kind: Its entry-point name.
         name: The name of the fault in the scenario.
@@ -80,6 +81,7 @@ class Fault(Plugin, ABC):
 
     lasts: ClassVar[bool] = True
     component_key: ClassVar[bool] = False
+    precedes: ClassVar[bool] = False
     adds_components: ClassVar[bool] = False
 
     #: A fault that is reached from a captured state, such as by a bound method of it, is that of the scenario.
@@ -278,6 +280,7 @@ class FaultTargets:
         membership: Membership,
         stepper: EnvironmentStepper,
         end_fault: Callable[[str], object],
+        prevent_fault: Callable[[str], object],
     ) -> None:
         """Prepare.
 
@@ -287,12 +290,14 @@ class FaultTargets:
             membership: Takes agents out of the run and back in.
             stepper: Steps the environment.
             end_fault: Ends another fault, by its name.
+            prevent_fault: Ends another fault, and lets it not begin any more, by its name.
         """
         self.simulation = simulation
         self.schedulers = schedulers
         self._membership = membership
         self._stepper = stepper
         self._end_fault = end_fault
+        self._prevent_fault = prevent_fault
 
     @property
     def now(self) -> int:
@@ -358,9 +363,17 @@ class FaultTargets:
         self.scheduler(components).supervision.remove_disturbance(disturb)
 
     def disturb_messages(
-        self, name: str, ways: Ways, loss: float = 0.0, delay: int = 0, bandwidth: float = math.inf
+        self,
+        name: str,
+        ways: Ways,
+        loss: float = 0.0,
+        delay: int = 0,
+        bandwidth: float = math.inf,
+        *,
+        in_time: bool = False,
+        draw: str = "",
     ) -> Sequence[Disturbance]:
-        """Let messages from some agents to others be lost or delayed.
+        """Let messages from some agents to others be lost or delayed, or be neither.
 
         Args:
             name: The name of the fault, which is the reason of the losses and keys the random draws.
@@ -368,11 +381,13 @@ class FaultTargets:
             loss: Probability that a message is lost.
             delay: Additional delay of a message, in nanoseconds.
             bandwidth: Greatest data rate of each link [bytes/s].
+            in_time: Whether messages are neither lost nor delayed, whatever their links and other faults do.
+            draw: Names other random draws, which decide their fates; empty for those of the run.
 
         Returns:
             What `restore_messages` needs.
         """
-        disturbances = [Disturbance(name, *ends, loss, delay, bandwidth) for ends in ways]
+        disturbances = [Disturbance(name, *ends, loss, delay, bandwidth, in_time, draw) for ends in ways]
         self.simulation.exchange.add_disturbances(disturbances)
         return disturbances
 
@@ -383,6 +398,10 @@ class FaultTargets:
     def end_fault(self, name: str) -> None:
         """End another fault, if it has begun."""
         self._end_fault(name)
+
+    def prevent_fault(self, name: str) -> None:
+        """End another fault, if it has begun, and let it not begin any more."""
+        self._prevent_fault(name)
 
     def scheduler(self, components: ComponentSelection) -> TurnScheduler:
         """The turn scheduler of a component."""

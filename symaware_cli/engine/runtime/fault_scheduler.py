@@ -57,12 +57,14 @@ class FaultScheduler:
             router: Connects faults with the events on which they begin.
         """
         self.faults = faults
-        self._targets = FaultTargets(simulation, schedulers, membership, stepper, self._end_by_name)
+        self._targets = FaultTargets(simulation, schedulers, membership, stepper, self._end_by_name, self._prevent)
         self._queue = queue
         self._router = router
         self._connections: dict[int, EventHandler] = {}
         #: What `Fault.begin` returned for each active fault, by the fault's index.
         self._effects: dict[int, Any] = {}
+        #: The indices of faults that do not begin any more.
+        self._prevented: list[int] = []
         queue.register(OF_FAULTS, {"begin": self._begin, "end": self._end})
 
     def begin(self, first: int = 0) -> None:
@@ -86,7 +88,8 @@ class FaultScheduler:
         self._put(self._queue.clock.now, "begin", (index, 0))
 
     def _put(self, time: int, kind: str, payload: Any) -> None:
-        self._queue.put(time, OF_FAULTS, Phase.LANDING, 0, kind, payload)
+        first = kind == "begin" and self.faults[payload[0]].precedes
+        self._queue.put(time, OF_FAULTS, Phase.LANDING, -1 if first else 0, kind, payload)
 
     def _on_event(self, index: int, event: Event) -> None:
         """Begin a fault, as its event has fired."""
@@ -95,6 +98,8 @@ class FaultScheduler:
 
     def _begin(self, row: int, payload: tuple[int, int]) -> None:
         index, missed = payload
+        if index in self._prevented:
+            return
         fault = self.faults[index]
         lasts = "" if fault.lasting is None else f" for {fault.lasting / 1e9:g} s"
         text = f"{fault.name}: {fault.text}{lasts}"
@@ -109,6 +114,15 @@ class FaultScheduler:
         for index, fault in enumerate(self.faults):
             if fault.name == name:
                 self._end(0, index)
+
+    def _prevent(self, name: str) -> None:
+        """End a fault if it is active, and let it not begin any more."""
+        for index, fault in enumerate(self.faults):
+            if fault.name == name:
+                self._end(0, index)
+                self._prevented.append(index)
+                if index in self._connections:
+                    self._connections.pop(index).cancel()
 
     def _end(self, row: int, index: int) -> None:
         if index not in self._effects:

@@ -1,4 +1,4 @@
-"""A run that returns to earlier instants and goes on from there with true beliefs, all in one process."""
+"""A run that returns to earlier instants and goes on from there with something made right, all in one process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from symaware_cli.core.stateful import StateError
 from symaware_cli.engine import Run, StateMark, mark, return_to
 from symaware_cli.evidence.branch_changes import BranchError
-from symaware_cli.evidence.causes.candidate import Candidate
+from symaware_cli.evidence.causes.candidate import Candidate, PairBelief
 from symaware_cli.language import open_scenario, prepared
 
 #: How the faults of candidates are called in the scenario of the branches.
@@ -40,11 +40,12 @@ class BranchingRun:
         Args:
             run: The run, which has not begun and writes no log.
             specification: The name of the specification.
-            candidates: The beliefs.
+            candidates: What branches make right.
             first: The index of the first of their faults: for each candidate its truth, and its placebo if it has one.
         """
         self.violated: float | None = None
-        self.wrongness: Mapping[Candidate, list[float]] = {each: [] for each in candidates if each.part == "state"}
+        beliefs = [each for each in candidates if isinstance(each, PairBelief)]
+        self.wrongness: Mapping[PairBelief, list[float]] = {each: [] for each in beliefs if each.part == "state"}
         self.times: list[float] = []
         self.horizon = math.inf
         self.branches = 0
@@ -54,7 +55,7 @@ class BranchingRun:
         self._marks: dict[float, StateMark] = {}
         self._faults: dict[tuple[Candidate, bool], int] = {}
         for each in candidates:
-            for truth in (True, False) if each.is_drawn else (True,):
+            for truth in (True, False) if each.has_placebo else (True,):
                 self._faults[each, truth] = first
                 first += 1
 
@@ -104,14 +105,14 @@ class BranchingRun:
             found.append(error)
 
     def saved(
-        self, instant: float, beliefs: Sequence[Candidate], *, truth: bool = True, seed: int | None = None
+        self, instant: float, candidates: Sequence[Candidate], *, truth: bool = True, seed: int | None = None
     ) -> bool:
         """Run a branch to the violation or the end, and return whether the specification was not violated.
 
         Args:
             instant: When it begins [s], one of those of `begin`.
-            beliefs: What is made true from then on, or for what a placebo begins.
-            truth: Whether it is made true.
+            candidates: What is made right from then on, or for what a placebo begins.
+            truth: Whether it is made right.
             seed: What everything random is drawn from from then on; None for the draws of the run.
 
         Raises:
@@ -120,7 +121,7 @@ class BranchingRun:
         """
         run = self._run
         return_to(run, self._marks[instant], seed)
-        for each in beliefs:
+        for each in candidates:
             index = self._faults.get((each, truth))
             if index is not None:
                 run.begin_fault(index)
@@ -142,19 +143,15 @@ def branching_run(log: Path, specification: str, candidates: Sequence[Candidate]
     """Provide the run of a log with branches.
 
     Raises:
-        BranchError: The run computes in several processes.
         LogError: The log cannot be read.
         ScenarioError: The scenario of the log is not valid here.
     """
     changes = {}
     for number, each in enumerate(candidates):
         changes[f"faults.{_TRUE.format(number)}"] = {"at": 0.0, **each.document(truth=True)}
-        if each.is_drawn:
+        if each.has_placebo:
             changes[f"faults.{_PLACEBO.format(number)}"] = {"at": 0.0, **each.document(truth=False)}
     built = open_scenario(log, changes)
-    remote = [entry.path for entry in built.simulation.entries if entry.timing.in_process]
-    if remote:
-        raise BranchError(f"the run cannot be branched here: {remote[0]} computes in another process (`run_in`)")
     first = len(built.options.faults) - len(changes)
     for fault in built.options.faults[first:]:
         fault.at = None  # branches begin them

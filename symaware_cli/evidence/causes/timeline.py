@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symaware_cli.evidence.causes.explanation import BeliefRow, Explanation
+from symaware_cli.evidence.causes.explanation import CandidateRow, Explanation
 from symaware_cli.log import LogError, OutputError, reason
 from symaware_cli.views import AGENTS, FAINT, RISK, hexadecimal, matplotlib_required
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Beliefs in the picture, at most.
+#: Candidates in the picture, at most.
 _MOST = 14
 
 #: The formats, by the end of the file's name.
@@ -41,9 +41,9 @@ def require_timeline_format(path: Path) -> None:
 def draw_timeline(explanation: Explanation, path: Path) -> None:
     """Draw an explanation.
 
-    Each row is a belief. Its band shows how far the believed position was from the true one, with white where nothing
-    was believed. On it, a dot stands at each instant from which the belief was made true: filled where that prevents
-    the violation of this run. The text at the right is the difference that truth makes in redrawn futures.
+    Each row is a candidate. The band of a belief shows how far the believed position was from the true one, with white
+    where nothing was believed. On it, a dot stands at each instant from which it was made right: filled where that
+    prevents the violation of this run. The text at the right is the difference that this makes in redrawn futures.
 
     Args:
         explanation: The explanation.
@@ -75,13 +75,15 @@ def draw_timeline(explanation: Explanation, path: Path) -> None:
 
 def _title(explanation: Explanation) -> str:
     beginning = f"{explanation.specification}, violated at {explanation.violated:g} s"
-    if not explanation.is_in_awareness:
-        return f"{beginning}: no cause in awareness"
-    causes = [f"what {each.belief.agent} believed about {each.belief.about}" for each in explanation.causes[:2]]
-    return f"{beginning}: {', and '.join(causes)}" if causes else f"{beginning}: no single belief"
+    if not explanation.is_among_candidates:
+        return f"{beginning}: no cause in {explanation.where}"
+    causes = [each.candidate.noun for each in explanation.causes[:2]]
+    if not causes and explanation.together is not None:
+        return f"{beginning}, together: {', and '.join(each.noun for each in explanation.together.candidates)}"
+    return f"{beginning}: {', and '.join(causes)}" if causes else f"{beginning}: no single cause"
 
 
-def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
+def _draw(axes: Axes, explanation: Explanation, rows: list[CandidateRow]) -> None:
     instants, times = explanation.plan.instants, np.asarray(explanation.times)
     step = float(times[1] - times[0]) if len(times) > 1 else 1.0
     begin, end = max(0.0, 2.0 * min(instants) - explanation.violated), explanation.violated + 3.0 * step
@@ -115,7 +117,7 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
         axes.text(
             1.02, number, _difference(row), transform=axes.get_yaxis_transform(), va="center", size=9.0, weight=weight
         )
-    axes.set_yticks(range(len(rows)), [row.belief.text for row in rows])
+    axes.set_yticks(range(len(rows)), [row.candidate.text for row in rows])
     for label, row in zip(axes.get_yticklabels(), rows, strict=True):
         label.set_fontweight("bold" if row.is_cause else "normal")
     axes.tick_params(axis="y", length=0)
@@ -130,7 +132,9 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
     colours = figure.colorbar(bands, cax=bar, orientation="horizontal", extend="max")
     colours.set_label("error of the believed position [m]", size=9.0)
     bar.tick_params(labelsize=8.0)
-    filled = axes.plot([], [], "o", color=ink, label="true from here on, it prevents this violation")[0]
+    filled = axes.plot(
+        [], [], "o", color=ink, label=f"{explanation.made_right} from here on, it prevents this violation"
+    )[0]
     hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="it does not")[0]
     blank = axes.plot([], [], "s", color="white", markeredgecolor=FAINT, label="nothing believed")[0]
     figure.legend(
@@ -143,8 +147,8 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[BeliefRow]) -> None:
     )
 
 
-def _difference(row: BeliefRow) -> str:
+def _difference(row: CandidateRow) -> str:
     best = row.best
     if best is None:
-        return "no effect in redrawn futures"
+        return "not compared" if row.is_uncompared else "no effect when screened"
     return f"saves {best.shares.difference:+.0%} of futures (at least {best.lower:+.0%})"

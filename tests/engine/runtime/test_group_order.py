@@ -25,6 +25,8 @@ FAULTS: Mapping[str, Any] = {
     "noise": {"of": "*.see", "deviation": [0.1, 0.1]},
     "drop": {"sender": "*", "probability": 0.5},
     "delay": {"sender": "*", "by": 0.1},
+    "believe": {"agent": "*", "about": "*", "truth": False},
+    "deliver": {"sender": "*", "placebo": True},
     "cut": {"between": ["*", "*"]},
     "degrade": {"sender": "*", "loss": 0.5, "delay": 0.1},
     "partition": [["zebra.*"], ["ape.*"]],
@@ -36,7 +38,7 @@ FAULTS: Mapping[str, Any] = {
 }
 
 #: Faults without a target.
-ELSEWHERE = {"restore"}
+ELSEWHERE = {"restore", "prevent"}
 
 
 def ran(path: Path, names: list[str], fault: Mapping[str, Any]) -> Digest:

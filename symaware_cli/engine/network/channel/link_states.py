@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.message import Indices, Times
+from symaware_cli.engine.network.disturbance import Disturbance
 from symaware_cli.world import Array, Numbers, agent_numbers, combined, key_of
 
 #: Later than the end of any run, and small enough that sums of two do not overflow, in nanoseconds.
@@ -138,7 +139,10 @@ class LinkStates:
         """
         self._count = len(ids)
         self.congestion = 0
+        self._ids = tuple(ids)
         self._agents = agent_numbers(ids)
+        #: Disturbances because of which messages draw from other keys.
+        self._redrawn: list[Disturbance] = []
         self._key = 0
         #: sender * count + receiver of each known link, ascending, and the row of each.
         self._known = np.empty(0, np.int64)
@@ -160,6 +164,12 @@ class LinkStates:
     def reseed(self, seed: int) -> None:
         """Draw the fates of messages from another seed from now on."""
         self._key = key_of(seed, "links")
+        if self._used:
+            self._draw_keys(slice(0, self._used))
+
+    def redraw(self, disturbances: Sequence[Disturbance]) -> None:
+        """Draw the fates of messages that some disturbances concern from keys of these, and others from their own."""
+        self._redrawn[:] = disturbances
         if self._used:
             self._draw_keys(slice(0, self._used))
 
@@ -209,7 +219,11 @@ class LinkStates:
     def _draw_keys(self, rows: slice) -> None:
         """Make the keys of some rows, from the ends of their links."""
         senders, receivers = np.divmod(self._links[rows], self._count)
-        self.keys[rows] = combined(self._agents[senders], self._agents[receivers], self._key)
+        keys = combined(self._agents[senders], self._agents[receivers], self._key)
+        for each in self._redrawn:
+            hit = each.concerned(self._ids, senders, receivers)
+            keys[hit] = combined(keys[hit], keys[hit], key_of(0, "fates drawn anew", each.draw))
+        self.keys[rows] = keys
 
     def ends(self, rows: slice) -> tuple[Indices, Indices]:
         """Return the senders and receivers of some rows."""
