@@ -89,8 +89,8 @@ def _run(tree: Mapping[str, Any], folder: Path, *, logged: bool = True) -> tuple
     file, log = folder / "planted.yaml", folder / "planted.mcap"
     file.write_text(yaml.safe_dump(dict(tree), sort_keys=False))
     log.unlink(missing_ok=True)
-    summary = symaware_cli.load(file).run(output=log, record=logged)
-    return log, any(each.name == "violated" for each in summary.events)
+    summary = symaware_cli.load(file).run(output=log, record=logged).summary
+    return log, any(each.verdict == "violated" for each in summary.specifications)
 
 
 def planted(folder: Path) -> Iterator[Case]:

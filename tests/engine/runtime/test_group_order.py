@@ -25,7 +25,6 @@ FAULTS: Mapping[str, Any] = {
     "noise": {"of": "*.see", "deviation": [0.1, 0.1]},
     "drop": {"sender": "*", "probability": 0.5},
     "delay": {"sender": "*", "by": 0.1},
-    "believe": {"agent": "*", "about": "*", "truth": False},
     "deliver": {"sender": "*", "placebo": True},
     "cut": {"between": ["*", "*"]},
     "degrade": {"sender": "*", "loss": 0.5, "delay": 0.1},
