@@ -256,6 +256,8 @@ def merged(subject: Subject) -> None:
         raise Skipped("no agents")
     if subject.tree["run"].get("pace"):
         raise Skipped("with a pace, messages may be late")
+    if subject.tree["run"].get("turn_limit"):
+        raise Skipped("the host is a thread here, and limits of turns hold in the main thread only")
     logs = [subject.folder / "host.mcap", subject.folder / "member.mcap"]
     known, address, failures = threading.Event(), [], []
 
