@@ -9,7 +9,7 @@ import numpy as np
 
 from symaware_cli.evidence.causes.explanation import CandidateRow, Explanation
 from symaware_cli.log import LogError, OutputError, reason
-from symaware_cli.views import AGENTS, FAINT, RISK, hexadecimal, matplotlib_required
+from symaware_cli.views import AGENTS, RISK, hexadecimal, matplotlib_required
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,8 @@ def require_timeline_format(path: Path) -> None:
     """Check the name of a picture before anything is run.
 
     Raises:
-        LogError: It ends in none of `FORMATS`, is a folder, or is in a folder that does not exist.
+        LogError: It ends in none of `FORMATS`, is a folder, or is in a folder that does not exist; or matplotlib is
+            missing.
     """
     if path.suffix.lower() not in FORMATS:
         raise LogError(f"{path}: the picture of an explanation is a file {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
@@ -36,6 +37,8 @@ def require_timeline_format(path: Path) -> None:
         raise LogError(f"cannot write {path}: it is a folder")
     if not path.parent.is_dir():
         raise LogError(f"cannot write {path}: there is no folder {path.parent}")
+    with matplotlib_required():
+        import matplotlib  # noqa: F401
 
 
 def draw_timeline(explanation: Explanation, path: Path) -> None:
@@ -57,7 +60,7 @@ def draw_timeline(explanation: Explanation, path: Path) -> None:
     with matplotlib_required():
         from matplotlib.figure import Figure
 
-        from symaware_cli.views.plotting.figure_style import save, styled
+        from symaware_cli.views.plotting.figure_style import FAINT, save, styled
     rows = list(explanation.rows[:_MOST])
     with styled():
         figure = Figure(figsize=(_WIDTH, _AROUND + _ROW * max(len(rows), 1)))
@@ -136,6 +139,8 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[CandidateRow]) -> Non
         [], [], "o", color=ink, label=f"{explanation.made_right} from here on, it prevents this violation"
     )[0]
     hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="it does not")[0]
+    from symaware_cli.views.plotting.figure_style import FAINT  # which needs matplotlib
+
     blank = axes.plot([], [], "s", color="white", markeredgecolor=FAINT, label="nothing believed")[0]
     figure.legend(
         handles=[filled, hollow, blank],
