@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planned_runs import check_capture, names, run
 from simulating import untyped
 
 import symaware_cli as sa
@@ -43,19 +44,6 @@ def planner(document: dict[str, Any], use: str, **changes: Any) -> None:
     components = document["agents"]["robot"]["components"]
     components["plan"] = {"use": use, "with": PLANNERS[use] | changes}
     components["steer"] = components.pop("steer")
-
-
-def run(room: Path, name: str = "log") -> sa.Log:
-    sa.load(room / "scenario.yaml").run(output=room / f"{name}.mcap")
-    return sa.open_log(room / f"{name}.mcap")
-
-
-def names(log: sa.Log, agent: str) -> list[str]:
-    return [
-        event.name
-        for event in log.events()
-        if event.source.startswith(f"agents.{agent}.") and event.name != "waypoint-reached"
-    ]
 
 
 def costs(log: sa.Log) -> list[float]:
@@ -174,16 +162,7 @@ def test_a_run_goes_on_from_its_captured_state(
     planner(planned, use)
     planned["faults"] = {"sent": {"at": 3.0, "inform": {"of": "robot.0", "knowledge": {"goal": [0.5, 1.6]}}}}
     building()
-    scenario = sa.load(room / "scenario.yaml")
-    with scenario.start() as simulation:
-        simulation.step(20)
-        state = simulation.capture()
-        simulation.step(40)
-        end = simulation.state("robot")
-    with scenario.start() as simulation:
-        simulation.restore(state)
-        simulation.step(40)
-        assert np.array_equal(simulation.state("robot"), end)
+    check_capture(room, 40)
 
 
 @each_planner

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planned_runs import check_capture, names, run
 from simulating import untyped
 
 import symaware_cli as sa
@@ -30,19 +31,6 @@ def planned(scenario: dict[str, Any]) -> dict[str, Any]:
         },
     }
     return scenario
-
-
-def run(room: Path) -> sa.Log:
-    sa.load(room / "scenario.yaml").run(output=room / "log.mcap")
-    return sa.open_log(room / "log.mcap")
-
-
-def names(log: sa.Log, agent: str) -> list[str]:
-    return [
-        event.name
-        for event in log.events()
-        if event.source.startswith(f"agents.{agent}.") and event.name != "waypoint-reached"
-    ]
 
 
 def test_robots_reach_their_goals_without_a_contact(
@@ -118,16 +106,7 @@ def test_a_run_goes_on_from_its_captured_state(
     building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     building()
-    scenario = sa.load(room / "scenario.yaml")
-    with scenario.start() as simulation:
-        simulation.step(20)
-        state = simulation.capture()
-        simulation.step(60)
-        end = simulation.state("robot")
-    with scenario.start() as simulation:
-        simulation.restore(state)
-        simulation.step(60)
-        assert np.array_equal(simulation.state("robot"), end)
+    check_capture(room, 60)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planned_runs import check_capture, run
 
 import symaware_cli as sa
 from symaware_cli.language.build import Built
@@ -41,11 +42,6 @@ def yard(scenario: dict[str, Any]) -> dict[str, Any]:
         },
     }
     return scenario
-
-
-def run(room: Path) -> sa.Log:
-    sa.load(room / "scenario.yaml").run(output=room / "log.mcap")
-    return sa.open_log(room / "log.mcap")
 
 
 def names(log: sa.Log, agent: str) -> list[str]:
@@ -109,16 +105,7 @@ def test_a_run_goes_on_from_its_captured_state(
 ) -> None:
     yard["faults"] = {"sent": {"at": 1.5, "inform": {"of": "robot.0", "knowledge": {"goal": [5.0, 1.0]}}}}
     building()
-    scenario = sa.load(room / "scenario.yaml")
-    with scenario.start() as simulation:
-        simulation.step(20)
-        state = simulation.capture()
-        simulation.step(40)
-        end = simulation.state("robot")
-    with scenario.start() as simulation:
-        simulation.restore(state)
-        simulation.step(40)
-        assert np.array_equal(simulation.state("robot"), end)
+    check_capture(room, 40)
 
 
 @pytest.mark.parametrize(

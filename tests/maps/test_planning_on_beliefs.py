@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planned_runs import check_capture, run
 
 import symaware_cli as sa
 from symaware_cli.language.build import Built
@@ -42,11 +43,6 @@ def exploring(scenario: dict[str, Any]) -> dict[str, Any]:
         },
     }
     return scenario
-
-
-def run(room: Path) -> sa.Log:
-    sa.load(room / "scenario.yaml").run(output=room / "log.mcap")
-    return sa.open_log(room / "log.mcap")
 
 
 def planned(log: sa.Log) -> list[Any]:
@@ -113,16 +109,7 @@ def test_a_run_goes_on_from_its_captured_state(
     building: Callable[..., Built], room: Path, exploring: dict[str, Any]
 ) -> None:
     building()
-    scenario = sa.load(room / "scenario.yaml")
-    with scenario.start() as simulation:
-        simulation.step(20)
-        state = simulation.capture()
-        simulation.step(60)
-        end = simulation.state("robot")
-    with scenario.start() as simulation:
-        simulation.restore(state)
-        simulation.step(60)
-        assert np.array_equal(simulation.state("robot"), end)
+    check_capture(room, 60)
 
 
 @pytest.mark.parametrize(
