@@ -32,15 +32,7 @@ class Batch:
     ) -> None:
         """Prepare the runs.
 
-        Args:
-            composition: The scenario.
-            built: The same scenario, built for an arbitrary seed; it is used as a template and not run.
-            seeds: The seed of each run.
-            starts: The initial conditions of each run, by group, if they differ between runs; by default those of
-                `composition`.
-
-        Raises:
-            ScenarioError: Values drawn for a seed are invalid.
+        Arguments and errors are those of `BatchSimulation`.
         """
         self._seeds = tuple(seeds)
         batched = BatchSimulation(composition, built, seeds, starts)
