@@ -1,4 +1,4 @@
-"""What an agent believes of the map, as obstacles for planners.
+"""The map that an agent believes in, as obstacles for planners.
 
 Reasons: docs/decisions/0095-planners-off-the-grid.md
 """
@@ -13,7 +13,7 @@ from symaware_cli.geometry.shape import Box, Shape
 
 
 class BelievedFloor:
-    """The areas of a belief.
+    """The believed areas of one agent.
 
     Attributes:
         areas: Rows of [x, x, y, y, occupied], as those of the signal `map` of `perception.map`; shape (m, 5).
@@ -39,7 +39,7 @@ class BelievedFloor:
 
 
 def rest_of_path(waypoints: Array, position: Array) -> Array:
-    """Return what is left of a path: a position (2,), and the waypoints after the leg that is nearest to it; (k, 2)."""
+    """Return the rest of a path: a position (2,), and the waypoints after the segment nearest to it; (k, 2)."""
     legs = np.diff(waypoints, axis=0)
     if not len(legs):
         return np.concatenate([position[None], waypoints])

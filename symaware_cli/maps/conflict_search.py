@@ -27,14 +27,14 @@ from symaware_cli.maps.space_time import (
 
 
 class CellConflict(NamedTuple):
-    """Two agents in one cell, or two that exchange their cells.
+    """A conflict: two agents are in one cell, or exchange their cells.
 
     Attributes:
-        step: When; for an exchange, when it begins.
+        step: The step of the conflict; for an exchange, the step in which it begins.
         one: The first agent.
         other: The second agent.
-        cell: Where the first one is.
-        other_cell: The cell that it exchanges; the same for two agents in one cell.
+        cell: The cell of the first agent.
+        other_cell: The cell of the second agent; equal to `cell` for two agents in one cell.
     """
 
     step: int
@@ -45,13 +45,13 @@ class CellConflict(NamedTuple):
 
 
 class StepConstraint(NamedTuple):
-    """What an agent may not do: be in a cell at a step, or begin a move.
+    """A constraint: an agent may not be in a cell at a step, or may not begin a move.
 
     Attributes:
         row: The agent.
         step: The step.
         cell: The cell.
-        to: The cell that the move leads to; None for a cell.
+        to: The cell that the move leads to; None if the constraint is on a cell.
     """
 
     row: int
@@ -146,14 +146,14 @@ class ConflictSearch:
         return None if path is None else tuple(path)
 
     def _split(self, conflict: CellConflict) -> tuple[StepConstraint, StepConstraint]:
-        """Return a constraint of each agent, one of which holds in every plan."""
+        """Return a constraint for each agent, at least one of which every plan without conflicts meets."""
         step, one, other, cell, other_cell = conflict
         if cell == other_cell:
             return StepConstraint(one, step, cell, None), StepConstraint(other, step, cell, None)
         return StepConstraint(one, step, cell, other_cell), StepConstraint(other, step, other_cell, cell)
 
     def _choice(self, node: ConstraintNode, conflicts: Sequence[CellConflict]) -> CellConflict:
-        """Return the earliest conflict that raises the cost of both agents, else of one, else any."""
+        """Return the earliest conflict that raises the cost of both agents, else that of one agent, else any."""
         best, most = conflicts[0], -1
         for conflict in conflicts:
             raised = int(self._is_forced(node, conflict.one, conflict, conflict.cell, conflict.other_cell))
@@ -217,7 +217,7 @@ def shortest_cells(
 
 
 def conflicts_of(paths: Sequence[Sequence[int]]) -> list[CellConflict]:
-    """Return the first conflict of each two agents, earliest first."""
+    """Return the first conflict of each pair of agents, earliest first."""
     found: dict[tuple[int, int], CellConflict] = {}
     longest = max((len(path) for path in paths), default=0)
     before: list[int] = []

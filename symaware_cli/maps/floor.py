@@ -1,4 +1,4 @@
-"""The floor that a map describes: its bodies, its regions, and where they lie."""
+"""The floor that a map describes: its bodies, regions and bounds."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Floor:
 
     Attributes:
         bodies: Its bodies, by the names that they have in the world.
-        regions: Its regions, by name: `free`, and `occupied` and `unknown` if something is.
-        bounds: The least and greatest coordinates of what it describes [m]: [x, x, y, y]; None if it has no bounds.
-        raster: Its cells; None for one without.
+        regions: Its regions, by name: `free`, and `occupied` and `unknown` if there are such areas.
+        bounds: The least and greatest coordinates of the map [m]: [x, x, y, y]; None if it has no bounds.
+        raster: The cells of the map; None for a map without cells.
     """
 
     bodies: Mapping[str, Obstacle] = field(default_factory=dict)
@@ -37,13 +37,13 @@ class Floor:
 
 @dataclass(frozen=True)
 class FloorPart:
-    """What one file, or one field of obstacles, contributes to a floor.
+    """The contribution of one file, or of one field of obstacles, to a floor.
 
     Attributes:
         bodies: Its bodies.
         occupied: The areas that they occupy.
-        unknown: Areas of which nothing is known.
-        whole: The area that it describes; None if it has no bounds.
+        unknown: Areas with unknown content.
+        whole: The area that the part describes; None if it has no bounds.
         bounds: See `Floor`.
         raster: See `Floor`.
     """
@@ -57,12 +57,12 @@ class FloorPart:
 
 
 def floor_of(parts: Sequence[FloorPart]) -> Floor:
-    """Put a floor together.
+    """Combine parts to a floor.
 
-    The region `free` is what lies in the map, and neither in an occupied nor in an unknown area.
+    The region `free` is the area of the map without its occupied and unknown areas.
 
     Raises:
-        MapError: It has too many bodies.
+        MapError: The floor has too many bodies.
     """
     bodies = {name: body for part in parts for name, body in part.bodies.items()}
     if len(bodies) > MOST_BODIES:
@@ -76,7 +76,7 @@ def floor_of(parts: Sequence[FloorPart]) -> Floor:
     for name, found in areas.items():
         if found:
             area = RegionShape(union=tuple(found))
-            # Pictures draw unions as areas; what is occupied is drawn as bodies already.
+            # Pictures draw unions as areas; occupied areas are drawn as bodies already.
             regions[name] = Region(intersection=(area,)) if name == "occupied" else Region(union=area.union)
             free.append(RegionShape(complement=name))
     if free:
@@ -121,7 +121,7 @@ def of_raster(raster: Raster, height: float, is_unknown_solid: bool) -> FloorPar
 
 
 def of_polygons(polygons: Sequence[Array]) -> FloorPart:
-    """Return the part of a floor that convex polygons occupy; it has no bounds, and as much height as the world gives.
+    """Return the part of a floor that convex polygons occupy; it has no bounds, and the default height of the world.
 
     Args:
         polygons: The corners of each, counter-clockwise [m]; shape (k, 2).

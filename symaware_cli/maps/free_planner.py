@@ -21,7 +21,7 @@ from symaware_cli.maps.raster import UNKNOWN
 from symaware_cli.maps.rectangles import merged
 from symaware_cli.specification import PlacedRegion
 
-#: Distances from obstacles are computed up to this one, in the greater extents of the area.
+#: Distances from obstacles are computed up to this limit, relative to the greater extent of the area.
 _REACH = 0.05
 
 
@@ -29,7 +29,7 @@ class FreePlanner(PathPlanner):
     """Plans paths in an area on which the body touches no obstacle; unknown cells of the map count as obstacles."""
 
     class Parameters(PathPlanner.Parameters):
-        """The body, the area, and what is closed."""
+        """The body, the area, and closed regions."""
 
         through_unknown: bool = Field(
             False, description="Whether paths may lead through unknown cells of the map. If not, they are obstacles."
@@ -53,7 +53,7 @@ class FreePlanner(PathPlanner):
             obstacles |= {
                 f"unknown {number}": box for number, box in enumerate(boxes_of(floor.raster, unknown, height=1.0))
             }
-        radius = group.entity.radius + self.parameters.margin
+        radius = self._radius_of(group)
         self._space = FreeSpace(obstacles, radius, radius + _REACH * max(east - west, north - south))
 
     def _is_within(self, position: Array) -> bool:
@@ -65,10 +65,10 @@ class FreePlanner(PathPlanner):
 
 
 class SamplingPlanner(FreePlanner):
-    """Plans paths between positions, by others that are drawn from the area.
+    """Plans paths between positions by way of random positions in the area.
 
-    A body that is nearer to an obstacle than the `margin` at its start, or would be at its goal, first moves away from
-    it, or to it at last.
+    If the body is nearer to an obstacle than the `margin` at its start, the path first leads away from the obstacle; if
+    it is at its goal, the end of the path leads up to the obstacle.
     """
 
     def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
@@ -88,7 +88,10 @@ class SamplingPlanner(FreePlanner):
 
     @abstractmethod
     def _between(self, row: int, start: Array, goal: Array, request: PathRequest) -> PlannedPath:
-        """Return the path of an agent between positions that its body fits in, (2,) each [m], no straight line."""
+        """Return the path of an agent between positions that its body fits in, (2,) each [m].
+
+        Called if the straight line between them is blocked.
+        """
 
     @property
     def _extent(self) -> float:

@@ -1,4 +1,4 @@
-"""Where a disc can be and move without touching an obstacle.
+"""Free space: the positions and straight lines on which a disc touches no obstacle.
 
 Reasons: docs/decisions/0095-planners-off-the-grid.md
 """
@@ -13,13 +13,13 @@ from symaware_cli.core import Obstacle
 from symaware_cli.geometry import Array, Indices, Mask, Pieces, Scenery, separation
 from symaware_cli.specification import PlacedRegion
 
-#: The least radius of a disc [m]: not even a point passes between two obstacles that meet.
+#: The least radius of a disc [m]: positive, so that not even a point passes between two obstacles that touch.
 LEAST_RADIUS = 1e-9
 
 #: Pairs of a line and a piece, or points of lines, that are measured together, to bound memory.
 _TOGETHER = 1 << 16
 
-#: Where a body that is nearer to an obstacle than its radius may get away to: directions, and distances in radii.
+#: Candidate positions for a body that is nearer to an obstacle than its radius: directions, and distances in radii.
 _DIRECTIONS, _DISTANCES = 32, np.arange(1, 13) / 6.0
 
 #: The relative distance between two points of a line at which its distance from a region is computed, in radii.
@@ -31,12 +31,12 @@ class FreeSpace:
 
     Attributes:
         radius: The radius of the disc [m].
-        reach: Distances from obstacles are computed up to this one [m].
+        reach: The limit up to which distances from obstacles are computed [m].
         scenery: The obstacles.
     """
 
     def __init__(self, obstacles: Mapping[str, Obstacle], radius: float, reach: float) -> None:
-        """Place the obstacles; those that move are where they are at the beginning."""
+        """Place the obstacles; moving ones at their initial positions."""
         self.radius = max(radius, LEAST_RADIUS)
         self.reach = max(reach, self.radius)
         self.scenery = Scenery(obstacles)
@@ -53,9 +53,9 @@ class FreeSpace:
         """Return whether a disc on straight lines between points, (m, 2) each, touches no obstacle; shape (m,).
 
         Args:
-            starts: Where they begin [m].
-            ends: Where they end [m].
-            radius: The radius of the disc [m]; by default that of this space.
+            starts: The starts of the lines [m].
+            ends: The ends of the lines [m].
+            radius: The radius of the disc [m]; by default the radius of this space.
         """
         clear = np.ones(len(starts), bool)
         if not len(self.scenery) or not len(starts):
@@ -71,15 +71,15 @@ class FreeSpace:
         return clear
 
     def joined(self, points: Array, clearance: Array, first: Indices, second: Indices) -> Mask:
-        """Return which pairs of positions a disc can move between; as `clear`, but faster.
+        """Return between which pairs of positions a disc can move; equal to `clear`, but faster.
 
         Clearance changes by at most the distance travelled, so only lines near obstacles need to be measured.
 
         Args:
             points: Positions [m]; shape (n, 2).
-            clearance: Their distances from obstacles [m]; shape (n,).
+            clearance: The distances of the positions from obstacles [m]; shape (n,).
             first: The first position of each pair; shape (m,).
-            second: The second; shape (m,).
+            second: The second position of each pair; shape (m,).
 
         Returns:
             Shape (m,).
@@ -93,12 +93,13 @@ class FreeSpace:
         return possible
 
     def freed(self, position: Array) -> Array | None:
-        """Return the nearest of some positions that the disc fits in, (2,); this one, if it does.
+        """Return the nearest candidate position that the disc fits in, (2,); the position itself if it is free.
 
-        A body that is nearer to an obstacle than its radius counts as narrower on the way there, so that it gets away.
+        On the way there a body that is nearer to an obstacle than its radius counts as narrower, so that it can leave
+        the obstacle.
 
         Returns:
-            None if there is no such position within two radii, or this one is in an obstacle.
+            None if there is no such position within two radii, or the position itself is in an obstacle.
         """
         here = float(self.clearances(position[None])[0])
         if here >= self.radius:
@@ -114,7 +115,7 @@ class FreeSpace:
         return points[possible[0]] if len(possible) else None
 
     def outside(self, starts: Array, ends: Array, regions: Sequence[PlacedRegion]) -> Mask:
-        """Return whether a disc on straight lines between points, (m, 2) each, reaches into no region; shape (m,).
+        """Return whether a disc on straight lines between points, (m, 2) each, stays out of all regions; shape (m,).
 
         The depth of a point in a region changes by at most the distance travelled, so it is computed at some points of
         each line, and a line counts as reaching into a region if it may do so between two of them.

@@ -13,9 +13,9 @@ class GraphPath(NamedTuple):
     """The result of a search.
 
     Attributes:
-        nodes: The nodes of the path; empty without one.
-        cost: Its cost, with those of its start and end; infinite without one.
-        expanded: How many nodes were expanded.
+        nodes: The nodes of the path; empty without a path.
+        cost: The cost of the path, with those of its start and end; infinite without a path.
+        expanded: The number of expanded nodes.
         is_limited: Whether the search ended because of its limit.
     """
 
@@ -34,13 +34,14 @@ def least_path(
 ) -> GraphPath:
     """Find a path of least cost.
 
-    Entries of equal estimates are taken by node, so that the search depends on nothing else.
+    Among entries of equal estimates the lowest node is taken first, so that the result depends on the graph alone.
 
     Args:
-        starts: The nodes that a path may begin with, and what that costs.
-        edges: The nodes that a node leads to, and the costs of that, at least 0.
-        ending: What it costs to end a path at a node, which is infinite where that is not possible.
-        estimate: A lower bound of what is left from a node to the end. Along an edge it decreases by at most its cost.
+        starts: The nodes that a path may begin with, and the cost of each.
+        edges: Returns the successors of a node, and the cost of each edge, at least 0.
+        ending: Returns the cost of ending a path at a node; infinite where a path cannot end.
+        estimate: Returns a lower bound of the remaining cost from a node. Along an edge it must decrease by at most the
+            cost of the edge.
         most: The greatest number of nodes to expand.
     """
     best = dict(starts)

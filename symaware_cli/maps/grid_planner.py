@@ -32,16 +32,16 @@ class GridPlanner(PathPlanner):
     disc around the agent, widened by a margin, touches no fixed obstacle; so paths cut no corners. Costs are lengths,
     increased near obstacles (see `symaware_cli.maps.planning_grid`); where they are lengths alone, because
     `clearance_weight` or `comfort` is 0, the search is by jump points (`symaware_cli.maps.jump_points`), which finds
-    paths of the same cost and expands fewer cells. Obstacles that move, and other agents, are not planned around; what
-    steers the agent avoids them.
+    paths of the same cost and expands fewer cells. Plans ignore moving obstacles and other agents; the controller has
+    to avoid them.
 
-    With `on`, agents do not know the obstacles, but only what they believe of the map: the occupied areas of a
-    `perception.map`. What is unknown counts as free. When the belief has changed, an agent plans again if its disc
-    would touch an area on the rest of its path, or if it has no path.
+    With `on`, agents do not know the obstacles, but only their beliefs about the map: the occupied areas of a
+    `perception.map`. Unknown areas count as free. When the belief has changed, an agent plans again if its disc would
+    touch an area on the rest of its path, or if it has no path.
 
-    An agent plans in its first turn, and again when its goal changes or the regions that it knows to be ``closed``.
-    The waypoints begin where it is and end at the goal. If no path exists, or none is found within the greatest number
-    of cells, its list of waypoints is empty, its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a
+    An agent plans in its first turn, and again when its goal or its knowledge of ``closed`` regions changes. The
+    waypoints begin where it is and end at the goal. If no path exists, or none is found within the greatest number of
+    cells, its list of waypoints is empty, its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a
     path again, it does not count among the agents that reached their goals.
     """
 
@@ -138,20 +138,20 @@ class GridPlanner(PathPlanner):
     @property
     def _radius(self) -> float:
         """The radius of the disc [m]."""
-        return self._group.entity.radius + float(self.parameters.margin)
+        return self._radius_of(self._group)
 
     def _grid_of(self, obstacles: Mapping[str, Obstacle], hidden: Mask | None) -> PlanningGrid:
         given = self.parameters
         return PlanningGrid(self._cells, obstacles, self._radius, given.comfort, given.clearance_weight, hidden)
 
     def _search(self, grid: PlanningGrid, closed: tuple[str, ...]) -> PathSearch:
-        """Return the search without some regions."""
+        """Return the search on the grid without some regions."""
         if closed not in self._searches:
             self._searches[closed] = PathSearch(without_regions(grid, self._group, closed))
         return self._searches[closed]
 
     def _frame(self, group: AgentGroup) -> GridFrame:
-        """Return where the cells are."""
+        """Return the frame of the grid."""
         given, floor = self.parameters, floor_of_group(group)
         raster = None if floor is None else floor.raster
         side = given.resolution or (raster.resolution if raster is not None else None)
@@ -181,16 +181,16 @@ def frame_of(origin: tuple[float, float], yaw: float, side: float, width: float,
     """Return the frame of a grid that covers a rectangle.
 
     Args:
-        origin: Its lower left corner [m].
-        yaw: The direction of its rows [rad].
+        origin: The lower left corner of the rectangle [m].
+        yaw: The direction of the rows [rad].
         side: The side of the cells [m].
-        width: Its extent along the rows [m].
-        height: Its extent across them [m].
+        width: The extent along the rows [m].
+        height: The extent across the rows [m].
 
     Raises:
         ParameterError: There would be too many cells.
     """
-    # As many cells as cover the area, but none for a rounding error.
+    # Enough cells to cover the area, but no additional one because of a rounding error.
     shape = (max(1, int(np.ceil(height / side - 1e-6))), max(1, int(np.ceil(width / side - 1e-6))))
     if shape[0] * shape[1] > MOST_CELLS:
         said = f"the grid would have {shape[0]} x {shape[1]} cells, and may have {MOST_CELLS:,}"

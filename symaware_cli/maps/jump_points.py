@@ -1,10 +1,10 @@
-"""Jump points: the cells of a planning grid at which paths have to branch where every move costs its length.
+"""Jump points: the cells at which shortest paths on a planning grid may have to branch.
 
 D. Harabor and A. Grastien, Online graph pruning for pathfinding on grid maps, AAAI 2011. Their rules are for grids
 whose moves follow from the cells that are occupied. Here a move may be impossible between two passable cells, so the
 rules are stated about moves: from a cell that was reached by a move, another move is pruned if both together can be
 replaced, at most two moves around the cell, by a shorter way, or by one of the same length whose diagonal comes first.
-Of all paths of least cost, the one whose diagonals come first is then never pruned.
+So among the paths of least cost, the one with its diagonals first is never pruned.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class JumpPoints:
         self._moves = grid.moves
         self._changes = [row * self._columns + column for column, row in MOVES]
         self.onward: Bits = np.stack([self._pruned(bit) for bit in range(8)])
-        #: After a diagonal move, its two components.
+        #: The two components of each diagonal move.
         self._components: list[tuple[int, ...]] = [(bit - 1, (bit + 1) % 8) if bit % 2 else () for bit in range(8)]
         #: Whether a path may have to turn at a cell that it reached by a move.
         self._turns: list[list[bool]] = []
@@ -46,23 +46,23 @@ class JumpPoints:
             self._turns.append((self.onward[bit] & (255 ^ natural) != 0).tolist())
             self._continues.append((self.onward[bit] >> bit & 1 != 0).tolist())
         self._onward: list[list[int]] = self.onward.tolist()
-        #: The moves of each combination of bits.
+        #: The list of moves for each combination of bits.
         self._bits = [[move for move in range(8) if bits >> move & 1] for bits in range(256)]
 
     def directions(self, cell: int, arrived: int) -> list[int]:
-        """Return the moves to consider from a cell that was reached by a move; without one (-1), all possible ones."""
+        """Return the moves to consider from a cell that was reached by a move; for a start (-1), all possible moves."""
         return self._bits[int(self._moves[cell]) if arrived < 0 else self._onward[arrived][cell]]
 
     def jump(self, cell: int, bit: int, ends: Container[int]) -> tuple[int, int]:
-        """Follow a move, which is possible, until a cell where a path may turn or end.
+        """Repeat a possible move until a cell where a path may turn or end.
 
         Args:
-            cell: Where to begin.
+            cell: The first cell.
             bit: The move.
             ends: The cells at which paths may end.
 
         Returns:
-            That cell and the number of moves; -1 for the cell if the line ends without one.
+            That cell and the number of moves; -1 for the cell if there is none before an obstacle.
         """
         change, turns, continues = self._changes[bit], self._turns[bit], self._continues[bit]
         components, steps = self._components[bit], 0

@@ -22,13 +22,13 @@ from symaware_cli.specification import PlacedRegion
 _AHEAD = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))
 HEADINGS = np.array([*_AHEAD, *[(-x, -y) for x, y in _AHEAD]])
 
-#: By how many headings the primitives turn: one for each.
+#: The turn of each primitive, as a number of headings.
 TURNS = (-4, -2, -1, 0, 1, 2, 4)
 
-#: How far a chord of an arc is from it, at most, in radii of the tightest turn.
+#: The greatest distance of an arc from its chords, in radii of the tightest turn.
 _SAGITTA = 0.008
 
-#: Lengths that are rounding errors, in sides of a cell.
+#: Lengths up to this are rounding errors, in sides of a cell.
 _TINY = 1e-9
 
 #: The greatest angle of the arc that leads to a goal [rad].
@@ -40,7 +40,8 @@ _HALF_DIAGONAL = 0.71
 #: The greatest number of cells of the field of distances from obstacles.
 _MOST_CELLS = 250_000
 
-#: Within how many radii of the tightest turn a goal is reached from a state, by an arc and a straight line.
+#: The greatest distance at which a goal is reached from a state by an arc and a straight line, in radii of the tightest
+#: turn.
 _NEAR_GOAL = 4.0
 
 
@@ -50,9 +51,9 @@ class Primitive(NamedTuple):
     Attributes:
         cells: The displacement in cells; shape (2,).
         heading: The number of the heading at its end.
-        length: Its length [m].
-        radius: The radius of its arc [m]; infinite for a straight line.
-        points: Points on it, from its beginning at the origin to its end [m]; shape (k, 2).
+        length: The length of the motion [m].
+        radius: The radius of the arc [m]; infinite for a straight line.
+        points: Points on the motion, from the origin to its end [m]; shape (k, 2).
     """
 
     cells: tuple[int, int]
@@ -63,14 +64,14 @@ class Primitive(NamedTuple):
 
 
 def primitive(heading: int, turn: int, side: float, radius: float) -> Primitive:
-    """Return the shortest motion from a heading to another that joins states: a straight line, an arc, or both.
+    """Return the shortest motion between states with two headings: a straight line, an arc, or both.
 
-    Of all displacements in the angle between both headings, an arc between lines of these directions is tangent to
-    both; it begins or ends at an end of the motion, so that it is as wide as possible.
+    For each displacement within the angle between both headings, the arc is tangent to lines in these directions; it
+    begins or ends at an end of the motion, so that its radius is as large as possible.
 
     Args:
         heading: The number of the first heading.
-        turn: By how many headings it turns.
+        turn: The number of headings by which the motion turns.
         side: The side of the cells [m].
         radius: The least radius of arcs [m].
     """
@@ -84,14 +85,14 @@ def primitive(heading: int, turn: int, side: float, radius: float) -> Primitive:
     angle = float(np.arctan2(cross, one[0] * other[0] + one[1] * other[1]))
     most = int(np.ceil(4.0 * radius / side)) + 4
     cells = np.stack(np.meshgrid(np.arange(-most, most + 1), np.arange(-most, most + 1)), axis=-1).reshape(-1, 2)
-    # How far the motion would go in each direction, with a corner instead of an arc.
+    # The lengths in both directions if the motion had a corner instead of an arc.
     first = side * (cells[:, 0] * other[1] - cells[:, 1] * other[0]) / cross
     second = side * (one[0] * cells[:, 1] - one[1] * cells[:, 0]) / cross
     tangent = np.minimum(first, second)
     arc = tangent / np.tan(0.5 * abs(angle))
     length = first + second - 2.0 * tangent + arc * abs(angle)
     possible = np.flatnonzero(arc >= radius * (1.0 - 1e-12))
-    # Of equally long ones, the first.
+    # The first of equally long motions.
     best = int(possible[np.lexsort((cells[possible, 0], cells[possible, 1], np.round(length[possible] / side, 9)))[0]])
     begun, left = float(first[best] - tangent[best]), float(second[best] - tangent[best])
     curve = (begun if begun > _TINY * side else 0.0) * one + _arc(one, angle, float(arc[best]), radius)
@@ -100,7 +101,7 @@ def primitive(heading: int, turn: int, side: float, radius: float) -> Primitive:
 
 
 def _arc(direction: Array, angle: float, radius: float, least: float) -> Array:
-    """Return points on an arc from the origin, which begins in a direction and turns by an angle; shape (k, 2)."""
+    """Return points on an arc that begins at the origin in a direction and turns by an angle; shape (k, 2)."""
     chord = 2.0 * np.arccos(1.0 - _SAGITTA * least / radius)
     turned = np.linspace(0.0, angle, int(np.ceil(abs(angle) / chord)) + 1)
     along, across = radius * np.sin(np.abs(turned)), radius * (1.0 - np.cos(turned)) * np.sign(angle)
@@ -110,19 +111,19 @@ def _arc(direction: Array, angle: float, radius: float, least: float) -> Array:
 
 
 class Lattice:
-    """The primitives, and where the car can be.
+    """The primitives, and the free positions of the car.
 
     Attributes:
         radius: The least radius of arcs [m].
         side: The side of the cells [m].
-        primitives: Those of each heading.
+        primitives: The primitives of each heading.
     """
 
     def __init__(self, space: FreeSpace, within: tuple[float, float, float, float], radius: float, side: float) -> None:
         """Compute the primitives, and distances from obstacles.
 
         Args:
-            space: Where a disc around the car can be.
+            space: The free space of a disc around the car.
             within: The area of the positions: [x, x, y, y] [m].
             radius: The least radius of arcs [m].
             side: The side of the cells [m].
@@ -168,13 +169,13 @@ class Lattice:
 
 
 class LatticeSearch:
-    """The lattice that begins at the pose of a car, and the ways from its states to a goal.
+    """A search on the lattice from the pose of a car to a goal.
 
     The lattice is placed and turned so that the pose is one of its states. The goal is a position, reached from states
     near it by an arc of the least radius and a straight line that is tangent to it.
 
     Attributes:
-        first: The state of the pose. States are numbers.
+        first: The number of the state at the pose of the car.
     """
 
     def __init__(
@@ -184,10 +185,10 @@ class LatticeSearch:
 
         Args:
             lattice: The lattice.
-            position: Where the car is [m]; shape (2,).
-            heading: Its heading [rad].
-            goal: Where it is to be [m]; shape (2,).
-            closed: Regions that the disc around it may not reach into.
+            position: The position of the car [m]; shape (2,).
+            heading: The heading of the car [rad].
+            goal: The position of the goal [m]; shape (2,).
+            closed: Regions that the disc around the car may not reach into.
         """
         self._lattice, self._position, self._goal, self._closed = lattice, position, goal, closed
         self._heading = heading
@@ -195,7 +196,7 @@ class LatticeSearch:
         self._chords = [self._turned(chords) for chords in lattice.chords]
         ends = np.stack([position, goal])
         radius = lattice.space.radius
-        #: How wide the disc counts near the pose and the goal: where it would touch an obstacle, it is narrower.
+        #: The radii of the disc near the pose and the goal, reduced where it would touch an obstacle there.
         self._narrow = np.clip(lattice.space.clearances(ends), 0.0, radius)
         size = lattice.high - lattice.low
         self._most = int(np.ceil(np.hypot(*size) / lattice.side)) + 2
@@ -221,7 +222,7 @@ class LatticeSearch:
         return PlannedPath(polyline(parts), found.cost, found.expanded, False)
 
     def edges(self, node: int) -> list[tuple[int, float]]:
-        """Return the states that a state leads to, and the lengths of the ways [m]."""
+        """Return the successors of a state, and the lengths of the motions to them [m]."""
         column, row, heading = self._state(node)
         primitives = self._lattice.primitives[heading]
         chords = self._placed(column, row) + self._chords[heading]
@@ -233,7 +234,7 @@ class LatticeSearch:
         ]
 
     def ending(self, node: int) -> float:
-        """Return the length of the way from a state to the goal [m]; infinite if none is free."""
+        """Return the length of the final motion from a state to the goal [m]; infinite if none is free."""
         if node not in self._finals:
             self._finals[node] = self._final(node)
         return self._finals[node][0]
@@ -250,7 +251,7 @@ class LatticeSearch:
         return self._placed(column, row), self._heading + float(np.arctan2(y, x))
 
     def _final(self, node: int) -> tuple[float, Array]:
-        """Return the length and the points of the shortest free way from a state to the goal."""
+        """Return the length and the points of the shortest free final motion from a state to the goal."""
         radius = self._lattice.radius
         nothing: tuple[float, Array] = (np.inf, np.empty((0, 2)))
         if self.estimate(node) > _NEAR_GOAL * radius:
@@ -264,7 +265,7 @@ class LatticeSearch:
             if square < radius * radius:
                 continue
             straight = float(np.sqrt(square - radius * radius))
-            # The angle of the radius to where the arc ends, from that to where it begins.
+            # The angle between the radii to the beginning and to the end of the arc.
             ends = np.arctan2(away[1], away[0]) - sign * np.arctan2(straight, radius)
             turn = float(np.mod(sign * (ends - heading) + 0.5 * np.pi, 2.0 * np.pi))
             turn = 0.0 if turn > 2.0 * np.pi - 1e-9 else turn

@@ -18,10 +18,10 @@ from symaware_cli.maps.path_planner import PathRequest
 from symaware_cli.maps.planned_path import PlannedPath, no_path
 from symaware_cli.world import ParameterError
 
-#: The least radius of arcs by default, in radii of the tightest turn of the model: what steers needs some room.
+#: The least radius of arcs by default, in radii of the tightest turn of the model: a controller needs some reserve.
 _WIDER = 1.2
 
-#: The least side of the cells, in least radii of arcs: primitives are searched among the cells of some radii.
+#: The least side of the cells, in least radii of arcs: primitives are searched among the cells within a few radii.
 _LEAST_SIDE = 0.02
 
 #: The side of the cells by default, in least radii of arcs.
@@ -37,7 +37,7 @@ class LatticePlanner(FreePlanner):
     fixed obstacle. The goal is a position that may be reached with any heading. The cost is the length. The
     ``waypoints`` are points on the path, which `control.pure-pursuit` follows. See `symaware_cli.maps.lattice`.
 
-    When an agent plans, what it writes and which events it fires is as for `planning.grid`.
+    The times of planning, the written values and the events are those of `planning.grid`.
     """
 
     unit: ClassVar[str] = "states"
@@ -64,7 +64,7 @@ class LatticePlanner(FreePlanner):
     uncaptured = ("_space", "_area_within", "_lattice")
 
     def check(self, group: AgentGroup) -> None:
-        """Check that the model has a heading and can turn as tightly, and what `FreePlanner` checks."""
+        """Check that the model has a heading and can turn as tightly, after the checks of `FreePlanner`."""
         self._side(group)
         super().check(group)
 

@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class MapError(ValueError):
-    """A file is no map that can be used; the message says why, and where in the file."""
+    """A file is not a usable map; the message gives the reason, and the place in the file."""

@@ -44,8 +44,8 @@ class MapUpdate(NamedTuple):
 
     Attributes:
         returns: The scan that was read.
-        odds: The log odds of the cells of all agents, if the scan is new; shape (n, cells).
-        tables: The areas of each agent, if it is time to record them.
+        odds: The log odds of the cells of all agents, shape (n, cells); None if no scan is new.
+        tables: The areas of each agent, if they are due to be recorded.
     """
 
     returns: ScanReturns
@@ -54,20 +54,20 @@ class MapUpdate(NamedTuple):
 
 
 class MapPerception(GroupComponent):
-    """Keeps for each agent a map of what its lidar has seen: an occupancy grid of log odds.
+    """Keeps for each agent an occupancy grid of log odds from the scans of its lidar.
 
-    Each scan makes the cells in which rays end more probably occupied, and those through which they pass less so. What
-    no ray has met stays unknown. Rays that end at agents that an agent is aware of say nothing; of others there remains
-    a trace until a ray passes there again.
+    Each scan raises the probability that the cells in which rays end are occupied, and lowers that of the cells which
+    rays cross. Cells that no ray has met stay unknown. Rays that end at agents of which an agent is aware are ignored;
+    other agents leave a trace until a ray crosses it.
 
-    Rays are taken to begin where the agent believed to be when they were measured. The belief is recorded as the signal
-    `map`: rectangles of occupied and of free cells.
+    Rays are taken to begin at the position at which the agent believed to be when they were measured. The belief is
+    recorded as the signal `map`: rectangles of occupied and of free cells.
     """
 
     signals = (MAP,)
 
     class Parameters(PluginParameters):
-        """The grid, and what a ray says."""
+        """The grid, and the probabilities of the sensor model."""
 
         scan: str = Field(description="The name of the lidar.")
         resolution: float | None = Field(
@@ -107,7 +107,7 @@ class MapPerception(GroupComponent):
         check_scan(view, self.parameters.scan)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Begin without knowing anything."""
+        """Begin with unknown cells only."""
         super().initialise_component(group)
         given = self.parameters
         self._frame = self._frame_of(group)
@@ -127,7 +127,7 @@ class MapPerception(GroupComponent):
             is_hit = np.isfinite(returns.points[..., 0])
             outwards = np.stack([np.cos(returns.angles), np.sin(returns.angles)], axis=2)
             ends = np.where(is_hit[..., None], returns.points, returns.origins[:, None] + returns.range * outwards)
-            # Agent by agent: each scan concerns few cells of a large map.
+            # A loop over agents: each scan concerns few cells of a large map.
             odds = np.stack(
                 [
                     self._model.updated(
@@ -142,7 +142,9 @@ class MapPerception(GroupComponent):
             )
         tables = None
         if self.now >= self._due:
-            tables = [self._areas(each) for each in (self._odds if odds is None else odds)]
+            tables = [
+                self._areas(self._believed(row, each)) for row, each in enumerate(self._odds if odds is None else odds)
+            ]
         return MapUpdate(returns, odds, tables)
 
     def _update(self, value: MapUpdate) -> None:
@@ -154,8 +156,12 @@ class MapPerception(GroupComponent):
             every = nanoseconds(self.parameters.record)
             self._due = (self.computed_at // every + 1) * every
 
+    def _believed(self, row: int, odds: Odds) -> Odds:
+        """Return the log odds that an agent believes in, given those of its own scans; both of shape (cells,)."""
+        return odds
+
     def _areas(self, odds: Odds) -> Array:
-        """Return the areas that are known, as rows of the signal."""
+        """Return the known areas, as rows of the signal."""
         cells, side = self._model.cells(odds, self._frame), self._frame.resolution
         west, south = self._frame.origin
         parts = []
@@ -166,7 +172,7 @@ class MapPerception(GroupComponent):
         return np.concatenate(parts)
 
     def _frame_of(self, group: AgentGroup) -> GridFrame:
-        """Return where the cells are."""
+        """Return the frame of the grid."""
         given, floor = self.parameters, group.sections.get("map")
         raster = floor.raster if isinstance(floor, Floor) else None
         side = given.resolution or (raster.resolution if raster is not None else None)
@@ -178,7 +184,7 @@ class MapPerception(GroupComponent):
         if within is None:
             raise ParameterError("the area of the map is needed, as the scenario has no map with bounds", ("within",))
         width, height = within[1] - within[0], within[3] - within[2]
-        # As many cells as cover the area, but none for a rounding error.
+        # Enough cells to cover the area, but no additional one because of a rounding error.
         shape = (max(1, int(np.ceil(height / side - 1e-6))), max(1, int(np.ceil(width / side - 1e-6))))
         if shape[0] * shape[1] * len(group) > MOST_BELIEFS:
             said = f"the maps of {len(group)} agents would have {shape[0]} x {shape[1]} cells each"

@@ -70,15 +70,17 @@ class MapSection(ScenarioSection):
         except ScenarioError as error:
             context.add(error.problems)
         except (MapError, WorldError) as error:
-            # What is wrong with the file is found before anything is drawn.
+            # Problems of the file are found before anything is drawn.
             place = "scatter" if form.file is None or parts else "file"
             subject = (
                 "the obstacles cannot be placed" if place == "scatter" else f"the map `{form.file}` cannot be used"
             )
             context.report(f"{subject}: {error}", place)
         else:
-            return Additions(floor.bodies, floor.regions, is_drawn=form.scatter is not None)
-        # What refers to the regions of a map that cannot be read is not wrong as well.
+            bounds = floor.bounds or (form.scatter.within if form.scatter else None)
+            free = "free" if "free" in floor.regions else None
+            return Additions(floor.bodies, floor.regions, bounds=bounds, free=free, is_drawn=form.scatter is not None)
+        # References to the regions of a map that cannot be read are not reported as further problems.
         return Additions(regions=dict.fromkeys(("free", "occupied", "unknown"), _NOWHERE))
 
     def build(self, written: Any, context: SectionContext) -> Floor | None:
@@ -91,7 +93,7 @@ class MapSection(ScenarioSection):
 
 
 def _read(name: str, form: MapForm, context: SectionContext) -> tuple[FloorPart, dict[str, bytes]]:
-    """Read the file of a map; return what it contributes, and the files."""
+    """Read the file of a map; return its part of the floor, and the files."""
     from symaware_cli.assets import asset
     from symaware_cli.maps import movingai, polygon_file, ros_map
     from symaware_cli.maps.convex import convex_pieces
@@ -99,7 +101,7 @@ def _read(name: str, form: MapForm, context: SectionContext) -> tuple[FloorPart,
     suffix = PurePosixPath(name).suffix.lower()
     path = asset.find(name, context.folders)
     if (as_written := context.folder / name).is_file():
-        path = as_written  # a shorter name in messages
+        path = as_written  # messages use a shorter name
     if suffix in ros_map.SUFFIXES:
         raster, files = ros_map.read_ros_map(name, path, context.folders)
         part = of_raster(raster, form.height, form.unknown == "solid")

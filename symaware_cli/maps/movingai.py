@@ -1,8 +1,8 @@
 """Maps and problems of the benchmarks of Moving AI: `.map` and `.scen` files.
 
 N. R. Sturtevant, Benchmarks for grid-based pathfinding, IEEE Transactions on Computational Intelligence and AI in Games
-4 (2012); the format is described at https://movingai.com/benchmarks/formats.html. The first row of a file is the upper
-one.
+4 (2012); the format is described at https://movingai.com/benchmarks/formats.html. The first row of a file is the
+uppermost row of the map.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from symaware_cli.maps.raster import FREE, OCCUPIED, Raster
 
 SUFFIXES = (".map",)
 
-#: What the characters of a map mean. Swamps are passable; water is, too, but not from the ground, so it is an obstacle.
+#: The cell states of the characters of a map. Swamps are passable; water is, too, but not from the ground, so it is an
+#: obstacle.
 _CELLS = {".": FREE, "G": FREE, "S": FREE, "@": OCCUPIED, "O": OCCUPIED, "T": OCCUPIED, "W": OCCUPIED}
 _SIZE = re.compile(r"(height|width) +(\d{1,7})")
 _PROBLEM = 9
@@ -30,8 +31,8 @@ class GridProblem(NamedTuple):
     """A problem of a `.scen` file.
 
     Attributes:
-        start: Column and row of its start, from the lower left corner.
-        goal: Those of its goal.
+        start: Column and row of the start, from the lower left corner.
+        goal: Column and row of the goal.
         length: The length of its best path, in cells.
     """
 
@@ -41,7 +42,7 @@ class GridProblem(NamedTuple):
 
 
 def read_map(path: FilePath, resolution: float) -> tuple[Raster, bytes]:
-    """Read a map; its lower left corner is at the origin.
+    """Read a map whose lower left corner is at the origin.
 
     Args:
         path: The file.

@@ -1,4 +1,4 @@
-"""Occupancy grids: what scans say about the cells of a map, as log odds.
+"""Occupancy grids: the log odds that the cells of a map are occupied, updated by scans.
 
 H. P. Moravec, A. Elfes, "High resolution maps from wide angle sonar", ICRA 1985; S. Thrun, W. Burgard, D. Fox,
 Probabilistic Robotics, 2005, table 9.1.
@@ -17,24 +17,24 @@ from symaware_cli.maps.raster import FREE, OCCUPIED, UNKNOWN
 
 Odds = NDArray[np.float32]
 
-#: The distance between two points of a ray whose cells are looked up, as a share of the side of a cell.
+#: The distance between sample points of a ray, as a share of the side of a cell.
 _STEP = 0.5
 
-#: How far behind its end a ray meets an obstacle, as a share of the side of a cell: a wall along the border of a cell
-#: is in the cell behind it, whatever rounding errors the distance has.
+#: The distance behind its end at which a ray is taken to meet an obstacle, as a share of the side of a cell: a wall
+#: along the border of a cell is in the cell behind it, whatever rounding errors the distance has.
 _BEHIND = 0.25
 
 
 @dataclass(frozen=True)
 class OccupancyModel:
-    """How scans change the belief about cells.
+    """The probabilities by which scans change the belief about cells.
 
     Attributes:
         hit: The probability that a cell is occupied in which a ray ends.
         miss: The probability that a cell is occupied through which a ray passes.
         certain: The greatest probability of a cell; one minus it is the least.
         occupied: The probability above which a cell counts as occupied.
-        free: The probability below which it counts as free.
+        free: The probability below which a cell counts as free.
     """
 
     hit: float
@@ -46,14 +46,14 @@ class OccupancyModel:
     def updated(self, odds: Odds, frame: GridFrame, origin: Array, ends: Array, is_hit: NDArray[np.bool_]) -> Odds:
         """Return the log odds of all cells after the rays of a scan.
 
-        A cell changes once for each scan, however many rays meet it; a cell in which one ends counts as hit.
+        A cell changes once for each scan, however many rays meet it; a cell in which a ray ends counts as hit.
 
         Args:
             odds: The log odds of each cell, 0 where nothing is known; shape (cells,).
-            frame: Where the cells are.
-            origin: Where the rays begin [m]; shape (2,).
-            ends: Where they end [m]; shape (k, 2).
-            is_hit: Whether each ended at an obstacle; shape (k,).
+            frame: The frame of the grid.
+            origin: The beginning of the rays [m]; shape (2,).
+            ends: The ends of the rays [m]; shape (k, 2).
+            is_hit: Whether each ray ended at an obstacle; shape (k,).
         """
         way = ends - origin
         length = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2)
@@ -66,9 +66,13 @@ class OccupancyModel:
         change = np.zeros(len(odds), np.float32)
         change[passed] = _log_odds(self.miss)
         change[ended] = _log_odds(self.hit)
+        return self.limited(odds + change)
+
+    def limited(self, odds: Odds) -> Odds:
+        """Return log odds within the greatest certainty."""
         most = np.float32(_log_odds(self.certain))
-        changed: Odds = np.clip(odds + change, -most, most)
-        return changed
+        limited: Odds = np.clip(odds, -most, most)
+        return limited
 
     def cells(self, odds: Odds, frame: GridFrame) -> NDArray[np.int8]:
         """Return the states of cells, as in a `Raster`; shape (rows, columns)."""

@@ -1,4 +1,4 @@
-"""The base of planners of single paths: when they plan, what they write, and which events they fire.
+"""The base of planners for single agents: their times of planning, outputs and events.
 
 Reasons: docs/decisions/0086-planners.md
 """
@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from symaware_cli.core import AgentGroup, GroupComponent, Level, Obstacle
-from symaware_cli.geometry import LARGEST, Array, Number, Region
+from symaware_cli.geometry import LARGEST, Array, DiscRadius, Number, Region
 from symaware_cli.maps.floor import Floor
 from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.specification import PlacedRegion
@@ -25,11 +25,11 @@ Area = tuple[Number, Number, Number, Number]
 
 
 class PathRequest(NamedTuple):
-    """What the path of an agent depends on, besides where it is.
+    """The inputs of an agent's plan, besides its position.
 
     Attributes:
-        goal: Its goal [m].
-        closed: The names of the regions that it knows to be closed, ascending.
+        goal: The goal [m].
+        closed: The names of the regions that the agent knows to be closed, ascending.
     """
 
     goal: tuple[float, ...]
@@ -40,9 +40,9 @@ class PathPlans(NamedTuple):
     """The result of a turn.
 
     Attributes:
-        requests: What each agent asks for now, by row.
-        paths: The paths of those that ask for something new, by row.
-        beliefs: What each agent believes of the map, by row; empty if the planner knows the obstacles.
+        requests: The present request of each agent, by row.
+        paths: The paths of the agents with new requests, by row.
+        beliefs: The belief of each agent about the map, by row; empty if the planner knows the obstacles.
     """
 
     requests: list[PathRequest]
@@ -54,16 +54,16 @@ class PathPlanner(GroupComponent):
     """Plans paths of single agents, and writes each as ``waypoints`` and ``path_cost``.
 
     An agent plans in its first turn, and again when its `PathRequest` changes: its goal, or the regions that it knows
-    to be ``closed``. The path leads around fixed obstacles; those that move, and other agents, are not planned around.
-    The waypoints begin where it is and end at the goal. Without a path, the list is empty, so that what steers the
-    agent lets it wait, its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a path again, it does
-    not count among the agents that reached their goals.
+    to be ``closed``. The path leads around fixed obstacles; moving obstacles and other agents are ignored. The
+    waypoints begin at its position and end at the goal. Without a path, the list is empty, so that the controller
+    waits, its ``path_cost`` is -1, and ``goal-unreachable`` is fired; until it has a path again, it does not count
+    among the agents that reached their goals.
     """
 
-    #: In a process of its own, its copy of the world has the obstacles.
+    #: In another process, the copy of the world there has the obstacles.
     sees_world = True
 
-    #: What a search expands, for messages.
+    #: The units that a search expands, for messages.
     unit: ClassVar[str] = "cells"
 
     knowledge: ClassVar = {"goal": "where to go, as a position [m]"}
@@ -74,9 +74,10 @@ class PathPlanner(GroupComponent):
     }
 
     class Parameters(PluginParameters):
-        """The body, the area, and what is closed."""
+        """The body, the area, and closed regions."""
 
-        margin: Distance = Field(0.1, description="What the circle around the body is widened by [m].")
+        radius: DiscRadius = None
+        margin: Distance = Field(0.1, description="Margin by which that disc is widened [m].")
         closed: str = Field(
             "closed",
             min_length=1,
@@ -106,8 +107,12 @@ class PathPlanner(GroupComponent):
         """Start without a path."""
         super().initialise_component(group)
         self._requests: list[PathRequest | None] = [None] * len(group)
-        #: The beliefs with which paths were last compared.
+        #: The beliefs against which paths were last checked.
         self._compared: list[Array] = []
+
+    def _radius_of(self, group: AgentGroup) -> float:
+        """Return the radius of the widened disc that the body is taken for [m]."""
+        return float((self.parameters.radius or group.entity.radius) + self.parameters.margin)
 
     @abstractmethod
     def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
@@ -147,11 +152,11 @@ class PathPlanner(GroupComponent):
         self._requests, self._compared = list(value.requests), list(value.beliefs)
 
     def _beliefs(self) -> list[Array]:
-        """Return what each agent believes of the map, by row; empty if the planner knows the obstacles."""
+        """Return the belief of each agent about the map, by row; empty if the planner knows the obstacles."""
         return []
 
     def _is_outdated(self, row: int, position: Array) -> bool:
-        """Return whether the path of an agent at a position (2,) [m] has to be planned again, for the same request."""
+        """Return whether the path of an agent at a position (2,) [m] has to be planned again for the same request."""
         return False
 
     def _closed(self, group: AgentGroup, row: int) -> tuple[str, ...]:
@@ -182,10 +187,10 @@ def floor_of_group(group: AgentGroup) -> Floor | None:
 
 
 def closed_regions(group: AgentGroup, row: int, name: str) -> tuple[str, ...]:
-    """Return the regions that an agent knows to be closed, ascending, from the knowledge of a name.
+    """Return the regions that an agent knows to be closed, ascending, from the knowledge with that name.
 
     Raises:
-        ValueError: They are not a list.
+        ValueError: The value of the knowledge is not a list.
     """
     known: Any = group.knowledge[row].get(name, ())
     if isinstance(known, str) or not isinstance(known, Sequence):
@@ -197,7 +202,7 @@ def region_of(group: AgentGroup, name: str) -> PlacedRegion:
     """Return a region to be closed.
 
     Raises:
-        ValueError: There is none, or it moves.
+        ValueError: There is no region of that name, or it moves.
     """
     region: Region | None = group.regions.get(name)
     if region is None:

@@ -1,4 +1,4 @@
-"""A* on a planning grid, from a position to another; by jump points where costs are lengths.
+"""A* on a planning grid between two positions; by jump points where costs are lengths.
 
 P. E. Hart, N. J. Nilsson and B. Raphael, A formal basis for the heuristic determination of minimum cost paths, IEEE
 Transactions on Systems Science and Cybernetics 4 (1968).
@@ -19,7 +19,7 @@ from symaware_cli.maps.planning_grid import MOVES, PlanningGrid
 
 _DIAGONAL = 2.0**0.5
 
-#: The ratio of costs that are equal but for rounding errors.
+#: The greatest ratio of costs that differ by rounding errors only.
 _ALIKE = 1.0 + 1e-9
 
 #: Within how many cells of a position the search for cells that it is linked with goes on until there are some.
@@ -30,7 +30,8 @@ class PathSearch:
     """Searches paths on a grid.
 
     A start or a goal is linked with the passable cells around it that a straight line leads to without touching an
-    obstacle. A body that is nearer to an obstacle than its radius counts as narrower on the link, so that it gets away.
+    obstacle. A body that is nearer to an obstacle than its radius counts as narrower on the link, so that it can leave
+    the obstacle.
     """
 
     def __init__(self, grid: PlanningGrid, jumps: bool = True) -> None:
@@ -56,8 +57,8 @@ class PathSearch:
         """Find a path of least cost.
 
         Args:
-            start: Where it begins [m]; shape (2,).
-            goal: Where it ends [m]; shape (2,).
+            start: The start [m]; shape (2,).
+            goal: The goal [m]; shape (2,).
             most: The greatest number of cells to expand.
         """
         grid, penalty, all_steps, moves = self._grid, self._penalty, self._steps, self._moves
@@ -79,7 +80,7 @@ class PathSearch:
             return self._jumped(start, goal, most, self._jump_points, estimate)
         best: dict[int, float] = dict(zip(first.tolist(), begin.tolist(), strict=True))
         parent: dict[int, int] = {}
-        # Entries of equal estimates are taken by cell, so that the search does not depend on anything else.
+        # Among entries of equal estimates the lowest cell is taken first, so that the result depends on the grid alone.
         ahead = [(cost + estimate(cell), cell) for cell, cost in best.items()]
         heapq.heapify(ahead)
         done: set[int] = set()
@@ -120,8 +121,8 @@ class PathSearch:
     ) -> PlannedPath:
         """Find a path of least cost by jump points; see `path`.
 
-        A node is a cell and the move that led to it, as that decides which moves are worth considering. Of several
-        nodes of a cell, those of least cost count, within rounding errors.
+        A node is a cell with the move that led to it, since that move decides which moves to consider next. Among
+        several nodes of a cell, those of least cost are kept, within rounding errors.
         """
         first, begin = self.links(start)
         last, finish = self.links(goal)
@@ -187,7 +188,7 @@ class PathSearch:
         return np.empty(0, np.intp), np.empty(0)
 
     def _direct(self, start: Array, goal: Array) -> float:
-        """Return the cost of the straight line between positions in one cell or two; infinite if it is not possible."""
+        """Return the cost of the straight line between positions in one cell or two; infinite if it is blocked."""
         grid = self._grid
         away = goal - start
         length = float(np.sqrt((away**2).sum()))

@@ -1,4 +1,4 @@
-"""The result of planners of single paths."""
+"""The result of planners for single agents."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class PlannedPath(NamedTuple):
 
     Attributes:
         points: The start, the corners of the path, and the goal [m]; shape (k, 2). Empty without a path.
-        cost: The cost of the path; infinite without one.
-        expanded: How many cells, nodes or iterations the search took.
+        cost: The cost of the path; infinite without a path.
+        expanded: The number of cells, nodes or iterations that the search took.
         is_limited: Whether the search ended because of its limit.
     """
 

@@ -1,4 +1,4 @@
-"""The grid that paths are planned on: cells that a body fits in, and the moves between them that touch no obstacle."""
+"""Planning grids: the cells that a body fits in, and the moves between them that touch no obstacle."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from symaware_cli.maps.free_space import LEAST_RADIUS, FreeSpace
 #: The greatest number of cells.
 MOST_CELLS = 1_000_000
 
-#: The moves, counter-clockwise from that along the rows: columns and rows. Move d + 4 is the opposite of move d.
+#: The moves, as columns and rows, counter-clockwise from the move along the rows. Move d + 4 is the opposite of move d.
 MOVES = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 
 
 @dataclass(frozen=True)
 class GridFrame:
-    """Where the cells of a grid are.
+    """The frame of a grid: its origin, direction, resolution and shape.
 
     Attributes:
         origin: The lower left corner of the first cell [m].
@@ -56,21 +56,21 @@ class GridFrame:
 
 
 class PlanningGrid:
-    """The graph of the cells that a disc can be in, and of the straight moves to the eight cells around each.
+    """The graph of the cells that a disc fits in, and of the straight moves to the eight cells around each.
 
-    A disc can be in a cell if it touches no obstacle when it is at the centre. A move is possible if the disc touches
-    none on the way; so paths cut no corners.
+    A disc fits in a cell if it touches no obstacle when its centre is that of the cell. A move is possible if the disc
+    touches none on the way, so paths do not cut corners.
 
     The cost of a move of length L is L (1 + w (p + q) / 2), with p and q the penalties of its ends: 1 where the body
-    touches an obstacle, falling linearly to 0 where it is `comfort` away from all of them.
+    touches an obstacle, falling linearly to 0 at the distance `comfort` from all obstacles.
 
     Attributes:
         frame: Where the cells are.
         radius: The radius of the disc [m].
         centres: The centres of the cells, row by row [m]; shape (n, 2).
-        passable: Whether the disc can be in each; shape (n,).
-        penalty: The penalty of each, times w; shape (n,).
-        moves: The possible moves from each: bit d for `MOVES[d]`; shape (n,).
+        passable: Whether the disc fits in each cell; shape (n,).
+        penalty: The penalty of each cell, times w; shape (n,).
+        moves: The possible moves from each cell: bit d for `MOVES[d]`; shape (n,).
     """
 
     def __init__(
@@ -86,9 +86,9 @@ class PlanningGrid:
 
         Args:
             frame: Where the cells are.
-            obstacles: The obstacles; those that move are where they are at the beginning.
+            obstacles: The obstacles; moving ones are taken at their initial positions.
             radius: The radius of the disc [m].
-            comfort: See above [m].
+            comfort: The distance from obstacles from which on moves have no penalty [m].
             weight: The weight w of penalties.
             closed: Cells that cannot be entered for other reasons; shape (n,).
         """
@@ -107,7 +107,7 @@ class PlanningGrid:
         self.moves = self._possible_moves(clearance)
 
     def without(self, closed: Mask) -> PlanningGrid:
-        """Return the grid without some more cells; shape (n,)."""
+        """Return the grid without the cells that are closed; shape (n,)."""
         other = object.__new__(PlanningGrid)
         other.__dict__.update(self.__dict__)
         other.passable = self.passable & ~closed
@@ -137,7 +137,7 @@ class PlanningGrid:
             both = self.passable[start] & self.passable[end]
             start, end = start[both], end[both]
             length = self.frame.resolution * (2.0**0.5 if column and row else 1.0)
-            # Clearance changes by at most the distance, so moves far from obstacles need no further check.
+            # Clearance changes by at most the distance travelled, so moves far from obstacles need no further check.
             doubtful = np.flatnonzero(0.5 * (clearance[start] + clearance[end] - length) < self.radius)
             possible = np.ones(len(start), bool)
             possible[doubtful] = self.clear(self.centres[start[doubtful]], self.centres[end[doubtful]], self.radius)
@@ -146,7 +146,7 @@ class PlanningGrid:
         return moves
 
     def _pairs(self, column: int, row: int) -> tuple[Indices, Indices]:
-        """Return all pairs of a cell and the one that a move leads to."""
+        """Return all pairs of a cell and its neighbour in the direction of a move."""
         rows, columns = self.frame.shape
         numbers = np.arange(rows * columns).reshape(rows, columns)
         first = numbers[: rows - row, max(0, -column) : columns - max(0, column)]
@@ -157,7 +157,7 @@ class PlanningGrid:
 def clearances_of_cells(scenery: Scenery, frame: GridFrame, reach: float) -> Array:
     """Return the distance of each cell's centre from the nearest obstacle [m], at most `reach`; shape (n,).
 
-    The same as `FreeSpace.clearances` of the centres, in less time.
+    The result equals that of `FreeSpace.clearances` at the centres, in less time.
     """
     rows, columns = frame.shape
     found = np.full((rows, columns), reach)
@@ -171,7 +171,7 @@ def clearances_of_cells(scenery: Scenery, frame: GridFrame, reach: float) -> Arr
     first = np.clip(np.floor(inner.min(axis=1) - margin), 0, [columns, rows]).astype(np.intp)
     last = np.clip(np.ceil(inner.max(axis=1) + margin), 0, [columns, rows]).astype(np.intp)
     centres = frame.centres().reshape(rows, columns, 2)
-    # Piece by piece: each concerns few cells, and together they are too many pairs for memory.
+    # A loop over pieces: each concerns few cells, and all pairs together would not fit in memory.
     for number, ((left, bottom), (right, top)) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
         points = centres[bottom:top, left:right].reshape(-1, 2)
         if len(points):

@@ -34,7 +34,7 @@ class PolygonRing:
 
     Attributes:
         corners: The corners [m]; shape (k, 2).
-        spans: Where each is written.
+        spans: The place of each corner in the file.
     """
 
     corners: Array
@@ -45,8 +45,8 @@ class PolygonFile:
     """The polygons of a file.
 
     Attributes:
-        polygons: The rings of each: the outer one, then holes.
-        content: The file.
+        polygons: The rings of each polygon: the outer ring, then holes.
+        content: The content of the file.
     """
 
     def __init__(self, path: FilePath) -> None:
@@ -56,7 +56,7 @@ class PolygonFile:
             path: The file.
 
         Raises:
-            ScenarioError: It is wrong; has the first problem of each polygon at its place in the file.
+            ScenarioError: The file is invalid; contains the first problem of each polygon with its place in the file.
             MapError: shapely is not installed.
         """
         self.polygons: list[list[PolygonRing]] = []
@@ -233,8 +233,8 @@ class _Tokens:
     """The tokens of well-known text.
 
     Attributes:
-        kind: The kind of the present one: word, number, sign, other; empty at the end.
-        text: Its text.
+        kind: The kind of the present token: word, number, sign, other; empty at the end.
+        text: The text of the present token.
     """
 
     def __init__(self, source: Source) -> None:
@@ -247,13 +247,13 @@ class _Tokens:
 
     @property
     def span(self) -> TextSpan:
-        """Where the present one is."""
+        """The place of the present token."""
         line = bisect_right(self._lines, self._start)
         column = self._start - self._lines[line - 1] + 1
         return self._source.text_span(line, column, line, column + max(1, len(self.text)))
 
     def advance(self) -> None:
-        """Go to the next one."""
+        """Go to the next token."""
         found = _TOKEN.match(self._source.text, self._place)
         if found is None:
             self.kind = self.text = ""
@@ -264,7 +264,7 @@ class _Tokens:
         self._start, self._place = found.start(found.lastindex or 1), found.end()
 
     def skipped(self, sign: str) -> bool:
-        """Go on if the present one is a sign; return whether it was."""
+        """Skip the present token if it is a given sign; return whether it was."""
         if self.kind != "sign" or self.text != sign:
             return False
         self.advance()

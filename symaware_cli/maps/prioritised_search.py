@@ -1,8 +1,8 @@
-"""Prioritised planning: one agent after the other, each past the paths of those before it.
+"""Prioritised planning: agents plan one after the other, each around the paths of those before it.
 
-M. Erdmann and T. Lozano-Perez, On multiple moving objects, Algorithmica 2 (1987). It is fast, but neither complete nor
-of least cost. An agent that finds no path is moved to the front and all plan again, as by A. Andreychuk and K. Yakovlev
-(Two techniques that enhance the performance of multi-robot prioritized path planning, AAMAS 2018).
+M. Erdmann and T. Lozano-Perez, On multiple moving objects, Algorithmica 2 (1987). The search is fast, but neither
+complete nor optimal. An agent that finds no path is moved to the front and all plan again, as by A. Andreychuk and K.
+Yakovlev (Two techniques that enhance the performance of multi-robot prioritized path planning, AAMAS 2018).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from symaware_cli.maps.space_time import NEVER, Limits, PlanningTeam, TeamPaths,
 def prioritised_paths(team: PlanningTeam, most: int) -> TeamPaths:
     """Find paths of a team without conflicts.
 
-    Agents whose goals are farther plan first.
+    Agents with farther goals plan first.
 
     Args:
         team: The team.
-        most: The greatest number of nodes, of all searches together.
+        most: The greatest number of nodes of all searches together.
     """
     count = len(team.starts)
     to_goal = [distances(team.neighbours[row], team.goals[row]) for row in range(count)]
@@ -53,7 +53,7 @@ def prioritised_paths(team: PlanningTeam, most: int) -> TeamPaths:
 
 
 def _past(paths: list[list[int]]) -> Limits:
-    """Return what other paths leave."""
+    """Return the limits that other paths set."""
     limits = Limits()
     for path in paths:
         for step, cell in enumerate(path):

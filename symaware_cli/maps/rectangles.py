@@ -13,8 +13,8 @@ def merged(marked: NDArray[np.bool_]) -> Rectangles:
     """Partition the marked cells of a grid into rectangles.
 
     Runs of marked cells in a row are joined with equal runs in the rows above, and the same is tried with rows and
-    columns exchanged; the fewer rectangles are returned. That is at most a few more than the least number where walls
-    are along the axes, and repeatable: it depends on the cells alone.
+    columns exchanged; the fewer rectangles are returned. For walls along the axes, that is at most a few more than the
+    least number. The result depends on the cells alone.
 
     Args:
         marked: The cells; shape (rows, columns).

@@ -1,4 +1,4 @@
-"""Probabilistic roadmaps: graphs of random positions that straight lines join.
+"""Probabilistic roadmaps: graphs of random positions joined by straight lines.
 
 L. E. Kavraki, P. Svestka, J.-C. Latombe, M. H. Overmars, Probabilistic roadmaps for path planning in high-dimensional
 configuration spaces, IEEE Transactions on Robotics and Automation 12 (1996). The positions that are joined are at most
@@ -15,19 +15,20 @@ from symaware_cli.maps.free_space import FreeSpace
 from symaware_cli.maps.graph_search import least_path
 from symaware_cli.maps.planned_path import PlannedPath, no_path, polyline
 
-#: Positions whose distances from all others are computed together, to bound memory.
+#: The number of positions whose distances from all others are computed together, to bound memory.
 _TOGETHER = 256
 
-#: How far the search for positions that a start or goal is linked with goes on until there are some, in radii of links.
+#: The search for positions to link a start or goal with widens until it finds some, at most up to this distance in
+#: radii of links.
 _NEAR = (1.0, 2.0, 4.0)
 
 
 def connection_radius(area: float, count: int) -> float:
-    """Return within which distance positions are joined [m]: that of PRM* in the plane, sqrt(6 A log(n) / (pi n)).
+    """Return the greatest distance of joined positions [m]: that of PRM* in the plane, sqrt(6 A log(n) / (pi n)).
 
     Args:
-        area: The area A that they are drawn from [m^2].
-        count: Their number n.
+        area: The area A that the positions are drawn from [m^2].
+        count: The number n of positions.
     """
     return float(np.sqrt(6.0 * area * np.log(max(count, 2)) / (np.pi * max(count, 2))))
 
@@ -37,19 +38,19 @@ class Roadmap:
 
     Attributes:
         points: Positions that the disc fits in [m]; shape (n, 2).
-        radius: Within which distance they are joined [m].
+        radius: The greatest distance of joined positions [m].
         edges: The pairs of positions that the disc can move between in a straight line; the first is less than the
             second; shape (m, 2).
-        lengths: Their distances [m]; shape (m,).
+        lengths: The lengths of the edges [m]; shape (m,).
     """
 
     def __init__(self, space: FreeSpace, points: Array, area: float) -> None:
         """Compute the graph.
 
         Args:
-            space: Where the disc can be.
+            space: The free space of the disc.
             points: Positions, some of which the disc may not fit in [m]; shape (n, 2).
-            area: The area that they are from [m^2].
+            area: The area that the positions are drawn from [m^2].
         """
         self._space = space
         clearance = space.clearances(points)
@@ -70,7 +71,7 @@ class Roadmap:
         return other
 
     def links(self, position: Array) -> tuple[Indices, Array]:
-        """Return the positions that one is linked with, ascending, (k,), and their distances [m], (k,)."""
+        """Return the nodes that a position is linked with, ascending, (k,), and their distances [m], (k,)."""
         distance = np.sqrt(((self.points - position) ** 2).sum(axis=1))
         for reach in _NEAR:
             near = np.flatnonzero((distance <= reach * self.radius) & self._usable)
@@ -84,8 +85,8 @@ class Roadmap:
         """Find a shortest path on the graph, from a position that the disc fits in to another, (2,) each.
 
         Args:
-            start: Where it begins [m].
-            goal: Where it ends [m].
+            start: The start [m].
+            goal: The goal [m].
             most: The greatest number of positions to expand.
         """
         first, begin = self.links(start)
@@ -120,7 +121,7 @@ class Roadmap:
         self.edges = edges
         ends = self.points[edges]
         self.lengths: Array = np.sqrt(((ends[:, 1] - ends[:, 0]) ** 2).sum(axis=1))
-        #: The positions that each is joined with, and their distances.
+        #: The neighbours of each position, and their distances.
         self._neighbours: list[list[tuple[int, float]]] = [[] for _ in self.points]
         for (one, other), length in zip(edges.tolist(), self.lengths.tolist(), strict=True):
             self._neighbours[one].append((other, length))

@@ -22,12 +22,12 @@ class RoadmapPlanner(SamplingPlanner):
     """Plans a path to the ``goal`` on a graph of random positions, and writes it as ``waypoints`` and ``path_cost``.
 
     The graph is computed once, when the run begins, for the whole group: positions are drawn uniformly from the area,
-    keyed by the seed of the run, and those are joined that are near to each other and between which a disc around the
-    agent, widened by a margin, touches no fixed obstacle (see `symaware_cli.maps.roadmap`). Then each path takes a
-    search on the graph only, which makes this planner the one for many agents and goals in the same place. The cost is
-    the length. More samples find shorter paths and narrower passages; a path may exist that these do not have.
+    keyed by the seed of the run. Two near positions are joined if a disc around the agent, widened by a margin, touches
+    no fixed obstacle between them (see `symaware_cli.maps.roadmap`). Each path then only takes a search on the graph,
+    which suits many agents and goals in the same place. The cost is the length. More samples find shorter paths and
+    narrower passages; the roadmap may lack a path that exists.
 
-    When an agent plans, what it writes and which events it fires is as for `planning.grid`.
+    The times of planning, the written values and the events are those of `planning.grid`.
     """
 
     unit: ClassVar[str] = "positions"
@@ -44,7 +44,7 @@ class RoadmapPlanner(SamplingPlanner):
             1000,
             ge=1,
             le=20_000,
-            description="How many positions are drawn. Those where the body does not fit are dropped.",
+            description="Number of random positions. Positions in which the body does not fit are dropped.",
         )
         most_nodes: int = Field(
             20_000, ge=1, le=1_000_000, description="The greatest number of positions that a search expands."

@@ -1,4 +1,4 @@
-"""Maps in the format of ROS: a YAML file that names a picture, and says what its grey levels mean.
+"""Maps in the format of ROS: a YAML file that names a picture, and the meaning of its grey levels.
 
 The format is that of nav2_map_server (https://docs.nav2.org/configuration/packages/configuring-map-server.html) and of
 map_server before it (http://wiki.ros.org/map_server).
@@ -48,7 +48,7 @@ class RosMap(Section):
     occupied_thresh: Share = Field(description="Cells with a greater probability are occupied.")
     free_thresh: Share = Field(description="Cells with a smaller probability are free.")
     negate: Literal[0, 1] | bool = Field(0, description="Whether white is occupied, and black free.")
-    mode: Literal["trinary", "scale", "raw"] = Field("trinary", description="How levels are interpreted.")
+    mode: Literal["trinary", "scale", "raw"] = Field("trinary", description="Interpretation of grey levels.")
 
     @model_validator(mode="after")
     def _is_ordered(self) -> RosMap:
@@ -66,14 +66,14 @@ def read_ros_map(name: str, path: FilePath, folders: AssetFolders) -> tuple[Rast
 
     Args:
         name: The name of the YAML file in the scenario.
-        path: Its path.
-        folders: The folders of the scenario, below which the picture has to be.
+        path: The path of the YAML file.
+        folders: The folders of the scenario; the picture has to be in or below one of them.
 
     Returns:
         The map, and both files by their paths relative to the scenario's folder.
 
     Raises:
-        ScenarioError: It is wrong; contains the problems at their places in the YAML file.
+        ScenarioError: The map is invalid; contains the problems with their places in the YAML file.
     """
     source = read_text(path, str(path), "the YAML file of a map", SUFFIXES)
     if not source.problems:
@@ -116,7 +116,7 @@ def _raster(found: RosMap, content: bytes, suffix: str) -> Raster:
 
 
 def _problem(source: Source, image: str, message: str) -> Problem:
-    """Return a problem with the picture, at its name in the YAML file."""
+    """Return a problem with the picture, located at its name in the YAML file."""
     assert source.root is not None
     span = source.root.nearest_span(("image",))
     said = f"the picture {quoted(image)} cannot be used: {message}"

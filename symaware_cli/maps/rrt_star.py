@@ -1,8 +1,8 @@
 """RRT*: a tree of random positions whose branches become shorter with every iteration.
 
 S. Karaman and E. Frazzoli, Sampling-based algorithms for optimal motion planning, The International Journal of Robotics
-Research 30 (2011), algorithm 6. Once there is a path, positions are drawn only from the ellipse of those through which
-a shorter one may lead: J. D. Gammell, S. S. Srinivasa and T. D. Barfoot, Informed RRT*, IROS 2014.
+Research 30 (2011), algorithm 6. Once there is a path, positions are drawn only from the ellipse that contains all
+shorter paths: J. D. Gammell, S. S. Srinivasa and T. D. Barfoot, Informed RRT*, IROS 2014.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from symaware_cli.maps.planned_path import PlannedPath, no_path, polyline
 from symaware_cli.maps.roadmap import connection_radius
 from symaware_cli.specification import PlacedRegion
 
-#: Two positions that are as near as this to each other are one, in metres.
+#: Positions at most this far apart count as one [m].
 _TINY = 1e-9
 
 
 class RapidTree:
     """The tree of a search from a start to a goal.
 
-    Iterations use the draws one after the other, so more of them continue the tree of fewer. Costs in the tree never
-    rise, and therefore neither does that of the path.
+    Iterations use the draws one after the other, so a search with more iterations continues the tree of one with fewer.
+    Costs in the tree never rise, and so the cost of the path never rises either.
     """
 
     def __init__(
@@ -37,10 +37,10 @@ class RapidTree:
         """Begin with the start.
 
         Args:
-            space: Where the disc can be.
+            space: The free space of the disc.
             within: The area that positions are drawn from: [x, x, y, y] [m].
             ends: The start and the goal, positions that the disc fits in [m]; shape (2,) each.
-            step: The greatest length of a branch when it is made [m].
+            step: The greatest length of a new branch [m].
             closed: Regions that the disc may not reach into.
         """
         self._space, self._closed, self._step = space, closed, step
@@ -63,7 +63,7 @@ class RapidTree:
         #: straight ways past them, and their distances from the goal; only the first `_count` are in the tree.
         self._points = np.empty((size, 2))
         self._cost, self._clearance, self._detour, self._to_goal = (np.empty(size) for _ in range(4))
-        #: Whether each is joined with the goal.
+        #: Whether each node is joined with the goal.
         self._reaches_goal = np.zeros(size, bool)
         self._parent: list[int] = []
         self._children: list[list[int]] = []
@@ -125,7 +125,7 @@ class RapidTree:
         return self._best()
 
     def _drawn(self, draw: Array, best: float) -> Array:
-        """Return the position of a draw: in the area, or in the ellipse of those that a shorter path may pass."""
+        """Return the position of a draw: in the area, or in the ellipse of positions that a shorter path may pass."""
         if self._area(best) >= self._size[0] * self._size[1]:
             placed: Array = self._low + draw * self._size
             return placed
@@ -137,7 +137,7 @@ class RapidTree:
         return np.clip(point, self._low, self._low + self._size)
 
     def _connection_radius(self, best: float) -> float:
-        """Return within which distance positions are joined [m], for the area and number of those that matter."""
+        """Return the greatest distance of joined positions [m], for the area that shorter paths may pass."""
         area, count = min(float(self._size[0] * self._size[1]), self._area(best)), self._count
         if np.isfinite(best):
             count = int((self._detour[:count] <= best).sum())
@@ -186,7 +186,7 @@ class RapidTree:
         return node
 
     def _move(self, node: int, parent: int, cost: float) -> None:
-        """Give a node another parent, and all that follow it their costs."""
+        """Give a node another parent, and update the costs of all its descendants."""
         self._children[self._parent[node]].remove(node)
         self._children[parent].append(node)
         self._parent[node] = parent

@@ -16,20 +16,21 @@ from symaware_cli.maps.path_planner import PathRequest
 from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.maps.rrt_star import RapidTree
 
-#: The greatest length of a new branch by default, in the greater extents of the area.
+#: The greatest length of a new branch by default, relative to the greater extent of the area.
 _STEP = 0.2
 
 
 class RapidTreePlanner(SamplingPlanner):
     """Plans a path to the ``goal`` by RRT*, and writes it as ``waypoints`` and ``path_cost``.
 
-    Each plan grows a tree from where the agent is, by positions that are drawn from the area, and later from where a
-    shorter path may be; the draws are keyed by the seed of the run, the agent and the instant. On its branches a disc
-    around the agent, widened by a margin, touches no fixed obstacle. The cost is the length. It never rises with the
-    number of iterations, which is the same for each plan, whether or when a path was found; so runs repeat. If the
-    straight line is free, no tree is needed. See `symaware_cli.maps.rrt_star`.
+    Each plan grows a tree from the position of the agent, by positions that are drawn from the area, and later from the
+    part of it that a shorter path may pass; the draws are keyed by the seed of the run, the agent and the instant. On
+    the branches a disc around the agent, widened by a margin, touches no fixed obstacle. The cost is the length, which
+    never rises with the number of iterations. That number is the same for each plan, no matter whether or when a path
+    was found, so runs are repeatable. If the straight line is free, no tree is needed. See
+    `symaware_cli.maps.rrt_star`.
 
-    When an agent plans, what it writes and which events it fires is as for `planning.grid`.
+    The times of planning, the written values and the events are those of `planning.grid`.
     """
 
     unit: ClassVar[str] = "iterations"
@@ -42,7 +43,7 @@ class RapidTreePlanner(SamplingPlanner):
     class Parameters(SamplingPlanner.Parameters):
         """The tree and the body."""
 
-        iterations: int = Field(2000, ge=1, le=100_000, description="How many positions are drawn for each plan.")
+        iterations: int = Field(2000, ge=1, le=100_000, description="Number of random positions for each plan.")
         step: float | None = Field(
             None,
             gt=0,
@@ -53,7 +54,8 @@ class RapidTreePlanner(SamplingPlanner):
     def _between(self, row: int, start: Array, goal: Array, request: PathRequest) -> PlannedPath:
         count, within = self.parameters.iterations, self._area_within
         step = self.parameters.step or _STEP * max(within[1] - within[0], within[3] - within[2])
-        # The draws are of a kind of their own for each agent, so that they do not depend on who else plans now.
+        # Each agent has draws of a separate kind, so that they do not depend on which other agents plan at the same
+        # time.
         rows, numbers = np.full(count, row), np.arange(count, dtype=np.uint64)
         draws = self.random.uniform_of(rows, numbers, 2, f"tree of {self._group.ids[row]}")
         return RapidTree(self._space, within, (start, goal), step, self._regions(request.closed)).path(draws)

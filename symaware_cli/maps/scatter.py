@@ -1,9 +1,9 @@
-"""Random fields of obstacles, which leave room for agents and their goals."""
+"""Random fields of obstacles that leave room for agents and their goals."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -11,15 +11,15 @@ from pydantic import Field, field_validator
 from symaware_cli.core import Obstacle
 from symaware_cli.geometry import LARGEST, Array, Number, RegionShape, Scenery
 from symaware_cli.geometry.shape import Shape
-from symaware_cli.language import InitialAgents, Section
+from symaware_cli.language import InitialAgents, Section, positions_in
 from symaware_cli.maps.floor import FloorPart
 from symaware_cli.maps.map_error import MapError
 from symaware_cli.world import GroupChance, agent_numbers
 
-#: How often a place is drawn for an obstacle.
+#: The greatest number of draws of a place for an obstacle.
 _TRIES = 1000
 
-#: What agents know that says where they are to go.
+#: The knowledge of agents that names the places they are to go to.
 _GOALS = ("goal", "waypoints")
 
 Distance = Annotated[float, Field(ge=0, le=LARGEST)]
@@ -28,8 +28,8 @@ Distance = Annotated[float, Field(ge=0, le=LARGEST)]
 class Scatter(Section):
     """A random field of obstacles of one shape."""
 
-    count: int = Field(ge=1, le=2000, description="How many obstacles.")
-    shape: Shape = Field(description="Their outline: a circle, box, cylinder or polygon, turned at random.")
+    count: int = Field(ge=1, le=2000, description="Number of obstacles.")
+    shape: Shape = Field(description="Outline of the obstacles: a circle, box, cylinder or polygon, turned at random.")
     apart: Distance = Field(
         0.5,
         description="Least distance between the circles around two of them, and from other bodies of the world [m].",
@@ -38,7 +38,7 @@ class Scatter(Section):
         0.5, description="Least distance from the bodies of agents at their starts and goals, so circled [m]."
     )
     within: tuple[Number, Number, Number, Number] | None = Field(
-        None, description="Where their centres are: [x, x, y, y] [m]. By default the extent of the map's file."
+        None, description="Area of their centres: [x, x, y, y] [m]. By default the extent of the map's file."
     )
 
     @field_validator("shape")
@@ -65,18 +65,18 @@ def scattered(
 ) -> FloorPart:
     """Draw a field of obstacles.
 
-    Places are drawn uniformly, obstacle by obstacle, until one has room. The draws are keyed by the seed, the number of
-    the obstacle and that of the attempt, so one more obstacle does not move the others.
+    Places are drawn uniformly, obstacle by obstacle, until the obstacle has room. The draws are keyed by the seed, the
+    number of the obstacle and that of the attempt, so one more obstacle does not move the others.
 
     Args:
         scatter: The description.
-        within: Where the centres are: [x, x, y, y] [m].
+        within: The area of the centres: [x, x, y, y] [m].
         seed: The seed of the run.
         agents: The agents, whose starts and goals stay free.
-        others: The other bodies of the world, as they are at the beginning.
+        others: The other bodies of the world, at their initial poses.
 
     Raises:
-        MapError: There is no room for all of them.
+        MapError: There is no room for all obstacles.
     """
     radius, count = scatter.shape.radius, scatter.count
     low, high = np.array([within[0], within[2]]), np.array([within[1], within[3]])
@@ -122,23 +122,12 @@ def _kept_free(agents: Sequence[InitialAgents]) -> tuple[Array, Array]:
     """Return the starts and goals of all agents, (m, 2), and the radii of their bodies, (m,) [m]."""
     places, radii = [np.empty((0, 2))], [np.empty(0)]
     for group in agents:
-        goals = [place for name in _GOALS for known in group.known(name) for place in _places(known)]
+        goals = [place for name in _GOALS for known in group.known(name) for place in positions_in(known)]
         found = np.concatenate([group.positions[:, :2], np.array(goals).reshape(-1, 2)])
+        found = found[np.isfinite(found).all(axis=1)]  # agents without a position are placed later
         places.append(found)
         radii.append(np.full(len(found), group.radius))
     return np.concatenate(places), np.concatenate(radii)
-
-
-def _places(known: Any) -> Iterator[Sequence[float]]:
-    """Yield the positions in a value that is one, or a list of some."""
-    if known is None:
-        return
-    try:
-        values = np.array(known, float)
-    except (TypeError, ValueError):
-        return
-    if values.ndim in (1, 2) and values.shape[-1] in (2, 3):
-        yield from values.reshape(-1, values.shape[-1])[:, :2].tolist()
 
 
 def _area(body: Obstacle) -> RegionShape:

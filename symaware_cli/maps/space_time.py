@@ -1,4 +1,4 @@
-"""Paths in space and time: cells of a graph at whole numbers of steps, past what constraints leave.
+"""Paths in space and time: cells of a graph at whole numbers of steps, under constraints.
 
 D. Silver, Cooperative pathfinding, AIIDE 2005.
 """
@@ -11,23 +11,23 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-#: The cells that each cell leads to, itself not among them.
+#: The neighbours of each cell, without the cell itself.
 Neighbours = Sequence[Sequence[int]]
 
-#: Steps to the goal from cells that it cannot be reached from.
+#: The number of steps to the goal from cells that have no path to it.
 NEVER = 1 << 40
 
 
 class PlanningTeam(NamedTuple):
-    """Agents that move at the same time, from cell to cell or not at all, and stay where they arrive.
+    """Agents that move between cells or wait in common steps, and stay at their goals.
 
-    Two of them are in conflict if they are in one cell, or exchange their cells.
+    Two agents are in conflict if they are in one cell, or exchange their cells.
 
     Attributes:
         neighbours: The graph of each agent.
-        starts: The cell of each at the beginning.
-        goals: The cell that each is to stay in.
-        names: What each is called in messages.
+        starts: The initial cell of each agent.
+        goals: The final cell of each agent.
+        names: The name of each agent in messages.
     """
 
     neighbours: Sequence[Neighbours]
@@ -41,9 +41,9 @@ class TeamPaths(NamedTuple):
 
     Attributes:
         paths: The cells of each agent, one for each step until it stays at its goal; empty without a plan.
-        nodes: How many nodes the search took.
-        failure: Why there is no plan; empty if there is one.
-        row: The agent that this is about; None if it is about all of them.
+        nodes: The number of nodes that the search took.
+        failure: The reason why there is no plan; empty if there is one.
+        row: The agent that the failure concerns; None if it concerns all.
     """
 
     paths: list[list[int]]
@@ -59,13 +59,13 @@ class TeamPaths(NamedTuple):
 
 @dataclass
 class Limits:
-    """What an agent may not do.
+    """Constraints on one agent.
 
     Attributes:
-        cells: Cells that it may not be in: (cell, step).
+        cells: Cells that the agent may not be in: (cell, step).
         moves: Moves that may not begin: (from, to, step).
-        parked: The step from which on each of some cells is not available.
-        last: The last step that any of them concerns.
+        parked: Cells that are closed from a step on: that step, by cell.
+        last: The last step with a constraint.
     """
 
     cells: set[tuple[int, int]] = field(default_factory=set)
@@ -128,16 +128,16 @@ def space_time_path(
 ) -> tuple[list[int] | None, int]:
     """Find the path that stays at a goal earliest, by A*.
 
-    After the last step that is limited, time does not matter, so the search ends even if there is no path.
+    After the last step with a constraint, time does not matter, so the search ends even if there is no path.
 
     Args:
         neighbours: The graph.
         start: The cell at step 0.
         goal: The cell to stay in.
         to_goal: The steps from each cell to the goal without limits.
-        limits: What the agent may not do.
+        limits: The constraints on the agent.
         most: The greatest number of nodes.
-        avoided: Cells at steps that paths of the same length avoid where they can.
+        avoided: Pairs of cell and step that the path avoids where its length allows it.
 
     Returns:
         The cells of the path, one for each step, and the number of nodes. None without a path; then `most` nodes
@@ -148,7 +148,7 @@ def space_time_path(
         return None, 0
     first = (start, 0)
     parent: dict[tuple[int, int], tuple[int, int] | None] = {first: None}
-    # Equal lengths: fewest avoided cells first, then what is nearest to the goal, then the lower cell.
+    # Equal lengths: fewest avoided cells first, then the cell nearest to the goal, then the lowest cell.
     ahead = [(max(to_goal[start], stays), 0, to_goal[start], start, 0)]
     seen = {(start, min(0, latest)): 0}
     done: set[tuple[int, int]] = set()

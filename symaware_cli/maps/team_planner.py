@@ -1,4 +1,4 @@
-"""Planners of teams: paths on a grid that agents follow at the same time without contact.
+"""Planners for teams: paths on a grid that agents follow at the same time without contact.
 
 Reasons: docs/decisions/0086-planners.md
 """
@@ -45,10 +45,10 @@ _STRAIGHT = (0, 2, 4, 6)
 
 
 class Schedule(NamedTuple):
-    """Where the agents of a team are to be at the ends of equal steps; between them they move evenly.
+    """The planned positions of a team at the ends of equal steps, between which velocities are constant.
 
     Attributes:
-        begin: When it begins [ns].
+        begin: The time at which the schedule begins [ns].
         points: The position of each agent at each step [m]; shape (n, s + 1, 2).
         cells: The cell of each agent at each step, -1 where it is at no centre of a cell; shape (n, s + 1).
     """
@@ -59,12 +59,12 @@ class Schedule(NamedTuple):
 
 
 class TeamPlan(NamedTuple):
-    """The result of a turn in which something was asked for.
+    """The result of a turn with new requests.
 
     Attributes:
-        requests: What each agent asks for, by row.
-        schedule: The steps until the plan begins, and the plan; without one, the agents stop there.
-        lead: How many steps of the previous schedule precede the plan.
+        requests: The request of each agent, by row.
+        schedule: The steps until the plan begins, and the plan; without a plan, the agents stop after these steps.
+        lead: The number of steps of the previous schedule that precede the plan.
         found: The result of the search.
     """
 
@@ -77,19 +77,19 @@ class TeamPlan(NamedTuple):
 class TeamPlanner(GroupComponent):
     """Plans paths of all agents of a group at once, on which they are never in contact with each other.
 
-    Time is divided into steps, in each of which an agent moves to one of the four cells beside its own or waits; in
-    each cell is one agent at most, and no two exchange theirs. While one agent enters a cell that another leaves around
-    a corner, they are nearest: the sides of cells over the square root of 2. So cells have at least the side 2 sqrt(2)
-    (r + margin), with the radius r of the circle around the body, and agents that keep within the `margin` of their
-    schedule do not touch.
+    Time is divided into steps, in each of which an agent moves to one of the four cells beside its own or waits; each
+    cell holds one agent at most, and no two agents exchange cells. Two agents are nearest while one enters a cell that
+    the other leaves around a corner: at the side of the cells divided by the square root of 2. So cells have at least
+    the side 2 sqrt(2) (r + margin), with the radius r of the circle around the body, and agents that keep within the
+    `margin` of their schedule do not touch.
 
-    In a first step all agents move to the centres of cells, and in a last one from these to their goals, unless they
-    are there already.
+    In a first step all agents move to the centres of cells, and in a last step from there to their goals; each of these
+    steps is left out if it moves nobody.
 
     ``timed_waypoints`` is the schedule of each agent as a list of [t, x, y], which `control.timed-waypoints` follows,
     and ``waypoints`` its positions. ``path_cost`` is the time that the agent takes [s]. The agents plan together in the
-    first turn, and again when the goal of one of them changes or the regions that it knows to be ``closed``; a new plan
-    begins where they are at the end of a step of the one before.
+    first turn, and again when the goal of an agent or its knowledge of ``closed`` regions changes; a new plan begins at
+    the end of a step of the previous one.
 
     Without a plan all agents wait, at the ends of their present steps if they are moving; the ``path_cost`` is -1, and
     ``goal-unreachable`` says why.
@@ -109,7 +109,9 @@ class TeamPlanner(GroupComponent):
         """The grid, the speed and the body."""
 
         speed: float = Field(1.0, gt=0, le=LARGEST, description="Speed of moves [m/s].")
-        margin: Distance = Field(0.05, description="How far an agent may be from its schedule without a contact [m].")
+        margin: Distance = Field(
+            0.05, description="Greatest distance of agents from their schedules without a contact [m]."
+        )
         resolution: float | None = Field(
             None, gt=0, le=LARGEST, description="Side of the cells [m]. By default the least that bodies allow."
         )
@@ -194,11 +196,11 @@ class TeamPlanner(GroupComponent):
         self._delay = self.now - self.computed_at
         if self.now > schedule.begin + value.lead * self._step:
             if value.lead:
-                return  # the agents are beyond where it begins, so it is planned again, further ahead
+                return  # the agents have passed the begin of this plan, so they plan again, further ahead
             schedule = schedule._replace(begin=self.now)
         self._requests, self._schedule = value.requests, schedule
         points, moves = schedule.points, (np.diff(schedule.points, axis=1) != 0.0).any(axis=2)
-        # The steps after which each agent moves no more.
+        # The number of steps after which each agent rests.
         arrivals = (moves * np.arange(1, moves.shape[1] + 1)).max(axis=1, initial=0).tolist()
         costs = [max(arrival - value.lead, 0) * self._step / SECOND for arrival in arrivals]
         for row, arrival in enumerate(arrivals):
@@ -216,7 +218,7 @@ class TeamPlanner(GroupComponent):
             self.emit_for(row, "path-planned", said, cost=costs[row], team_cost=sum(costs), expanded=found.nodes)
 
     def _timed(self, begin: int, points: Array) -> list[list[float]]:
-        """Return the points of an agent with their times [s], without those that it passes evenly."""
+        """Return the points of an agent with their times [s], without those that it passes at constant velocity."""
         legs = np.diff(points, axis=0)
         kept = np.ones(len(points), bool)
         kept[1:-1] = (np.abs(legs[1:] - legs[:-1]) > 1e-9).any(axis=1)
@@ -224,7 +226,7 @@ class TeamPlanner(GroupComponent):
         return [[time, x, y] for time, (x, y) in zip(times.tolist(), points[kept].tolist(), strict=True)]
 
     def _beginning(self) -> tuple[int, Schedule, Array]:
-        """Return where a new plan begins.
+        """Return the steps and the positions from which a new plan begins.
 
         Returns:
             The number of steps of the present schedule until then, these steps as a schedule, and the positions of
@@ -260,7 +262,7 @@ class TeamPlanner(GroupComponent):
         )
 
     def _graph(self, closed: tuple[str, ...]) -> Neighbours:
-        """Return the graph without some regions."""
+        """Return the graph of cells outside of some regions."""
         if closed not in self._graphs:
             grid = without_regions(self._grid, self._group, closed)
             columns = grid.frame.shape[1]
@@ -275,7 +277,7 @@ class TeamPlanner(GroupComponent):
         """Return the cell of each agent: the nearest one that its body fits in and a straight line leads to.
 
         Raises:
-            _UnplannableError: There is none, or two agents have the same.
+            _UnplannableError: An agent has no such cell, or two agents have the same.
         """
         grid, names = self._grid, self._group.ids
         rows, columns = grid.frame.shape
@@ -292,7 +294,7 @@ class TeamPlanner(GroupComponent):
             fits = (distance <= grid.frame.resolution) & grid.clear(
                 np.broadcast_to(place, away.shape), grid.centres[near], radius
             )
-            # Of cells at the same distance, the first.
+            # The first of cells at the same distance.
             order = np.lexsort((near, np.round(distance / grid.frame.resolution, 9)))
             near = near[order][fits[order]]
             where = f"({place[0]:.4g}, {place[1]:.4g})"
@@ -310,7 +312,7 @@ class TeamPlanner(GroupComponent):
         """Check that no two agents touch while all move evenly from starts to ends, (n, 2) each.
 
         Raises:
-            _UnplannableError: Two do.
+            _UnplannableError: Two agents touch.
         """
         least = 2.0 * self._group.entity.radius
         one, other = np.triu_indices(len(starts), 1)
@@ -324,7 +326,7 @@ class TeamPlanner(GroupComponent):
             raise _UnplannableError(f"{names[0]} and {names[1]} would touch on the way from {what}", int(one[pair]))
 
     def _frame(self, group: AgentGroup) -> GridFrame:
-        """Return where the cells are."""
+        """Return the frame of the grid."""
         given, floor = self.parameters, floor_of_group(group)
         least = 2.0 * 2.0**0.5 * (group.entity.radius + given.margin)
         side = given.resolution or least
@@ -351,7 +353,7 @@ class TeamPlanner(GroupComponent):
 
 
 class _UnplannableError(Exception):
-    """Why no plan can begin or end; `row` is the agent that this is about."""
+    """The reason why no plan can begin or end; `row` is the agent concerned."""
 
     def __init__(self, said: str, row: int) -> None:
         super().__init__(said)
@@ -359,10 +361,10 @@ class _UnplannableError(Exception):
 
 
 class PrioritisedPlanner(TeamPlanner):
-    """Plans paths of all agents of a group, one after the other, each past the paths of those before it.
+    """Plans paths of all agents of a group, one after the other, each around the paths of those before it.
 
-    Those whose goals are farther plan first. An agent that finds no path is moved to the front, and all plan again. It
-    is fast for many agents, but not complete, and the sum of the times is not the least; see `planning.cbs`, and
+    Agents with farther goals plan first. An agent that finds no path is moved to the front, and all plan again. The
+    search is fast for many agents, but neither complete nor optimal in the sum of the times; see `planning.cbs`, and
     `symaware_cli.maps.team_planner` for the schedule that both write.
     """
 
@@ -383,9 +385,9 @@ class PrioritisedPlanner(TeamPlanner):
 class ConflictPlanner(TeamPlanner):
     """Plans paths of all agents of a group whose sum of times is the least, by conflict-based search.
 
-    Of all schedules on the grid in which agents stay where they arrive, it finds one with the least sum of the times
-    after which each agent arrives. The effort grows exponentially with what conflicts cost, so `planning.prioritised`
-    is for crowds. If there is no plan at all, the search ends at its limit.
+    Finds a schedule with the least sum of the arrival times, among all schedules on the grid in which agents stay at
+    their goals. The effort grows exponentially with the cost of conflicts, so `planning.prioritised` is better for
+    crowds. If there is no plan at all, the search ends at its limit.
     """
 
     class Parameters(TeamPlanner.Parameters):

@@ -1,4 +1,4 @@
-"""What tests of maps share: a small floor in the format of ROS, and a scenario on it."""
+"""Fixtures for tests of maps: a small floor in the format of ROS, and a scenario on it."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Components that plan off the grid: what they write, when they plan again, what they draw, and what they refuse."""
+"""Planners without a grid: their outputs, new plans, random draws and refusals."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +40,7 @@ def planned(scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 def planner(document: dict[str, Any], use: str, **changes: Any) -> None:
-    """Let the robots plan."""
+    """Add a planner to the robots, before the component that steers."""
     components = document["agents"]["robot"]["components"]
     components["plan"] = {"use": use, "with": PLANNERS[use] | changes}
     components["steer"] = components.pop("steer")
@@ -101,7 +101,7 @@ def test_a_seed_repeats_its_paths_and_another_one_has_others(
 
 
 @each_planner
-def test_what_one_agent_draws_is_nothing_to_another(
+def test_draws_of_one_agent_do_not_affect_another(
     use: str, building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     planner(planned, use)
@@ -134,7 +134,7 @@ def test_unknown_cells_are_obstacles_unless_paths_may_lead_through(
     use: str, building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     planned["run"]["duration"] = 0.2
-    planned["agents"]["robot"]["knowledge"]["goal"] = [[0.3, 0.3], [0.3, 0.3]]  # in the cell that nobody has seen
+    planned["agents"]["robot"]["knowledge"]["goal"] = [[0.3, 0.3], [0.3, 0.3]]  # in the unknown cell
     found = []
     for through in (False, True):
         planner(planned, use, through_unknown=through, margin=0.0)
@@ -145,7 +145,7 @@ def test_unknown_cells_are_obstacles_unless_paths_may_lead_through(
 
 
 @each_planner
-def test_it_plans_without_a_map_over_an_area_and_any_obstacles(
+def test_planners_work_without_a_map_in_a_declared_area(
     use: str, building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     del planned["map"]
@@ -175,7 +175,7 @@ def test_a_run_goes_on_from_its_captured_state(
         ({}, {"closed": {"all": ["attic"]}}, "there is no region `attic` to be closed; there are: free, occupied"),
     ],
 )
-def test_what_cannot_work_is_refused_before_the_run(
+def test_invalid_settings_are_refused_before_the_run(
     use: str,
     changes: dict[str, Any],
     knowledge: dict[str, Any],

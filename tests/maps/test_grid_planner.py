@@ -1,4 +1,4 @@
-"""The component that plans on a grid: what it writes, when it plans again, and what it refuses."""
+"""The planner on a grid: its outputs, new plans and refusals."""
 
 import math
 from collections.abc import Callable
@@ -43,7 +43,7 @@ def test_robots_reach_their_goals_without_a_contact(
         assert log.series(agent, "world").values[-1, :2] == pytest.approx(goal, abs=0.11)
 
 
-def test_other_goals_and_closed_regions_make_it_plan_again(
+def test_new_goals_and_closed_regions_cause_a_new_plan(
     building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     planned["regions"] = {"north": {"box": [1.2, 1.6, 1.2, 1.8]}, "south": {"box": [1.2, 1.6, 0.2, 0.8]}}
@@ -91,7 +91,7 @@ def test_an_agent_without_a_path_has_not_reached_its_goal(
     assert names(sa.open_log(room / "log.mcap"), "robot.1") == ["goal-unreachable"], "what steers it lets it wait"
 
 
-def test_it_plans_without_a_map_over_an_area_and_any_obstacles(
+def test_the_planner_works_without_a_map_in_a_declared_area(
     building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     del planned["map"]
@@ -121,7 +121,7 @@ def test_a_run_goes_on_from_its_captured_state(
         ({}, {"closed": {"all": "free"}}, "is a list of names of regions"),
     ],
 )
-def test_what_cannot_work_is_refused_before_the_run(
+def test_invalid_settings_are_refused_before_the_run(
     changes: dict[str, Any],
     knowledge: dict[str, Any],
     said: str,

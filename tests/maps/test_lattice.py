@@ -43,7 +43,7 @@ def least_cost(graph: LatticeSearch) -> float:
 
 
 def is_drivable(points: Array, heading: float) -> bool:
-    """Whether a car that turns no tighter can drive along the points: at each it turns as its ways to others allow."""
+    """Whether the turns at all points are within those of arcs of the tightest radius through them."""
     legs = np.diff(points, axis=0)
     length = np.sqrt((legs**2).sum(axis=1))
     angles = np.concatenate([[heading], np.arctan2(legs[:, 1], legs[:, 0])])
@@ -133,7 +133,7 @@ def test_without_obstacles_the_way_to_a_goal_is_that_of_dubins(goal: tuple[float
     assert is_drivable(path.points, 0.0)
 
 
-def test_a_search_ends_at_its_limit_and_says_so() -> None:
+def test_a_search_ends_at_its_limit_and_reports_it() -> None:
     path = search(random_map(0, BODY), 0.3).path(5)
     assert (path.expanded, path.is_limited, len(path.points)) == (5, True, 0)
 

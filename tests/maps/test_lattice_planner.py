@@ -1,4 +1,4 @@
-"""The component that plans for cars: they follow its paths without contact; what it refuses."""
+"""The planner for cars: cars follow its paths without contact; and its refusals."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -118,7 +118,7 @@ def test_a_run_goes_on_from_its_captured_state(
         ({"use": "bicycle"}, {"resolution": 0.001}, "the cells are too small for turns of 0.877 m: at least 0.01754 m"),
     ],
 )
-def test_what_cannot_work_is_refused_before_the_run(
+def test_invalid_settings_are_refused_before_the_run(
     model: dict[str, Any],
     changes: dict[str, Any],
     said: str,

@@ -1,4 +1,4 @@
-"""What agents believe of the map, against the map."""
+"""Beliefs of agents about the map, compared with the map."""
 
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ def beliefs(log: Path, agent: str) -> list[tuple[int, Any]]:
     return [(each.time, each.values) for each in open_log(log).tables(agent, "belief.map")]
 
 
-def test_what_is_believed_agrees_with_what_is_there(tmp_path: Path) -> None:
+def test_believed_cells_agree_with_the_map(tmp_path: Path) -> None:
     scenario(document()).run(output=tmp_path / "run.mcap")
     last = beliefs(tmp_path / "run.mcap", "robot.0")[-1][1]
     occupied, free = last[last[:, 4] == 1.0], last[last[:, 4] == 0.0]
@@ -60,14 +60,14 @@ def test_what_is_believed_agrees_with_what_is_there(tmp_path: Path) -> None:
         x, y = 0.5 * (west + east), 0.5 * (south + north)
         in_crate = abs(x - 3.0) < 0.6 and abs(y - 1.5) < 0.6
         in_wall = abs(y + 1.2) < 0.3
-        at_other = np.hypot(x - 7.5, y - 2.0) < 0.35  # whom the first robot does not know
+        at_other = np.hypot(x - 7.5, y - 2.0) < 0.35  # of which the first robot is not aware
         assert in_crate or in_wall or at_other, (x, y)
     for west, east, south, north, _ in free:
         assert not (west < 3.4 and east > 2.6 and south < 1.9 and north > 1.1)
         assert not south < -1.1
 
 
-def test_what_was_never_seen_stays_unknown(tmp_path: Path) -> None:
+def test_unseen_cells_stay_unknown(tmp_path: Path) -> None:
     scenario(document()).run(output=tmp_path / "run.mcap")
     for agent, x, y in (("robot.0", 3.0, 1.5), ("robot.0", 2.9, 2.6), ("robot.1", 1.0, 0.0)):
         last = beliefs(tmp_path / "run.mcap", agent)[-1][1]
@@ -79,7 +79,7 @@ def test_beliefs_are_recorded_at_their_rate(tmp_path: Path) -> None:
     assert [time / 1e9 for time, _ in beliefs(tmp_path / "run.mcap", "robot.0")] == [0.0, 2.0, 4.0]
 
 
-def test_agents_that_are_known_are_not_in_the_map(tmp_path: Path) -> None:
+def test_known_agents_are_not_in_the_map(tmp_path: Path) -> None:
     content = document()
     content["agents"]["robot"]["components"]["sense"] = {"use": "perception.omniscient"}
     scenario(content).run(output=tmp_path / "run.mcap")
@@ -89,7 +89,7 @@ def test_agents_that_are_known_are_not_in_the_map(tmp_path: Path) -> None:
     assert (np.hypot(*(middle - [7.5, 2.0]).T) > 0.5).all()
 
 
-def test_a_captured_belief_goes_on_as_it_was(tmp_path: Path) -> None:
+def test_a_run_continues_equally_from_a_captured_belief(tmp_path: Path) -> None:
     content = scenario(document())
     with content.start(output=tmp_path / "first.mcap") as first:
         first.step(20)
@@ -114,6 +114,6 @@ def test_a_captured_belief_goes_on_as_it_was(tmp_path: Path) -> None:
         ({"scan": "eye"}, "there is no component `eye`"),
     ],
 )
-def test_what_cannot_be_a_map_is_refused(belief: dict[str, Any], said: str) -> None:
+def test_invalid_settings_are_refused(belief: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         scenario(document(**belief))

@@ -1,4 +1,4 @@
-"""A map is part of its scenario: as bodies of every world, as regions, and in the log."""
+"""Maps in scenarios: as bodies of every world, as regions, and in the log."""
 
 import math
 import shutil
@@ -51,7 +51,7 @@ def test_a_map_may_be_moved_and_turned(building: Callable[..., Built], room: Pat
     (room / "room.yaml").write_text(yaml.safe_dump(quarter))
     scenario["agents"]["robot"]["state"] = [0.0, 2.6, 0.0]
     built = building()
-    # What was at (x, y) is at (1 - y, 2 + x).
+    # A point of the map at (x, y) moves to (1 - y, 2 + x).
     assert depth(built, "free", (0.0, 2.6), (0.0, 3.3), (0.7, 2.3)) == pytest.approx([0.4, -0.1, -0.1])
     assert clearances(built, [(0.0, 3.0), (0.0, 4.7), (0.7, 4.7)]) == pytest.approx([0.2, 0.2, -0.1])
 
@@ -127,7 +127,7 @@ def test_a_map_may_come_from_the_folders_of_assets(
         ({"mode": "fancy"}, "`mode` is", "mode"),
     ],
 )
-def test_what_is_wrong_with_a_map_is_said_at_its_place_in_the_file(
+def test_problems_of_a_map_are_located_in_the_file(
     changes: dict[str, Any],
     said: str,
     path: str,
@@ -157,7 +157,7 @@ def test_what_is_wrong_with_a_map_is_said_at_its_place_in_the_file(
         ({"file": "room.yaml", "height": 0}, "`map.height` is 0"),
     ],
 )
-def test_a_section_that_is_wrong_is_refused_at_its_place(
+def test_an_invalid_section_is_refused_at_its_place(
     written: dict[str, Any], said: str, problems: Callable[..., list[Problem]], scenario: dict[str, Any]
 ) -> None:
     scenario["map"] = written

@@ -1,4 +1,4 @@
-"""Maps and problems of Moving AI are read, and what is wrong with them is refused at its place."""
+"""Maps and problems of Moving AI: valid files are read, and invalid ones are refused at the place of the problem."""
 
 from collections.abc import Callable
 from pathlib import Path

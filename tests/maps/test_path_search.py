@@ -77,7 +77,8 @@ def check(seed: int) -> bool:
     assert np.array_equal(path.points[[0, -1]], [start, goal])
     solid = outlines(obstacles)
     if len(path.points) > 2:
-        # Between the first cell and the last; the links of a start or goal beside an obstacle lead away from it.
+        # Only between the first and the last cell, as the links of a start or goal beside an obstacle lead away from
+        # it.
         inner = shapely.LineString(path.points[1:-1]) if len(path.points) > 3 else shapely.Point(path.points[1])
         assert solid.is_empty or inner.distance(solid) >= RADIUS - 1e-3, seed
     whole = shapely.LineString(path.points)
@@ -129,7 +130,7 @@ def test_without_obstacles_the_path_is_straight_and_its_cost_its_length() -> Non
     assert path.expanded <= 30
 
 
-def test_a_search_ends_at_its_limit_and_says_so() -> None:
+def test_a_search_ends_at_its_limit_and_reports_it() -> None:
     grid = PlanningGrid(GridFrame((0.0, 0.0), 0.0, 0.5, (20, 20)), {}, 0.3, 0.5, 3.0)
     path = PathSearch(grid).path(np.array([0.25, 0.25]), np.array([6.25, 9.1]), 5)
     assert (path.expanded, path.is_limited, len(path.points)) == (5, True, 0)

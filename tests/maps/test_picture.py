@@ -73,7 +73,7 @@ def test_both_formats_give_the_same_levels(content: bytes, suffix: str) -> None:
         (bytes(5 * MOST_PIXELS + 1), ".pgm", "larger than 20 MB"),
     ],
 )
-def test_what_is_damaged_or_too_large_is_refused_in_words(content: bytes, suffix: str, said: str) -> None:
+def test_damaged_or_too_large_pictures_are_refused_with_a_message(content: bytes, suffix: str, said: str) -> None:
     with pytest.raises(MapError, match=said):
         read_picture(content, suffix)
 

@@ -1,4 +1,4 @@
-"""Planning on what an agent believes of the map: it plans around what it comes to see, and only when it has to."""
+"""Planning on beliefs about the map: plans avoid obstacles once they are seen, and are renewed only when necessary."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +16,7 @@ from symaware_cli.maps.believed_floor import BelievedFloor, rest_of_path
 
 @pytest.fixture
 def exploring(scenario: dict[str, Any]) -> dict[str, Any]:
-    """A robot whose way is blocked by a wall with a gap that it does not know of."""
+    """A robot whose way is blocked by a wall with a gap, which it does not know."""
     del scenario["map"]
     wall = {"shape": {"box": {"length": 0.2, "width": 3.0}}}
     scenario["run"] = {"duration": 40.0, "until": "all(goals_reached)"}
@@ -49,7 +49,7 @@ def planned(log: sa.Log) -> list[Any]:
     return [event for event in log.events() if event.name in ("path-planned", "goal-unreachable")]
 
 
-def test_a_robot_plans_straight_through_what_it_does_not_know_and_around_it_when_it_sees_it(
+def test_a_robot_plans_through_an_unknown_wall_and_around_it_once_it_is_seen(
     building: Callable[..., Built], room: Path, exploring: dict[str, Any]
 ) -> None:
     building()
@@ -64,7 +64,7 @@ def test_a_robot_plans_straight_through_what_it_does_not_know_and_around_it_when
     assert "contact" not in names
 
 
-def test_it_plans_the_same_in_a_process_of_its_own(
+def test_plans_are_the_same_in_a_separate_process(
     building: Callable[..., Built], room: Path, exploring: dict[str, Any]
 ) -> None:
     exploring["run"]["duration"] = 8.0
@@ -85,7 +85,7 @@ def test_a_belief_that_changes_beside_the_path_is_no_reason_to_plan_again(
     assert "goal-reached" in [event.name for event in log.events()]
 
 
-def test_a_robot_that_is_walled_in_says_so_once(
+def test_a_walled_in_robot_reports_it_once(
     building: Callable[..., Built], room: Path, exploring: dict[str, Any]
 ) -> None:
     for number, (x, y) in enumerate([(1.0, 1.0), (1.0, 3.0), (0.2, 2.0), (2.0, 2.0)]):
@@ -119,7 +119,7 @@ def test_a_run_goes_on_from_its_captured_state(
         ("lidar", "`lidar` is no belief about the map, but a"),
     ],
 )
-def test_what_is_no_belief_is_refused(
+def test_components_without_a_belief_about_the_map_are_refused(
     name: str, said: str, problems: Callable[..., list[Problem]], exploring: dict[str, Any]
 ) -> None:
     exploring["agents"]["robot"]["components"]["plan"]["with"]["on"] = name

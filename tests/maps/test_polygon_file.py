@@ -1,4 +1,4 @@
-"""Polygons as well-known text and as GeoJSON: what they become, and where they are wrong."""
+"""Polygons as well-known text and as GeoJSON: their bodies and regions, and the places of problems."""
 
 import json
 from collections.abc import Callable
@@ -136,7 +136,7 @@ def test_convex_pieces_cover_a_polygon_and_do_not_overlap(seed: int) -> None:
         whole = whole.difference(shapely.Polygon(hole))
     pieces = convex_pieces(rings)
     for corners in pieces:
-        Polygon(vertices=tuple(map(tuple, corners.tolist())))  # convex, and with corners that differ
+        Polygon(vertices=tuple(map(tuple, corners.tolist())))  # convex, and without repeated corners
     assert sum(shapely.Polygon(each).area for each in pieces) == pytest.approx(whole.area)
     assert shapely.unary_union([shapely.Polygon(each) for each in pieces]).symmetric_difference(
         whole

@@ -8,7 +8,7 @@ from symaware_cli.maps.rectangles import merged
 
 
 def covered(shape: tuple[int, int], marked: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """How many rectangles cover each cell."""
+    """Return the number of rectangles that cover each cell."""
     count = np.zeros(shape, np.intp)
     for x, y, right, top in merged(marked).tolist():
         count[y:top, x:right] += 1

@@ -68,7 +68,7 @@ def test_edges_are_exactly_the_free_lines_within_the_radius() -> None:
     )
 
 
-def test_a_search_ends_at_its_limit_and_says_so() -> None:
+def test_a_search_ends_at_its_limit_and_reports_it() -> None:
     graph = roadmap(0, FreeSpace({}, RADIUS, 1.0))
     path = graph.path(np.array([0.2, 0.2]), np.array([9.8, 9.8]), 3)
     assert (path.expanded, path.is_limited, len(path.points)) == (3, True, 0)

@@ -1,4 +1,4 @@
-"""RRT*: its paths touch nothing, become no longer with more iterations, and are nearly the shortest."""
+"""RRT*: paths touch no obstacle, never become longer with more iterations, and are nearly the shortest."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_paths_are_free_whatever_the_length_of_branches(step: float) -> None:
     assert is_free(path.points, found.solid, RADIUS)
 
 
-def test_what_is_walled_in_is_not_reached() -> None:
+def test_a_walled_in_goal_is_not_reached() -> None:
     found = random_map(0, RADIUS)
     angles = np.arange(16) * np.pi / 8
     fence = {

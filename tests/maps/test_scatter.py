@@ -1,4 +1,4 @@
-"""Random fields of obstacles leave room for agents and goals, and repeat."""
+"""Random fields of obstacles leave room for agents and goals, and are repeatable."""
 
 from collections.abc import Callable
 from typing import Any
@@ -88,7 +88,7 @@ def test_a_field_on_a_map_keeps_from_its_walls_and_from_entities(
         ({"shape": {"wall": {"points": [[0, 0], [1, 1]]}}}, "a wall cannot be scattered", "map.scatter.shape.wall"),
     ],
 )
-def test_a_field_that_cannot_be_is_refused_at_its_place(
+def test_an_impossible_field_is_refused_at_its_place(
     changes: dict[str, Any], said: str, path: str, problems: Callable[..., list[Problem]], field: dict[str, Any]
 ) -> None:
     field["map"]["scatter"] |= changes

@@ -1,4 +1,4 @@
-"""The components that plan for a team: what they write, when they plan again, and what they refuse."""
+"""The planners for teams: their outputs, new plans and refusals."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -92,7 +92,7 @@ def test_robots_change_places_without_a_contact(use: str, written: Writer, team:
     assert names(log, "robot.0") == ["path-planned", "goal-reached"]
 
 
-def test_agents_are_where_their_schedule_says_at_each_time(written: Writer, team: dict[str, Any]) -> None:
+def test_agents_keep_to_their_schedule_at_each_time(written: Writer, team: dict[str, Any]) -> None:
     path = written(team)
     with sa.load(path).start() as simulation:
         simulation.step()
@@ -120,7 +120,7 @@ def test_a_new_goal_in_motion_gives_a_new_plan_without_a_contact(written: Writer
     assert log.series("robot.2", "world").values[-1, :2] == pytest.approx([0.5, 3.5], abs=1e-3)
 
 
-def test_positions_that_are_no_centres_are_left_and_reached_in_a_step_of_their_own(
+def test_positions_that_are_no_centres_are_left_and_reached_in_an_additional_step(
     written: Writer, team: dict[str, Any]
 ) -> None:
     robot = team["agents"]["robot"]
@@ -142,7 +142,7 @@ def test_positions_that_are_no_centres_are_left_and_reached_in_a_step_of_their_o
         ({"closed": {"all": ["door"]}}, "no path leads robot.2 to its goal, wherever the others are"),
     ],
 )
-def test_where_there_is_no_plan_all_wait_and_a_warning_says_why(
+def test_without_a_plan_all_wait_and_a_warning_gives_the_reason(
     changes: dict[str, Any], said: str, written: Writer, team: dict[str, Any]
 ) -> None:
     team["regions"] = {"door": {"box": [3.0, 4.0, 0.0, 1.0]}}
@@ -174,7 +174,7 @@ def test_without_a_new_plan_robots_stop_at_the_end_of_their_step(written: Writer
         ({"within": [0.0, 400.0, 0.0, 400.0], "resolution": 1.0}, "may have 100,000 for a team"),
     ],
 )
-def test_what_cannot_work_is_refused_before_the_run(
+def test_invalid_settings_are_refused_before_the_run(
     given: dict[str, Any], said: str, written: Writer, team: dict[str, Any]
 ) -> None:
     team["agents"]["robot"]["components"]["plan"]["with"] = given

@@ -88,8 +88,8 @@ def check(problem: PlanningTeam, found: TeamPaths) -> None:
         assert all(after == before or after in problem.neighbours[row][before] for before, after in pairwise(path))
 
 
-#: By how much a plan may cost more than the shortest paths of all agents alone before a search may take more nodes than
-#: it is given here: the tree of constraints grows exponentially with that difference.
+#: The greatest difference of the cost of a plan from the sum of the shortest paths that the node limit here allows: the
+#: tree of constraints grows exponentially with that difference.
 HARD = 10
 
 
@@ -136,7 +136,7 @@ def test_two_robots_pass_each_other_in_a_corridor_with_a_bay() -> None:
     assert found.cost == least_cost(problem)
 
 
-def test_a_corridor_without_a_bay_has_no_plan_and_both_searches_say_so() -> None:
+def test_a_corridor_without_a_bay_has_no_plan_and_both_searches_report_it() -> None:
     problem = team([".....", "#####"], [0, 4], [4, 0])
     found = ConflictSearch(problem, 50, 1000).paths()
     assert found.failure == (

@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, Level, Quantity, ScenarioView, Signal, Tracks
+from symaware_cli.core import AgentGroup, Confined, Level, Quantity, ScenarioView, Signal, Tracks
 from symaware_cli.engine import (
     RequestFilter,
     ScanOptions,
@@ -17,7 +17,7 @@ from symaware_cli.engine import (
     check_scan,
     dot,
 )
-from symaware_cli.geometry import Array, Indices
+from symaware_cli.geometry import Array, Indices, separation_from_points
 from symaware_cli.planning.control.barriers import (
     Encounters,
     PointMotion,
@@ -62,6 +62,10 @@ class BarrierFilter(RequestFilter):
     unicycle it keeps the distances of the point ``ahead`` of its axle, with a disc around it that contains its body.
     Agents of the same kind of model are expected to use the same filter with the same parameters, and take half of each
     constraint; other agents and obstacles to keep their velocities.
+
+    Of another that is known to stay in a set, as from a promise, an agent keeps the distance from the other, or from
+    the set that the other's body may fill: of both constraints that which its request violates less, as either
+    suffices.
 
     If the constraints contradict each other, or the limits of the control input, they are relaxed, those of obstacles
     last. The intent stays that of the controller.
@@ -167,7 +171,11 @@ class BarrierFilter(RequestFilter):
     def _compute(self) -> tuple[Array, Array, Array, dict[int, Filtering], ScanReturns | None]:
         state, requested, motion = self._group.awareness.state, self._request(), self._motion
         returns = None if self._surfaces is None else self._surfaces.returns(self._group, self.now)
-        encounters, bodies = self._encounters(state, returns)
+        encounters, bodies, tracks = self._encounters(state, returns)
+        barrier = np.full(len(self._group), self.parameters.reach)
+        np.minimum.at(barrier, encounters.row, encounters.barrier)
+        for confined in self._group.confined(tracks):
+            encounters = self._relying(encounters, tracks, confined, state, requested)
         rows, least = motion.along(encounters.normal, encounters.row, state), motion.limit(encounters, state)
         allowed = self._group.model.limit(requested)
         control_input, changes = requested, {}
@@ -190,8 +198,6 @@ class BarrierFilter(RequestFilter):
                 most = int(slacks.argmax())
                 relaxed = self._name(bodies[own[most]]) if slacks[most] > _TOLERANCE else None
                 changes[agent] = Filtering(self._name(bodies[worst]), relaxed, float(slacks[most]))
-        barrier = np.full(len(self._group), self.parameters.reach)
-        np.minimum.at(barrier, encounters.row, encounters.barrier)
         return requested, control_input, barrier, changes, returns
 
     def _update(self, value: tuple[Array, Array, Array, dict[int, Filtering], ScanReturns | None]) -> None:
@@ -228,8 +234,8 @@ class BarrierFilter(RequestFilter):
             return f"what {self._surfaces.scan} sees"
         return self.environment.roster.ids[body] if body < count else self.environment.scenery.names[body - count]
 
-    def _encounters(self, state: Array, returns: ScanReturns | None) -> tuple[Encounters, Indices]:
-        """Return the bodies within reach, and which they are (see `_name`), shape (m,)."""
+    def _encounters(self, state: Array, returns: ScanReturns | None) -> tuple[Encounters, Indices, Tracks]:
+        """Return the bodies within reach, which they are (see `_name`), shape (m,), and the tracks of the first."""
         group, parameters, motion = self._group, self.parameters, self._motion
         position = group.model.positions(state)
         own = motion.points(state, position)
@@ -255,7 +261,47 @@ class BarrierFilter(RequestFilter):
             velocity=np.ascontiguousarray(np.concatenate([tracks.velocities[:, :2], near.velocity]).T),
             shared=np.concatenate([shared, np.zeros(len(near.row), bool)]),
         )
-        return encounters, np.concatenate([others, len(self._radii) + near.obstacle])
+        return encounters, np.concatenate([others, len(self._radii) + near.obstacle]), tracks
+
+    def _relying(
+        self, encounters: Encounters, tracks: Tracks, confined: Confined, state: Array, requested: Array
+    ) -> Encounters:
+        """Return encounters with the sets of others in place of those with others, where the request violates less.
+
+        The barrier of such a set is that of an obstacle that stands still. As long as it is kept, the other is not met,
+        whatever it does within its set; so at each instant either of both constraints may be kept. Of an agent that is
+        already nearer to the set than that, the constraint of the other counts.
+        """
+        group, motion = self._group, self._motion
+        rows, observers = confined.rows, tracks.observers.take(confined.rows)
+        own = motion.points(state, group.model.positions(state)).take(observers, 0)
+        found = separation_from_points(own, np.zeros(len(own)), confined.sets)
+        away = own - found.second
+        keep = group.entity.radius + motion.ahead + self.parameters.margin
+        standing = Encounters(
+            row=observers,
+            normal=_directed(away, found.distance),
+            distance=found.distance,
+            keep=keep + self._radii.take(tracks.others.take(rows)),
+            velocity=np.zeros((2, len(rows))),
+            shared=np.zeros(len(rows), bool),
+        )
+        allowed = group.model.limit(requested)
+        lacking = []
+        for each in (encounters, standing):
+            along = motion.along(each.normal, each.row, state)
+            needed = motion.limit(each, state) + motion.margin
+            lacking.append(needed - dot(along.T, allowed.take(each.row, 0).T))
+        # A loop, as several sets may be about one other: the one that the request violates least is used.
+        best = lacking[0].copy()
+        parts = {name: getattr(encounters, name).copy() for name in Encounters.__slots__}
+        for place in np.flatnonzero(standing.barrier >= 0.0).tolist():
+            row = int(rows[place])
+            if lacking[1][place] < best[row]:
+                best[row] = lacking[1][place]
+                for name, part in parts.items():
+                    part[..., row] = getattr(standing, name)[..., place]
+        return Encounters(**parts)
 
     def _directions(self, tracks: Tracks) -> Array:
         """Return the directions in which others look: of omniscient agents as it is, else that of their velocity."""

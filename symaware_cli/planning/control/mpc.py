@@ -22,7 +22,15 @@ from symaware_cli.core import (
     Signal,
     TimeSeries,
 )
-from symaware_cli.engine import bounding_radii, require_known_states, slowest
+from symaware_cli.engine import (
+    ScanOptions,
+    ScanReturns,
+    ScanSurfaces,
+    bounding_radii,
+    check_scan,
+    require_known_states,
+    slowest,
+)
 from symaware_cli.geometry import Array
 from symaware_cli.planning.control.mpc_chance import ChanceConstrained, ChanceConstraints, ChancePlan
 from symaware_cli.planning.control.mpc_prediction import AgentPrediction, ObstaclePrediction, clearance, sizes
@@ -35,6 +43,7 @@ from symaware_cli.planning.control.mpc_reference import (
     turned_right,
     waypoints_of,
 )
+from symaware_cli.planning.control.mpc_surfaces import SeenObstacles
 from symaware_cli.planning.optimal_control import Dynamics, Plan, PlanDecision, Solver
 from symaware_cli.planning.risk.failure_bound import is_linear
 from symaware_cli.planning.risk.invariants import invariants
@@ -74,6 +83,7 @@ class PredictiveDecision(NamedTuple):
         is_other_way: Whether the path differs from that of the previous turn.
         chance: The plan under chance constraints, if there are any.
         risk: The risk that is taken until the next turn.
+        returns: The scan that was used, if there is a lidar.
     """
 
     control_input: Array
@@ -85,6 +95,7 @@ class PredictiveDecision(NamedTuple):
     is_other_way: bool
     chance: ChancePlan | None = None
     risk: float = 0.0
+    returns: ScanReturns | None = None
 
 
 class ModelPredictiveControl(Component):
@@ -98,7 +109,8 @@ class ModelPredictiveControl(Component):
 
     Others are expected to keep their believed velocity, or to follow the intent they sent. Discs among the obstacles
     are avoided as such, all other obstacles by one half-plane for each stage, where they are nearest to the rest of the
-    last plan. Both constraints hold at the stages; ``margin`` covers the motion in between. Unless ``penalty`` is null,
+    last plan. With a `scan`, obstacles are what a lidar sees, as pieces of surfaces; otherwise agents know them.
+    Both constraints hold at the stages; ``margin`` covers the motion in between. Unless ``penalty`` is null,
     they have a slack with a high price, so a plan always exists; but a plan that soon comes too close to others is not
     followed.
 
@@ -141,8 +153,14 @@ class ModelPredictiveControl(Component):
         "feasible": "There is such a plan again.",
     }
 
-    class Parameters(ChanceConstrained):
+    class Parameters(ChanceConstrained, ScanOptions):
         """Parameters of planning."""
+
+        scan: str | None = Field(
+            None,
+            description="The name of the lidar that sees the obstacles, which are expected to stand still; null for "
+            "agents that know them. Nothing that is seen is planned around from afar: `waypoints` lead past walls.",
+        )
 
         speed: float = Field(1.0, gt=0, description="Cruise speed of the reference [m/s].")
         tolerance: float = Field(0.1, gt=0, description="Distance at which the goal counts as reached [m].")
@@ -209,8 +227,9 @@ class ModelPredictiveControl(Component):
                 raise ValueError(f"`maximal_risk` works only with a model that can stop: {error}") from error
 
     def check_scenario(self, view: ScenarioView) -> None:
-        """Check that states are known, which a maximal risk requires."""
+        """Check that states are known, which a maximal risk requires, and that the scan exists."""
         require_known_states(view)
+        check_scan(view, self.parameters.scan)
 
     def check_specification(self, specification: Specification, group: AgentGroup) -> None:
         """Check that a specification can be a chance constraint."""
@@ -231,6 +250,8 @@ class ModelPredictiveControl(Component):
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         parameters, model, environment = self.parameters, agent.group.model, self.environment
         room = sizes(environment, parameters.neighbours, parameters.obstacles)
+        if parameters.scan is not None:
+            room = room._replace(discs=0, sides=parameters.obstacles)
         dynamics, turns = self._dynamics(agent)
         self._chance: ChanceConstraints | None = None
         if parameters.maximal_risk is not None:
@@ -245,7 +266,9 @@ class ModelPredictiveControl(Component):
         self._others = AgentPrediction(
             agent, bounding_radii(environment), parameters.margin, parameters.reach, room.others
         )
-        self._obstacles = ObstaclePrediction(environment, agent.entity.radius + parameters.margin, room)
+        keep = agent.entity.radius + parameters.margin
+        self._surfaces = None if parameters.scan is None else ScanSurfaces(parameters.scan, parameters, keep)
+        self._obstacles, self._room = ObstaclePrediction(environment, keep, room), room
         self._way = self._present_way()
         #: The angle by which the reference turns off to the right near others [rad].
         self._turn = parameters.perturbation * (0.5 + 0.5 * float(self.random.uniform()))
@@ -268,7 +291,7 @@ class ModelPredictiveControl(Component):
         goal, waypoints = goal_of(known, model, self.parameters), waypoints_of(known, len(model.position))
         if before is not None and before.leads_to(goal, waypoints):
             return before
-        return ReferencePath(model, goal, waypoints, self._shared_routes() if self.parameters.detours else None)
+        return ReferencePath(model, goal, waypoints, self._shared_routes())
 
     def _dynamics(self, agent: Agent) -> tuple[Dynamics, int]:
         """Return the dynamics over a step of the plan as the world integrates them, and the step in time steps."""
@@ -296,7 +319,9 @@ class ModelPredictiveControl(Component):
         return same[key]
 
     def _shared_routes(self) -> Routes | None:
-        """Return the routes around obstacles for bodies of this size, found on first use; None in space."""
+        """Return the routes around known obstacles for bodies of this size, found on first use; None without any."""
+        if not self.parameters.detours or self.parameters.scan is not None:
+            return None
         keep = self._agent.entity.radius + self.parameters.margin
         if len(self._agent.group.model.position) > 2 or not keep:
             return None
@@ -313,8 +338,9 @@ class ModelPredictiveControl(Component):
         other = way is not self._way
         passed = way.passed(position, 0 if other else self._passed, self.parameters.passing)
         distance = way.remaining(position)
+        returns = None if self._surfaces is None else self._surfaces.returns(agent.group, self.now)
         if self._planned is not None and self.now < self._planned + self._step:
-            return PredictiveDecision(self._held, None, self._slows, passed, distance, way, other)
+            return PredictiveDecision(self._held, None, self._slows, passed, distance, way, other, returns=returns)
         requested = model.limit(agent.control_input[None])
         rest = kept = None
         if self._plan is not None and self._planned is not None:
@@ -325,12 +351,16 @@ class ModelPredictiveControl(Component):
         times = self.now + self._offsets
         expected = model.positions((self._solver.rollout(state) if rest is None else rest).states)
         others = self._others.ahead(times)
-        obstacles = self._obstacles.ahead(expected[:, :2], times, self._travelled[-1] + _OBSTACLE_MARGIN)
+        avoided = self._obstacles
+        if returns is not None and self._surfaces is not None:
+            radii = bounding_radii(self.environment)
+            avoided = SeenObstacles.of(agent, self._surfaces, returns, radii, self._room)
+        obstacles = avoided.ahead(expected[:, :2], times, self._travelled[-1] + _OBSTACLE_MARGIN)
         places = way.ahead(position, passed, self._travelled)
         if self._turn and others and clearance(places, others).min() < _TURN_OFF_DISTANCE:
             # Near the goal it turns less, so that it reaches the goal.
             turned = turned_right(places, self._turn * min(1.0, distance / self._travelled[-1]))
-            places = turned if self._obstacles.clear(turned) else places
+            places = turned if avoided.clear(turned) else places
         given = {"reference": way.reference(state, places), **others, **obstacles}
 
         def solve(further: Mapping[str, Array]) -> PlanDecision:
@@ -349,7 +379,7 @@ class ModelPredictiveControl(Component):
         slows = decision.plan is None or bool(others and self._comes_too_close(decision.plan, others))
         chosen = slowest(model, state, requested) if slows or decision.plan is None else decision.plan.inputs[0]
         risk = 0.0 if self._chance is None else self._chance.next_risk(chosen, self.now)
-        return PredictiveDecision(chosen, decision, slows, passed, distance, way, other, chance, risk)
+        return PredictiveDecision(chosen, decision, slows, passed, distance, way, other, chance, risk, returns)
 
     def _comes_too_close(self, plan: Plan, others: Mapping[str, Array]) -> bool:
         """Return whether a plan soon comes too close to others, and closer than the agent is now."""
@@ -359,6 +389,8 @@ class ModelPredictiveControl(Component):
 
     def _update(self, value: PredictiveDecision) -> None:
         self._agent.model.control_input = self._held = value.control_input
+        if value.returns is not None and self._surfaces is not None:
+            self._surfaces.remember(self._agent.group, self.computed_at, value.returns)
         decision = value.decision
         if decision is not None:
             self._plan, self._planned = decision.plan, self.computed_at

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Agent, Environment, Scenery
+from symaware_cli.engine import confined_to
 from symaware_cli.geometry import Array, Mask, Pieces, separation_from_points
 from symaware_cli.planning.control.mpc_problem import Sizes
 from symaware_cli.world import SECOND
@@ -55,7 +56,8 @@ class AgentPrediction:
     """Predicts the positions of other agents.
 
     Others are expected to keep their believed velocity, except for those with a known intent: one that the agent's own
-    components wrote into its awareness is followed until it ends.
+    components wrote into its awareness is followed until it ends. Those who are known to stay in a set, such as from a
+    promise, are expected at the nearest place of it.
     """
 
     def __init__(self, agent: Agent, radii: Array, margin: float, reach: float, room: int) -> None:
@@ -93,9 +95,13 @@ class AgentPrediction:
         places = np.empty((len(times), dimensions, self._room))
         keep = np.full(self._room, 0.1 * _FAR_AWAY)
         places[:] = (own + _FAR_AWAY)[:, None]
-        for place, row in enumerate(order.tolist()):
+        expected = np.zeros((len(times), len(tracks), dimensions))
+        for row in order.tolist():
             straight = positions[row] + passed[:, None] * velocities[row]
-            places[:, :, place] = self._intended(int(indices[row]), times, straight)
+            expected[:, rows.start + row] = self._intended(int(indices[row]), times, straight)
+        expected = confined_to(agent.group, tracks, expected)
+        for place, row in enumerate(order.tolist()):
+            places[:, :, place] = expected[:, rows.start + row]
             keep[place] = max(self._keep[indices[row]], _MIN_DISTANCE)
         return {"others": places, "others_keep": keep}
 
