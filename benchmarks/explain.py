@@ -1,9 +1,9 @@
 """How often `symaware explain` is right: ``python benchmarks/explain.py`` prints the shares with exact 99 % intervals.
 
-It plants causes (a bad sensor, lost or late messages, a fault, in runs that without it have no violation), and makes
-violations without a cause in beliefs, in which nothing is to be reported: `tests/evidence/planted_causes.py`. The full
-sets take about an hour of CPU time; ``--planted``, ``--messages``, ``--faults`` and ``--without`` choose fewer, the
-first of the same sequences.
+It plants causes (a bad sensor, lost or late messages, a fault, a broken promise, in runs that without it have no
+violation), and makes violations without a cause in beliefs, in which nothing is to be reported:
+`tests/evidence/planted_causes.py`. The full sets take about an hour of CPU time; ``--planted``, ``--messages``,
+``--faults``, ``--promises`` and ``--without`` choose fewer, the first of the same sequences.
 """
 
 # First, so that NumPy uses the kernels with which runs repeat.
@@ -29,6 +29,7 @@ def main() -> None:
     parser.add_argument("--planted", type=int, default=200, help="the number of cases with a bad sensor")
     parser.add_argument("--messages", type=int, default=40, help="the number of cases with lost or late messages")
     parser.add_argument("--faults", type=int, default=40, help="the number of cases with a fault")
+    parser.add_argument("--promises", type=int, default=40, help="the number of cases with a broken promise")
     parser.add_argument("--without", type=int, default=400, help="the number of cases without a cause in beliefs")
     chosen = parser.parse_args()
     spec = importlib.util.spec_from_file_location("planted_causes", CASES)
@@ -41,6 +42,7 @@ def main() -> None:
         ("bad sensor is first", cases.planted, chosen.planted),
         ("lost or late messages are first", cases.with_lost_messages, chosen.messages),
         ("fault is first", cases.with_faults, chosen.faults),
+        ("broken promise is first", cases.with_broken_promises, chosen.promises),
         ("no cause is reported", cases.unplanted, chosen.without),
     ):
         began, right = time.process_time(), 0

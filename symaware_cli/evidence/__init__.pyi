@@ -17,11 +17,11 @@ from .budgeting import BudgetLevel as BudgetLevel
 from .budgeting import budget as budget
 from .causes.candidate import KINDS as KINDS
 from .causes.candidate import Candidate as Candidate
+from .causes.examination import explain as explain
 from .causes.explanation import CandidateRow as CandidateRow
 from .causes.explanation import Explanation as Explanation
 from .causes.explanation import ExplanationPlan as ExplanationPlan
 from .causes.explanation import FutureComparison as FutureComparison
-from .causes.explanation import explain as explain
 from .causes.explanation import strongest as strongest
 from .causes.timeline import draw_timeline as draw_timeline
 from .causes.timeline import require_timeline_format as require_timeline_format

@@ -177,7 +177,7 @@ class _Branch:
             check_output(self._built, output, log)
 
     def _build(self) -> Built:
-        return open_scenario(self._log, self._overrides)
+        return open_scenario(self._log, self._overrides, repeats_until=self._instant)
 
     def result(self, beginning: SharedBeginning | None, on_progress: Progress | None) -> BranchResult:
         """Execute the branch: from the state of a shared beginning if possible, otherwise by repetition."""

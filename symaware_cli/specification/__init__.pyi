@@ -11,6 +11,7 @@ from .closest_pair import check_least as check_least
 from .forecast import Forecast as Forecast
 from .formulation import Formulation as Formulation
 from .formulation import formulate as formulate
+from .further_names import FurtherNames as FurtherNames
 from .monitor import Monitor as Monitor
 from .monitor_statuses import MonitorStatuses as MonitorStatuses
 from .monitor_statuses import monitor_of as monitor_of

@@ -383,17 +383,28 @@ class _Parser:
         return Call(span, name, tuple(arguments))
 
     def _of_whom(self, token: Token) -> Node:
-        """Parse a name with its key in round brackets: ``belief(other)`` is ``belief["other"]``."""
-        name, keys = token.text, self._keys[token.text]
+        """Parse a name with its keys in round brackets: ``belief(other)`` is ``belief["other"]``."""
+        name, keys = token.text, cast("Keys | None", self._keys[token.text])
         self._take()
-        place = self._take()
-        if place.kind not in ("word", "text"):
-            raise ExpressionError(f"say whose: {name}({next(iter(keys.names), '...')})", self._spot(place))
-        key = place.text if place.kind == "word" else place.text[1:-1]
-        if key not in keys.names:
-            self._refuse_key(name, key, keys, place)
+        found: list[str] = []
+        while keys is not None:
+            place = self._take()
+            if place.kind not in ("word", "text"):
+                shown = ", ".join([*found, next(iter(keys.names), "...")])
+                raise ExpressionError(f"say {_which(keys)}: {name}({shown})", self._spot(place))
+            key = place.text if place.kind == "word" else place.text[1:-1]
+            if key not in keys.names:
+                self._refuse_key(name, key, keys, place)
+            found.append(key)
+            following = keys.names[key] if isinstance(keys.names, Mapping) else None
+            keys = following if isinstance(following, Keys) else None
+            if keys is not None:
+                self._expect(",", f"{name}(...)")
         end = self._expect(")", f"{name}(...)")
-        return Element((token.span[0], end.span[1]), Name(token.span, name), key)
+        node: Node = Name(token.span, name)
+        for key in found:
+            node = Element((token.span[0], end.span[1]), node, key)
+        return node
 
     def _key(self) -> int | str:
         sign = -1 if self._is("-") else 1

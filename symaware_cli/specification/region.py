@@ -103,9 +103,18 @@ class PlacedRegion:
     def _robustness(self, region: RegionShape, points: Array) -> Array:
         if not region.members:
             return encoded(region.depth(points[:, : region.dimensions]), holds_at_zero=True)
-        every = [self._robustness(self._named(each), points) for each in region.members]
         if region.complement is not None:
-            return -every[0]
+            return -self._robustness(self._named(region.complement), points)
+        polygons = _polygons(region)
+        if polygons:
+            # Maps and roads consist of hundreds: one call of NumPy for all of them.
+            # Readers of tables need no shapes.
+            from symaware_cli.geometry import polygon_depths
+
+            depths = encoded(polygon_depths(polygons, points), holds_at_zero=True)
+            extreme: Array = np.maximum.reduce(depths) if region.union is not None else np.minimum.reduce(depths)
+            return extreme
+        every = [self._robustness(self._named(each), points) for each in region.members]
         choose = np.maximum if region.union is not None else np.minimum
         total = every[0]
         for each in every[1:]:
@@ -119,3 +128,19 @@ class PlacedRegion:
         if not region.members:
             return region.dimensions
         return max(self._dimensions(self._named(each)) for each in region.members)
+
+
+#: From how many polygons on a region is evaluated as a whole.
+_MANY = 4
+
+
+def _polygons(region: RegionShape) -> tuple[tuple[tuple[float, ...], ...], ...]:
+    """Return the polygons that a region is composed of; empty if it has other members, or few."""
+    if len(region.members) < _MANY:
+        return ()
+    found = []
+    for member in region.members:
+        if isinstance(member, str) or member.polygon is None:
+            return ()
+        found.append(member.polygon)
+    return tuple(found)

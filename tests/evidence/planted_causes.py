@@ -1,6 +1,7 @@
-"""Violations of which the cause is known: a bad sensor, messages that are lost or late, a fault, or none of these.
+"""Violations of which the cause is known: a bad sensor, lost or late messages, a fault, a broken promise, or none.
 
-The first are kept only if the same seed without the cause has no violation. `benchmarks/explain.py` uses them as well.
+Cases with a cause are kept only if the same seed without the cause has no violation. `benchmarks/explain.py` uses them
+as well.
 """
 
 from __future__ import annotations
@@ -21,21 +22,26 @@ BAD = {"range": 9.0, "position_noise": 1.2, "velocity_noise": 0.6, "dropout": 0.
 #: The cart drives along the x axis from here, and meets walkers around these times [m, s].
 START, TIMES = -4.0, (2.6, 4.2)
 
+#: Walkers promise to stay this far from the line on which the cart drives [m]: it passes them at that distance.
+ASIDE = 0.9
+
 
 class Case(NamedTuple):
     """A run with a violation.
 
     Attributes:
-        log: Its log.
+        log: The log of the run.
         cause: The planted cause, as its `Candidate.text`; None if none of the candidates is a cause.
         kinds: The kinds of candidates that are examined.
         before: How long before the violation they are made right [s].
+        specification: The specification that is explained; None for the one that was violated first.
     """
 
     log: Path
     cause: str | None
     kinds: tuple[str, ...] = ("beliefs",)
     before: tuple[float, ...] = (0.5, 1.0)
+    specification: str | None = None
 
 
 def _scenario(seed: int, bad: int | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,7 +61,7 @@ def _scenario(seed: int, bad: int | None, changes: Mapping[str, Any]) -> dict[st
         }
     }
     for number, time in enumerate(TIMES):
-        # Both would meet the cart, if they did not avoid it: they cross its way, one from below, one from above.
+        # Both walkers would hit the cart if they did not avoid it: they cross its way, one from below, one from above.
         side, slant = (-1.0 if number else 1.0), float(chance.uniform(-0.4, 0.4))
         meeting, way = START + time + float(chance.uniform(-0.1, 0.1)), np.array([np.sin(slant), side * np.cos(slant)])
         start, goal = np.array([meeting, 0.0]) - time * way, np.array([meeting, 0.0]) + 3.0 * way
@@ -90,11 +96,11 @@ def _run(tree: Mapping[str, Any], folder: Path, *, logged: bool = True) -> tuple
     file.write_text(yaml.safe_dump(dict(tree), sort_keys=False))
     log.unlink(missing_ok=True)
     summary = symaware_cli.load(file).run(output=log, record=logged).summary
-    return log, any(each.verdict == "violated" for each in summary.specifications)
+    return log, any(each.verdict == "violated" and each.name == "apart" for each in summary.specifications)
 
 
 def planted(folder: Path) -> Iterator[Case]:
-    """Violations by the bad sensor of one of two walkers, without end."""
+    """Yield violations by the bad sensor of one of two walkers, endlessly."""
     seed = 0
     while True:
         seed += 1
@@ -107,10 +113,11 @@ def planted(folder: Path) -> Iterator[Case]:
 
 
 def with_lost_messages(folder: Path) -> Iterator[Case]:
-    """Violations since the messages of the cart to one of two walkers, who see nobody, are lost or late, without end.
+    """Yield violations by lost or late messages of the cart to one of two walkers, which have no sensors, endlessly.
 
-    Of all other messages, one in five is lost, which does no harm. Only messages are candidates: as a walker knows of
-    the cart by these messages only, its wrong belief about the cart is an effect of them, and would be right as well.
+    One in five of all other messages is lost, which does no harm. Only messages are candidates: since a walker knows
+    the cart by these messages only, its wrong belief about the cart is an effect of the losses, and would be a valid
+    cause as well.
     """
     seed = 20_000
     while True:
@@ -127,7 +134,7 @@ def with_lost_messages(folder: Path) -> Iterator[Case]:
 
 
 def talking(seed: int, network: Mapping[str, Any]) -> dict[str, Any]:
-    """The scenario in which agents see only themselves, and tell each other where they are."""
+    """Return the scenario in which agents perceive only themselves, and send each other their states."""
     tree = _scenario(seed, None, {"topology": {"use": "complete", "channel": {"loss": 0.2}, **network}})
     for agent in tree["agents"].values():
         others = {name: use for name, use in agent["components"].items() if name != "see"}
@@ -137,7 +144,7 @@ def talking(seed: int, network: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_faults(folder: Path) -> Iterator[Case]:
-    """Violations by a declared fault, which puts a walker in the way of the cart, without end."""
+    """Yield violations by a declared fault, which puts a walker in the way of the cart, endlessly."""
     seed = 30_000
     while True:
         seed += 1
@@ -157,10 +164,61 @@ def putting(seed: int) -> dict[str, Any]:
     return tree
 
 
-def unplanted(folder: Path) -> Iterator[Case]:
-    """Violations without a cause in beliefs, without end.
+def with_broken_promises(folder: Path) -> Iterator[Case]:
+    """Violations by one of two walkers, who promised the cart to stay beside its way, and crosses it, without end.
 
-    In turn, a walker is put in the way of the cart, and a walker with a bad sensor does not use what it sees.
+    The other one breaks its promise as well, behind the cart, where it does no harm. The cart relies on both promises.
+    """
+    seed = 40_000
+    while True:
+        seed += 1
+        bad = seed % 2
+        if _run(promising(seed, are_kept=True), folder, logged=False)[1]:
+            continue
+        log, violated = _run(promising(seed), folder)
+        if violated:
+            yield Case(log, f"promise aside_{bad} of walker-{bad}", ("beliefs", "promises"), (0.5, 1.0), "apart")
+
+
+def promising(seed: int, *, are_kept: bool = False) -> dict[str, Any]:
+    """The scenario in which walkers promise to stay beside the cart's way, and both cross it, or else both stop there.
+
+    Whose promise is broken to the cart's harm crosses the way when the cart is there, and the other one 2 m behind it.
+    """
+    chance, bad = np.random.default_rng(seed), seed % 2
+    tree, time = _scenario(seed, None, {}), TIMES[bad]
+    tree["regions"], tree["promises"] = {}, {}
+    cart = tree["agents"]["cart"]["components"]
+    cart["see"] = {"use": "perception.range", "with": GOOD}
+    drive = cart.pop("drive")
+    cart["filter"], cart["watch"] = {"use": "uncertainty.gaussian"}, {"use": "promises.monitor"}
+    cart["drive"] = drive
+    cart["safe"] = {"use": "control.barrier-filter", "with": {"margin": 0.1, "cooperative": False, "reach": 6.0}}
+    for number in range(len(TIMES)):
+        side, behind = (-1.0 if number else 1.0), (0.0 if number == bad else 2.0)
+        place = START + time - behind + float(chance.uniform(-0.1, 0.1))
+        walker, ends = tree["agents"][f"walker-{number}"], (ASIDE + 0.3 if are_kept else -3.0)
+        walker["state"] = [round(place, 3), round(side * (time + float(chance.uniform(-0.1, 0.1))), 3)]
+        walker["knowledge"] = {"goal": [round(place, 3), side * ends]}
+        walker["components"] = {
+            "see": {"use": "perception.self"},
+            "drive": {"use": "control.go-to-goal", "with": {"speed": 1.0}},
+        }
+        edges = sorted([side * ASIDE, side * 6.0])
+        tree["regions"][f"side_{number}"] = {"box": [-9.0, 9.0, *edges]}
+        tree["promises"][f"aside_{number}"] = {
+            "of": f"walker-{number}",
+            "formula": f"always inside(position, side_{number})",
+            "to": "cart",
+            "on_broken": "event",
+        }
+    return tree
+
+
+def unplanted(folder: Path) -> Iterator[Case]:
+    """Yield violations without a cause in beliefs, endlessly.
+
+    Alternately, a walker is put in the way of the cart, and a walker with a bad sensor ignores its beliefs.
     """
     seed = 10_000
     while True:
@@ -183,11 +241,13 @@ def unplanted(folder: Path) -> Iterator[Case]:
 
 def explained(case: Case, seed: int = 0) -> Explanation:
     """Explain a case at one or two instants, with few futures."""
-    return explain(case.log, kinds=case.kinds, before=case.before, within=0.5, futures=16, seed=seed)
+    return explain(
+        case.log, case.specification, kinds=case.kinds, before=case.before, within=0.5, futures=16, seed=seed
+    )
 
 
 def is_right(case: Case, explanation: Explanation) -> bool:
-    """Whether the first cause is the planted one, or no cause was found where there is none."""
+    """Whether the first cause is the planted one, or no cause was found if there is none."""
     if case.cause is None:
         return not explanation.causes
     first = explanation.causes[0].candidate if explanation.causes else None

@@ -29,8 +29,8 @@ SPEED = "agents.robot.components.steer.with.speed=0.5"
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("logs") / "hello.mcap"
-    execute(build(FOLDER / "hello.yaml", ["run.duration=6"]), path)
+    path = tmp_path_factory.mktemp("logs") / "head-on.mcap"
+    execute(build(FOLDER / "head-on.yaml", ["run.duration=6"]), path)
     return path
 
 
@@ -142,8 +142,8 @@ def assert_both_ways_are_equal(run: Path, at: float, changes: Sequence[Sequence[
 @pytest.mark.parametrize(
     ("scenario", "at"),
     [
-        ("hello.yaml", 0.73),
-        ("hello.yaml", 1.0),
+        ("head-on.yaml", 0.73),
+        ("head-on.yaml", 1.0),
         ("asynchronous.yaml", 1.234),
         ("crossing.yaml", 1.5),
         ("noisy.yaml", 0.51),
@@ -198,7 +198,7 @@ def test_a_branch_that_cannot_use_the_captured_state_is_repeated_with_a_reason(l
 def test_a_branch_is_repeated_if_a_fault_of_the_log_ends_as_another_begins(tmp_path: Path) -> None:
     run = tmp_path / "run.mcap"
     fault = "faults.still={at: 0.5, for: 0.5, freeze: robot.steer}"
-    execute(build(FOLDER / "hello.yaml", ["run.duration=2", fault]), run)
+    execute(build(FOLDER / "head-on.yaml", ["run.duration=2", fault]), run)
     changes = [["faults.dead.stop=robot.1"], ["faults.dead.stop=robot.2"]]
     assert all("may end as `dead` begins" in each for each in assert_both_ways_are_equal(run, 1.0, changes, tmp_path))
     (tmp_path / "later").mkdir()

@@ -1,4 +1,4 @@
-"""A budget certifies levels from mild to severe, and is wrong no more often than its claim says."""
+"""A budget certifies levels from mild to severe, and is wrong at most as often as it claims."""
 
 from __future__ import annotations
 

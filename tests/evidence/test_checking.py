@@ -38,11 +38,12 @@ def test_checking_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: 
         f"{name}-{group}": {"each": group, **content} for name, content in STATED.items() for group in document.agents
     }
     stated["world"] = {"formula": "always (contacts < 2 and min_separation > 0.5)"}
-    # Contracts are added to them by their own section.
+    # Contracts and promises are added to them by sections of their own.
+    added = {**(getattr(document, "contracts", None) or {}), **(getattr(document, "promises", None) or {})}
     written = {
         name: use.model_dump(by_alias=True, exclude_defaults=True)
         for name, use in document.specifications.items()
-        if use.of != "awareness"
+        if name not in added
     }
     overrides = ["run.duration=2", "recording.interval=0", "recording.omit=[]"]
     overrides.append(f"specifications={json.dumps({**written, **stated})}")
@@ -70,7 +71,7 @@ def test_checking_a_log_gives_the_verdicts_of_the_run(scenario: Path, tmp_path: 
 def test_a_log_with_a_jump_in_a_state_can_be_checked(change: dict[str, object], tmp_path: Path) -> None:
     stated = {"near": {"each": "robot", "formula": "always norm(position) < 20"}}
     overrides = [f"specifications={json.dumps(stated)}", f"faults={json.dumps({'gust': {'at': 1.0, **change}})}"]
-    hello = next(each for each in SCENARIOS if each.name == "hello.yaml")
+    hello = next(each for each in SCENARIOS if each.name == "head-on.yaml")
     summary = execute(build(hello, ["run.duration=2", *overrides]), tmp_path / "run.mcap")
     checked = check_log(tmp_path / "run.mcap")
     assert checked.violated == ("near",)
@@ -134,7 +135,7 @@ def test_repeating_the_run_gives_the_same_outcomes(log: Path) -> None:
 def test_a_window_between_recorded_instants_is_refused_with_the_way_out_and_not_held_against_a_sweep(
     tmp_path: Path,
 ) -> None:
-    scenario = yaml.safe_load((CHECKOUT / "scenarios" / "hello.yaml").read_text())
+    scenario = yaml.safe_load((CHECKOUT / "scenarios" / "head-on.yaml").read_text())
     scenario["recording"] = {"interval": 0.3}
     scenario["run"]["duration"] = 1.5
     scenario["specifications"] = {"soon": {"each": "robot", "formula": "eventually[0.05, 0.1] speed > 0"}}

@@ -1,4 +1,4 @@
-"""Explanations: exact comparisons of two arms, what is examined, and what is refused."""
+"""Explanations: exact comparisons of two arms, the examined candidates, and refusals."""
 
 import itertools
 import json
@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 import yaml
-from planted_causes import planted, putting, talking
+from planted_causes import planted, promising, putting, talking
 from sweeping import symaware
 
 from symaware_cli import branch, load, open_log
 from symaware_cli.cli.explain import _lines
 from symaware_cli.evidence import BranchError, draw_timeline, explain, write_report
-from symaware_cli.evidence.causes import explanation
+from symaware_cli.evidence.causes import examination
 from symaware_cli.evidence.causes.candidate import LinkMessages, beliefs_of
 from symaware_cli.evidence.causes.paired_shares import PairedShares, holm
 from symaware_cli.language import open_scenario
@@ -25,7 +25,7 @@ TOP = Path(__file__).parents[2]
 @pytest.mark.parametrize("trials", [4, 9])
 @pytest.mark.parametrize("alpha", [0.05, 0.4])
 def test_the_interval_is_exact_and_agrees_with_the_test(trials: int, alpha: float) -> None:
-    """Its coverage, summed over all outcomes, is at least 1 - alpha for every pair of probabilities of a grid."""
+    """The coverage, summed over all outcomes, is at least 1 - alpha for all pairs of probabilities of a grid."""
     outcomes = [(b, c) for b in range(trials + 1) for c in range(trials + 1 - b)]
     intervals = {each: PairedShares(trials, *each).interval(alpha) for each in outcomes}
     for each in outcomes:
@@ -39,7 +39,7 @@ def test_the_interval_is_exact_and_agrees_with_the_test(trials: int, alpha: floa
 
 
 def _chance(trials: int, first: int, second: int, p: float, q: float) -> float:
-    """The probability of numbers of futures that only one arm saves, which has the probabilities p and q."""
+    """Return the probability of the numbers of futures that only one arm saves, each with the probability p or q."""
     rest = trials - first - second
     ways = math.comb(trials, first) * math.comb(trials - first, second)
     return float(ways * p**first * q**second * max(1.0 - p - q, 0.0) ** rest)
@@ -114,12 +114,13 @@ def test_the_same_explanation_comes_from_the_command_with_its_picture(log: Path,
         ({"agents": "cart"}, "nothing in .* can be a cause for cart"),
         ({"kinds": ["messages"]}, "nothing in .* can be a cause: no message was lost or late"),
         ({"kinds": ["faults"]}, "no fault begins before the violation"),
-        ({"kinds": ["promises"]}, "kinds of candidates are beliefs, messages, faults; not promises"),
+        ({"kinds": ["promises"]}, "no promise is broken before the violation"),
+        ({"kinds": ["luck"]}, "kinds of candidates are beliefs, messages, faults, promises; not luck"),
         ({"before": [100.0]}, "no instant of the grid is that long before"),
         ({"budget": 0.001}, "more than the budget of 0.001 s"),
     ],
 )
-def test_what_cannot_be_explained_is_refused_before_any_branch(given: Any, said: str, log: Path) -> None:
+def test_invalid_requests_are_refused_before_any_branch(given: Any, said: str, log: Path) -> None:
     with pytest.raises(BranchError, match=said):
         explain(log, **{"before": [0.5], **given})
 
@@ -131,10 +132,10 @@ def test_a_run_without_a_violation_has_nothing_to_explain(tmp_path: Path) -> Non
         explain(log)
 
 
-def test_what_screening_leaves_and_is_not_compared_is_said_in_text_json_and_picture(
+def test_candidates_left_by_screening_without_comparison_are_in_text_json_and_picture(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(explanation, "_MOST_TESTED", 1)
+    monkeypatch.setattr(examination, "_MOST_TESTED", 1)
     found = explain(log, before=[0.5], within=0.2, futures=16, agents="walker-1")
     assert [(each.candidate.text, each.is_uncompared, each.is_cause) for each in found.rows] == [
         ("walker-1 about cart", False, True),
@@ -204,7 +205,7 @@ def run_with(faults: dict[str, Any], folder: Path) -> Path:
 
 
 def put(at: float, of: str = "walker-1", aside: float = 0.3) -> dict[str, Any]:
-    """The walker is put in the way of the cart, which starts at -4 m and drives with 1 m/s."""
+    """Return a fault that puts the walker in the way of the cart, which starts at -4 m and drives at 1 m/s."""
     return {"at": at, "place": {"of": of, "state": [at - 4.0, aside]}}
 
 
@@ -237,3 +238,31 @@ def test_faults_of_which_each_suffices_are_named_together(tmp_path: Path) -> Non
     assert found.together.command.endswith("""'faults.true-2={"prevent": "two"}'""")
     assert "fault one, and fault two: making them right saves 16 of 16" in "\n".join(_lines(found, None))
     assert found.to_json()["together"]["in_general"]["established"]
+
+
+def test_a_broken_promise_is_a_cause_if_keeping_it_saves_the_run_and_its_command_repeats_that(tmp_path: Path) -> None:
+    tree = promising(40_001)
+    tree["promises"]["far"] = {**tree["promises"]["aside_1"], "formula": "always inside(position, half)"}
+    tree["regions"]["half"] = {"box": [-9.0, 9.0, -6.0, -2.5]}
+    del tree["promises"]["aside_0"]
+    log = run_of(tree, tmp_path)
+    found = explain(log, "apart", kinds=["promises"], before=[1.0], within=0.1, futures=16)
+    assert [each.candidate.text for each in found.causes] == ["promise aside_1 of walker-1"]
+    assert [each.text for each in found.over] == ["promise far of walker-1"], "it was broken too early"
+    assert found.where == "promises"
+    said = "\n".join(_lines(found, None))
+    assert "promise aside_1 of walker-1: keeping it saves 16 of 16 futures, leaving it alone 0" in said
+    assert found.over[0].passed.startswith("which was broken at ")
+    assert f"promise far of walker-1, {found.over[0].passed}: see --before" in said
+    assert found.rows[0].best is not None
+    _, _, written = found.causes[0].command.partition("--set 'faults.true=")
+    again = tmp_path / "again.mcap"
+    branch(log, found.rows[0].best.instant, {"faults.true": json.loads(written.rstrip("'"))}, again)
+    broken = {event.source for event in open_log(again).events() if event.name == "violated"}
+    assert broken == {"specifications.far"}
+
+
+def test_a_broken_promise_is_not_explained_by_itself(tmp_path: Path) -> None:
+    log = run_of(promising(40_001), tmp_path)
+    with pytest.raises(BranchError, match="no promise is broken before the violation"):
+        explain(log, "aside_0", kinds=["promises"], before=[0.5])

@@ -5,12 +5,28 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from planted_causes import Case, explained, is_right, planted, unplanted, with_faults, with_lost_messages
+from planted_causes import (
+    Case,
+    explained,
+    is_right,
+    planted,
+    unplanted,
+    with_broken_promises,
+    with_faults,
+    with_lost_messages,
+)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("made", "count", "least"), [(planted, 5, 5), (with_lost_messages, 3, 3), (with_faults, 3, 3), (unplanted, 20, 20)]
+    ("made", "count", "least"),
+    [
+        (planted, 5, 5),
+        (with_lost_messages, 3, 3),
+        (with_faults, 3, 3),
+        (with_broken_promises, 3, 3),
+        (unplanted, 20, 20),
+    ],
 )
 def test_the_first_cause_is_the_planted_one_and_none_is_named_without_one(
     made: Callable[[Path], Iterator[Case]], count: int, least: int, tmp_path: Path

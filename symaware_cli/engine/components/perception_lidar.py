@@ -73,7 +73,7 @@ class Lidar(Sensor):
         poses[:, :2], poses[:, 3] = origins[:, :2], headings
         poses[:, 2] = environment.body_positions(group.ids)[:, 2] + upwards
         poses.flags.writeable = False
-        return Scan(self.now, self._angles, distances, parameters.range, poses)
+        return Scan(self.now, self._angles, distances, parameters.range, poses, parameters.position)
 
     def _add_noise(self, distances: Array) -> None:
         """Add errors and dropouts in place; distances that then exceed the range become infinite."""

@@ -17,6 +17,8 @@ def predicted_positions(
 ) -> Array:
     """Return where the agents of a group expect others at later instants [m]; shape (len(instants), m, d).
 
+    Others who are known to stay in a set, such as from a promise, are expected at the nearest place of it.
+
     Args:
         group: The group.
         tracks: Its beliefs about others; m rows.
@@ -28,7 +30,7 @@ def predicted_positions(
     passed = np.array([(instant - now) / SECOND for instant in instants])
     places = tracks.positions + passed[:, None, None] * tracks.velocities
     if not follow_intents:
-        return places
+        return confined_to(group, tracks, places)
     ids = group.surroundings.environment.roster.ids
     size = places.shape[2]
     for row, agent in enumerate(group.agents):
@@ -38,6 +40,19 @@ def predicted_positions(
             if series is not None and len(series) and series.values.shape[1] >= size:
                 expected = interpolated(series.times, series.values[None, :, :size], [now, *instants])[0]
                 places[:, place] = tracks.positions[place] + expected[1:] - expected[0]
+    return confined_to(group, tracks, places)
+
+
+def confined_to(group: AgentGroup, tracks: Tracks, places: Array) -> Array:
+    """Return predicted places, moved to where their agents are known to stay (`Confined.nearest`).
+
+    Args:
+        group: The group that predicts.
+        tracks: Its beliefs about others; m rows.
+        places: Places of each row [m]; shape (..., m, d).
+    """
+    for confined in group.confined(tracks):
+        places = confined.nearest(places)
     return places
 
 

@@ -84,6 +84,18 @@ class NearReturns(NamedTuple):
     distances: Array
 
 
+class SurfaceChains(NamedTuple):
+    """The points of surfaces around agents, in the order of their directions, all the way around.
+
+    Attributes:
+        points: The points [m]; NaN where there is none; shape (n, k, 2).
+        joined: Whether a surface goes on from each to the one after it; shape (n, k).
+    """
+
+    points: Array
+    joined: Mask
+
+
 class ScanSurfaces:
     """What the agents of a group know of the surfaces around them by one of their lidars.
 
@@ -157,14 +169,8 @@ class ScanSurfaces:
             reach: The greatest distance [m].
             radii: The radii of all agents, as returned by `bounding_radii`.
         """
-        points = np.where(self.of_others(group, returns.points, radii)[..., None], np.nan, returns.points)
-        if self._is_occupied:
-            towards = np.stack([np.cos(returns.angles), np.sin(returns.angles)], axis=2)
-            edge = position[:, None] + (self.clearance + self._nearer) * towards
-            points = np.where(returns.unseen[..., None], edge, points)
+        points, joined = self.chains(group, returns, position, radii)
         following = np.roll(points, -1, axis=1)
-        # NaN compares as false: rays without a return join nothing.
-        joined = ((following - points) ** 2).sum(axis=2) <= (2.0 * self.clearance) ** 2
         nearest = _on_lines(points, np.where(joined[..., None], following, points), position[:, None])
         way = nearest - position[:, None]
         distance = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2)
@@ -174,6 +180,22 @@ class ScanSurfaces:
         kept = np.maximum(far - self._nearer, np.minimum(far, 1e-6))
         point = position[row] + way[row, ray] * (kept / np.where(far > 0.0, far, 1.0))[:, None]
         return Nearby(row, np.zeros(len(row), np.intp), point, kept, np.zeros((len(row), 2)))
+
+    def chains(self, group: AgentGroup, returns: ScanReturns, position: Array, radii: Array) -> SurfaceChains:
+        """Return the points of surfaces, and which of them are joined; the arguments are those of `nearest`."""
+        points = np.where(self.of_others(group, returns.points, radii)[..., None], np.nan, returns.points)
+        if self._is_occupied:
+            towards = np.stack([np.cos(returns.angles), np.sin(returns.angles)], axis=2)
+            edge = position[:, None] + (self.clearance + self._nearer) * towards
+            points = np.where(returns.unseen[..., None], edge, points)
+        following = np.roll(points, -1, axis=1)
+        # NaN compares as false: rays without a return join nothing.
+        return SurfaceChains(points, ((following - points) ** 2).sum(axis=2) <= (2.0 * self.clearance) ** 2)
+
+    @property
+    def uncertainty(self) -> float:
+        """The distance by which surfaces are taken to be nearer than they are seen [m]."""
+        return self._nearer
 
     def of_others(self, group: AgentGroup, points: Array, radii: Array) -> Mask:
         """Return which returns are of agents that the agent is aware of; shape (n, k)."""

@@ -1,4 +1,4 @@
-"""Assurance cases are written as a picture, as XML and as a page, and are checked again later."""
+"""Writes assurance cases as a picture, as XML and as a page, and checks them again later."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from symaware_cli.language import FilePath
 from symaware_cli.log import LogError, whole_file, whole_folder
 from symaware_cli.views import rendered
 
-#: The files of a case that was written.
+#: The names of the files of a written case.
 CASE, RESULT, PICTURE, EXCHANGE, PAGE = "case.yaml", "case.json", "case.svg", "case.sacm.xml", "index.html"
 
 
@@ -28,9 +28,9 @@ class AssuranceCase:
 
     Attributes:
         document: The case.
-        folder: The folder that it was written to.
-        problems: Why the evidence of solutions does not hold, by their identifiers; None for each that does.
-        digests: The SHA-256 of the file of each solution; None if there is none.
+        folder: The folder that the case was written to.
+        problems: The reason why the evidence of a solution does not hold, by identifier; None if it does.
+        digests: The SHA-256 of the file of each solution; None if there is no file.
     """
 
     document: CaseDocument
@@ -40,7 +40,7 @@ class AssuranceCase:
 
     @property
     def statuses(self) -> Mapping[str, str]:
-        """``holds``, ``fails``, or ``open`` if it is undeveloped, for each goal, strategy and solution."""
+        """The status of each goal, strategy and solution: ``holds``, ``fails``, or ``open`` if it is undeveloped."""
         found = {name: "holds" if problem is None else "fails" for name, problem in self.problems.items()}
 
         def status(name: str) -> str:
@@ -92,12 +92,12 @@ def assure(
         case: The file of the case; paths in it are relative to its folder.
         output: A new or empty folder.
         level: How thoroughly certificates are verified; see `verify_sweep`.
-        rows: The number of rows that are repeated of each sweep.
-        seed: The seed for choosing them; None for unpredictable ones.
-        on_progress: Called after each solution with the number of checked solutions, and of all.
+        rows: The number of rows of each sweep that are repeated.
+        seed: The seed for the choice of rows; None for an unpredictable choice.
+        on_progress: Called after each solution with the number of checked solutions, and the number of all.
 
     Raises:
-        ScenarioError: The case is invalid; contains every problem, at its place.
+        ScenarioError: The case is invalid; contains every problem with its place.
         OutputError: The folder cannot be written.
     """
     path, folder = Path(case), Path(output)
@@ -115,7 +115,7 @@ def assure(
 
 
 def _shown(case: AssuranceCase) -> Mapping[str, bytes]:
-    """Return the files that show a case, by their names."""
+    """Return the files that present a case, by name."""
     picture = drawing(case.document, case.statuses)
     return {
         PICTURE: picture.encode(),
@@ -137,14 +137,14 @@ def verify_case(
     seed: int | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> AssuranceCase:
-    """Check all evidence of an assurance case that was written, where it is now.
+    """Check all evidence of a written assurance case again, at its present location.
 
-    Evidence whose file is another one than when the case was written is stale. The picture, the XML and the page then
-    show what holds now.
+    Evidence is stale if its file has changed since the case was written. The picture, the XML and the page are updated
+    to the present status.
 
     Args:
         folder: The folder of the case.
-        level: See `assure`, also for the other arguments.
+        level: See `assure`.
         rows: The number of rows.
         seed: The seed.
         on_progress: The callback.
@@ -187,7 +187,7 @@ def _checked(
     seed: int | None,
     on_progress: Callable[[int, int], object] | None,
 ) -> AssuranceCase:
-    """Check all solutions; those with a digest have to have that file."""
+    """Check all solutions; the file of a solution with a digest must match it."""
     check = SolutionCheck(document, base, level, rows, seed)
     problems: dict[str, str | None] = {}
     present: dict[str, str | None] = {}

@@ -21,9 +21,9 @@ EvidencePath = Annotated[str, Field(min_length=1, max_length=500)]
 
 
 class Argument(Section):
-    """An element that others support, within a context."""
+    """An element that is supported by others, within a context."""
 
-    text: Text = Field(description="What is stated.")
+    text: Text = Field(description="Text of the statement.")
     context: list[Identifier] = Field(
         default_factory=list, description="The context, the assumptions and the justifications that it refers to."
     )
@@ -33,24 +33,24 @@ class GoalUse(Argument):
     """A claim of the case."""
 
     by: list[Identifier] = Field(
-        default_factory=list, description="What supports it: strategies, goals and solutions. Undeveloped without any."
+        default_factory=list, description="Strategies, goals and solutions that support it. Undeveloped without any."
     )
 
 
 class StrategyUse(Argument):
-    """How goals are argued from others."""
+    """The argument by which goals follow from others."""
 
-    by: list[Identifier] = Field(min_length=1, description="The goals that it leads to.")
+    by: list[Identifier] = Field(min_length=1, description="Goals that the strategy leads to.")
 
 
 class SolutionUse(Section):
     """Evidence, by its file; paths are relative to the folder of the case."""
 
-    text: Text | None = Field(None, description="What the evidence is; by default its claim or specification.")
+    text: Text | None = Field(None, description="Description of the evidence; by default its claim or specification.")
     certificate: EvidencePath | None = Field(None, description="A certificate in the folder of its sweep.")
-    claim: str | None = Field(None, max_length=500, description="What the certificate must establish at least.")
+    claim: str | None = Field(None, max_length=500, description="Claim that the certificate must establish at least.")
     falsification: EvidencePath | None = Field(
-        None, description="A search without a finding: what `symaware falsify --json` printed."
+        None, description="A search without a finding: the output of `symaware falsify --json`."
     )
     log: EvidencePath | None = Field(None, description="The log of a run, which is repeated.")
     budget: EvidencePath | None = Field(None, description="The `budget.json` of a budget.")
@@ -90,12 +90,12 @@ class SolutionUse(Section):
 
     @property
     def shown(self) -> str:
-        """What is shown of it."""
+        """The text of the evidence in pictures and tables."""
         said = self.text or self.claim or f"{self.specification}" if self.kind != "budget" else self.text
         return said or f"certified up to {self.at_least}"
 
 
-#: The kinds of evidence, each with what a solution has to say about it.
+#: The kinds of evidence, each with the entries that a solution of this kind needs.
 KINDS: Mapping[str, tuple[str, ...]] = {
     "certificate": ("claim",),
     "falsification": ("specification",),
@@ -108,7 +108,7 @@ class CaseDocument(Section):
     """An assurance case for `symaware assure`, in the terms of the Goal Structuring Notation."""
 
     symaware_case: Literal[1] = Field(alias="symaware-case", description="Version of the format of assurance cases.")
-    name: str = Field(min_length=1, max_length=200, description="What the case is about.")
+    name: str = Field(min_length=1, max_length=200, description="Subject of the case.")
     scenario: EvidencePath | None = Field(None, description="The scenario that all evidence must be about.")
     goals: dict[Identifier, GoalUse] = Field(
         min_length=1, description="Goals by identifier; the first is the top goal."
@@ -139,7 +139,7 @@ def read_case(path: Path) -> CaseDocument:
     """Read an assurance case.
 
     Raises:
-        ScenarioError: It is invalid; contains every problem found, each at its place.
+        ScenarioError: The case is invalid; contains every problem with its place.
     """
     source = read(path, str(path))
     if source.problems or source.root is None:
@@ -154,7 +154,7 @@ def read_case(path: Path) -> CaseDocument:
 
 
 def _faults(document: CaseDocument, composition: Composition) -> Iterator[Problem]:
-    """Yield identifiers that are used twice, unknown or unsuitable, circles, and what nothing refers to."""
+    """Yield identifiers that are used twice, unknown or unsuitable, circular arguments, and unreferenced elements."""
     sections = ("goals", "strategies", "solutions", "context", "assumptions", "justifications")
     owners: dict[str, str] = {}
     for section in sections:
@@ -191,7 +191,7 @@ def _faults(document: CaseDocument, composition: Composition) -> Iterator[Proble
 
 
 def _in_circles(document: CaseDocument) -> Iterator[str]:
-    """Yield the goals and strategies that are reached from themselves."""
+    """Yield the goals and strategies that support themselves, directly or indirectly."""
     arguments = document.arguments
     for name in arguments:
         reached: set[str] = set()

@@ -1,7 +1,7 @@
-"""An assurance case as a picture, in the symbols of the Goal Structuring Notation, version 3.
+"""Pictures of assurance cases, in the symbols of the Goal Structuring Notation, version 3.
 
 Goals are rectangles, strategies parallelograms, solutions circles, context is rounded, assumptions and justifications
-are ellipses marked with A and J. Filled arrowheads lead to what supports an element, hollow ones to its context.
+are ellipses marked with A and J. Filled arrowheads point to the support of an element, hollow ones to its context.
 
 Source: The Assurance Case Working Group, "Goal Structuring Notation Community Standard, Version 3", SCSC-141C, 2021.
 """
@@ -29,12 +29,12 @@ class _Box:
     """An element as it is drawn.
 
     Attributes:
-        kind: Its symbol.
-        lines: The lines of its text; the first is the identifier.
-        height: Its height [px].
-        x: The horizontal position of its centre [px].
-        y: That of its top [px].
-        colours: Those of its area and of its outline.
+        kind: The kind of the element, which determines the symbol.
+        lines: The lines of the text; the first is the identifier.
+        height: The height [px].
+        x: The horizontal position of the centre [px].
+        y: The vertical position of the top [px].
+        colours: The colours of the area and of the outline.
     """
 
     kind: str
@@ -64,7 +64,7 @@ class _Drawing:
         self._place()
 
     def _place(self) -> None:
-        """Place elements in rows by their distance from the top goal, each above what supports it."""
+        """Place elements in rows by their distance from the top goal, each above its support."""
         document = self._document
         self._level(document.top, 0)
         order = sorted(self._levels, key=self._levels.__getitem__)
@@ -104,7 +104,7 @@ class _Drawing:
         return [] if argument is None else argument.by
 
     def _side(self, name: str) -> list[str]:
-        """Return the context that is drawn beside an element: that to which it is the first to refer."""
+        """Return the context that is drawn beside an element: the context to which no other element refers earlier."""
         seen: set[str] = set()
         for each in sorted(self._levels, key=self._levels.__getitem__):
             argument = self._document.arguments.get(each)
@@ -118,7 +118,7 @@ class _Drawing:
         return sum(self._box(each).height + 10 for each in names)
 
     def _spread(self, name: str, placed: set[str]) -> float:
-        """Place an element above what supports it, after all that is placed; return its horizontal centre."""
+        """Place an element above its support, to the right of all placed elements; return its horizontal centre."""
         placed.add(name)
         below = [self._spread(each, placed) for each in self._below(name) if each not in placed]
         width = _WIDTH + (_WIDTH + _ACROSS if self._side(name) else 0)
@@ -151,7 +151,7 @@ class _Drawing:
         return _Box(kind, lines, height, _PLAIN if status is None else _COLOURS[status])
 
     def text(self) -> str:
-        """Return the picture."""
+        """Return the picture as SVG."""
         parts = [*self._arrows(), *(each for name in self._boxes for each in self._symbol(name))]
         size = (
             f'width="{self._width:.0f}" height="{self._height:.0f}" viewBox="0 0 {self._width:.0f} {self._height:.0f}"'
@@ -180,7 +180,7 @@ class _Drawing:
             for each in argument.context:
                 to = self._boxes[each]
                 start, end = box.x + _WIDTH / 2, to.x - _WIDTH / 2
-                if end <= start:  # the context is drawn elsewhere
+                if end <= start:  # the context is drawn beside another element
                     start, end = box.x, to.x
                 level = to.y + to.height / 2
                 path = f"M{start:.1f} {box.y + box.height / 2:.1f}L{end - 1:.1f} {level:.1f}"

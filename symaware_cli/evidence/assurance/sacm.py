@@ -1,8 +1,8 @@
-"""An assurance case in the interchange format of SACM 2.3, the Structured Assurance Case Metamodel of the OMG.
+"""Assurance cases in the interchange format of SACM 2.3, the Structured Assurance Case Metamodel of the OMG.
 
 The elements, their types and their references are those of the metamodel (Object Management Group, "Structured
-Assurance Case Metamodel (SACM), Version 2.3"), written as XMI. It was not validated, because the schema could not be
-had: so the namespace, and how attributes are serialised, may have to be adapted for a tool.
+Assurance Case Metamodel (SACM), Version 2.3"), written as XMI. The output was not validated, because the schema was not
+available; a tool may need another namespace or another serialisation of attributes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _SACM = "http://www.omg.org/spec/SACM/2.3"
 
 
 def sacm(document: CaseDocument, statuses: Mapping[str, str]) -> bytes:
-    """Return the case as XML, without a document type and entities of its own.
+    """Return the case as XML, without a document type or entities.
 
     Args:
         document: The case.

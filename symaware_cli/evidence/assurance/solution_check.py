@@ -1,4 +1,4 @@
-"""Checks of the solutions of an assurance case: is the evidence there, sound, fresh and about the scenario?"""
+"""Checks that the evidence of an assurance case exists, is sound and fresh, and concerns the scenario."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class SolutionCheck:
             document: The case.
             folder: The folder that paths are relative to.
             level: How thoroughly certificates are verified; see `verify_sweep`.
-            rows: The number of rows that are repeated of each sweep.
-            seed: The seed for choosing them; None for unpredictable ones.
+            rows: The number of rows of each sweep that are repeated.
+            seed: The seed for the choice of rows; None for an unpredictable choice.
         """
         self._document = document
         self._folder = folder
@@ -48,7 +48,7 @@ class SolutionCheck:
         self._seed = seed
 
     def problem(self, name: str) -> str | None:
-        """Return why the evidence of a solution does not hold; None if it does."""
+        """Return the reason why the evidence of a solution does not hold; None if it does."""
         solution = self._document.solutions[name]
         path = self._folder / solution.path
         if not path.is_file():
@@ -70,7 +70,7 @@ class SolutionCheck:
         return None
 
     def digest(self, name: str) -> str | None:
-        """Return the SHA-256 of the file of a solution, in hexadecimal; None if it is not there."""
+        """Return the SHA-256 of the file of a solution, in hexadecimal; None if there is no file."""
         path = self._folder / self._document.solutions[name].path
         try:
             with path.open("rb") as file:
@@ -89,7 +89,7 @@ class SolutionCheck:
             raise _RefusedError(f"missing: there is no scenario {name}") from None
 
     def _require_scenario(self, solution: SolutionUse, folder: SweepFolder) -> None:
-        """Refuse a sweep of files with other contents than those of the scenario have now."""
+        """Refuse a sweep if the files of the scenario have changed since."""
         wanted = self._scenario(solution)
         if wanted is None:
             return
@@ -168,7 +168,7 @@ class SolutionCheck:
 
 
 def _covers(found: ClaimTerm, wanted: ClaimTerm) -> bool:
-    """Return whether a term of a certificate implies one that is wanted."""
+    """Return whether a term of a certificate implies a required one."""
     names = (set(found.satisfied), set(found.given)) == (set(wanted.satisfied), set(wanted.given))
     return names and found.probability >= wanted.probability
 

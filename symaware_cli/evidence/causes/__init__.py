@@ -1,4 +1,4 @@
-"""Explanations of violations: which wrong belief, made true, would have prevented them.
+"""Explanations of violations: the beliefs, messages and faults that caused them.
 
 Reasons: docs/decisions/0090-explanations.md
 """

@@ -1,4 +1,4 @@
-"""A run that returns to earlier instants and goes on from there with something made right, all in one process."""
+"""A run that returns to earlier instants and continues in branches with corrected candidates, in one process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from symaware_cli.evidence.branch_changes import BranchError
 from symaware_cli.evidence.causes.candidate import Candidate, PairBelief
 from symaware_cli.language import open_scenario, prepared
 
-#: How the faults of candidates are called in the scenario of the branches.
+#: The names of the candidates' faults in the scenario of the branches.
 _TRUE, _PLACEBO = "explain-true-{}", "explain-placebo-{}"
 
 
@@ -25,10 +25,10 @@ class BranchingRun:
     """The run of a log with marked states, from which branches are run.
 
     Attributes:
-        violated: When the specification was violated [s]; None before `begin`, and if it was not.
-        wrongness: For each candidate about a state, the error of the believed position at each step [m]: NaN where
-            nothing was believed. Shape (steps,).
-        times: The instants of these [s]; shape (steps,).
+        violated: The time at which the specification was violated [s]; None before `begin`, and without a violation.
+        wrongness: For each candidate about a state, the error of the believed position at each step [m]: NaN without a
+            belief. Shape (steps,).
+        times: The instants of these errors [s]; shape (steps,).
         horizon: Branches end at this time at the latest [s].
         branches: The number of branches that were run.
         step_time: The CPU time of a step of the run itself [s].
@@ -40,8 +40,9 @@ class BranchingRun:
         Args:
             run: The run, which has not begun and writes no log.
             specification: The name of the specification.
-            candidates: What branches make right.
-            first: The index of the first of their faults: for each candidate its truth, and its placebo if it has one.
+            candidates: The candidates that branches correct.
+            first: The index of the first of the candidates' faults: each candidate has one for its truth, and one for
+                its placebo if it has one.
         """
         self.violated: float | None = None
         beliefs = [each for each in candidates if isinstance(each, PairBelief)]
@@ -63,7 +64,7 @@ class BranchingRun:
         """Make the run itself, and mark its states.
 
         Args:
-            instants: When branches may begin [s], ascending.
+            instants: The instants from which branches may begin [s], ascending.
 
         Raises:
             BranchError: The state at an instant cannot be marked, or the run failed.
@@ -89,7 +90,7 @@ class BranchingRun:
         self.step_time = (time.process_time() - began) / max(run.done, 1)
 
     def _measure(self, snapshot: object) -> None:
-        """Note how wrong the beliefs of the last step were."""
+        """Record the errors of the beliefs of the last step."""
         motions = snapshot.motions  # type: ignore[attr-defined]
         agents = {id: group.agents[row] for group in self._run.simulation.groups for row, id in enumerate(group.ids)}
         for candidate, found in self.wrongness.items():
@@ -110,14 +111,14 @@ class BranchingRun:
         """Run a branch to the violation or the end, and return whether the specification was not violated.
 
         Args:
-            instant: When it begins [s], one of those of `begin`.
-            candidates: What is made right from then on, or for what a placebo begins.
-            truth: Whether it is made right.
-            seed: What everything random is drawn from from then on; None for the draws of the run.
+            instant: The begin of the branch [s], one of the instants given to `begin`.
+            candidates: The candidates that are corrected from then on, or that get their placebos.
+            truth: Whether the candidates are corrected, instead of getting their placebos.
+            seed: The seed of all random draws from then on; None for the draws of the run.
 
         Raises:
             BranchError: The branch failed.
-            KeyboardInterrupt: A signal ended it.
+            KeyboardInterrupt: A signal ended the branch.
         """
         run = self._run
         return_to(run, self._marks[instant], seed)
@@ -154,7 +155,7 @@ def branching_run(log: Path, specification: str, candidates: Sequence[Candidate]
     built = open_scenario(log, changes)
     first = len(built.options.faults) - len(changes)
     for fault in built.options.faults[first:]:
-        fault.at = None  # branches begin them
+        fault.at = None  # branches begin these faults
     options = replace(built.options, pace=None)
     with prepared(replace(built, options=options), None, may_exit=False) as run:
         yield BranchingRun(run, specification, candidates, first)

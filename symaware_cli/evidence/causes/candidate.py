@@ -1,4 +1,7 @@
-"""What may have caused a violation, and can be otherwise in a branch: beliefs, messages, and declared faults."""
+"""What may have caused a violation, and can be otherwise in a branch: beliefs, messages, faults, broken promises.
+
+Reasons: docs/decisions/0090-explanations.md
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,17 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from symaware_cli.language.build import Built
+from symaware_cli.log import Log
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate(ABC):
-    """Something that can be made right in a branch.
+    """A possible cause, which a branch can correct.
 
     Attributes:
-        kind: What it is.
-        treatment: What is done about it, as the subject of a sentence.
-        control: What the other branch has instead.
+        kind: The kind of the candidate.
+        treatment: The correction, as the subject of a sentence.
+        control: The counterpart of the treatment in the other branch.
     """
 
     kind: ClassVar[str]
@@ -30,35 +34,40 @@ class Candidate(ABC):
     @property
     @abstractmethod
     def text(self) -> str:
-        """Names it in a few words, in a table."""
+        """A short name of the candidate, for tables."""
 
     @property
     @abstractmethod
     def noun(self) -> str:
-        """Names it in a sentence."""
+        """A name of the candidate, for sentences."""
 
     @property
     def group(self) -> str:
-        """Which of `KINDS` it is one of."""
+        """The group of the candidate, one of `KINDS`."""
         return self.kind if self.kind in KINDS else f"{self.kind}s"
 
     @property
     def whose(self) -> str | None:
-        """The id of the agent whose belief it is, or that receives the messages; None for a fault."""
+        """The id of the agent whose belief it is, or that receives the messages; None for a fault or a promise."""
         return None
 
     @property
     def has_placebo(self) -> bool:
-        """Whether the other branch has a placebo; if not, it is a future in which nothing is done."""
+        """Whether the other branch has a placebo; if not, nothing is changed in that branch."""
         return True
 
     def acts_from(self, instant: float) -> bool:
-        """Whether a branch from an instant on [s] can still make it right."""
+        """Whether a branch that begins at an instant [s] can still correct the candidate."""
         return True
+
+    @property
+    def passed(self) -> str:
+        """Why no branch can make it right any more, if `acts_from` says so, after its name."""
+        return "which was over"
 
     @abstractmethod
     def document(self, *, truth: bool) -> Mapping[str, Any]:
-        """The fault that makes it right, or is its placebo, in the notation of scenarios."""
+        """The fault that corrects the candidate, or is its placebo, in the notation of scenarios."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the object as plain data."""
@@ -71,9 +80,9 @@ class PairBelief(Candidate):
 
     Attributes:
         agent: The id of the believing agent.
-        about: The id of the agent that it is about.
+        about: The id of the agent that the belief is about.
         part: The part of awareness.
-        is_drawn: Whether sensors draw errors of it; if not, it has no placebo.
+        is_drawn: Whether sensors draw errors of the belief; if not, there is no placebo.
     """
 
     kind: ClassVar = "belief"
@@ -102,7 +111,7 @@ class PairBelief(Candidate):
 
     @property
     def has_placebo(self) -> bool:
-        """Whether something is drawn for it."""
+        """Whether the belief has random errors."""
         return self.is_drawn
 
     def document(self, *, truth: bool) -> Mapping[str, Any]:
@@ -118,8 +127,8 @@ class LinkMessages(Candidate):
     Attributes:
         sender: The id of the sender.
         receiver: The id of the receiver.
-        lost: How many of them were lost in this run, of those sent between the first instant and the violation.
-        late: How many of them arrived late.
+        lost: The number of messages lost in this run, of those sent between the first instant and the violation.
+        late: The number of these messages that arrived late.
     """
 
     kind: ClassVar = "messages"
@@ -146,7 +155,7 @@ class LinkMessages(Candidate):
         return self.receiver
 
     def document(self, *, truth: bool) -> Mapping[str, Any]:
-        """The fault that delivers the messages in time, or draws their fates anew."""
+        """The fault that delivers the messages in time, or draws their losses and delays anew."""
         link = {"sender": self.sender, "receiver": self.receiver}
         return {"deliver": link if truth else {**link, "placebo": True}}
 
@@ -157,9 +166,9 @@ class DeclaredFault(Candidate):
 
     Attributes:
         name: The name of the fault.
-        does: What it does.
-        begins: When it begins [s]; None with an event.
-        ends: When it is over [s]; None for the rest of the run, or if it begins with an event.
+        does: The effect of the fault, in a few words.
+        begins: The time at which the fault begins [s]; None if it begins with an event.
+        ends: The time at which the fault ends [s]; None if it lasts for the rest of the run, or begins with an event.
     """
 
     kind: ClassVar = "fault"
@@ -183,24 +192,76 @@ class DeclaredFault(Candidate):
 
     @property
     def has_placebo(self) -> bool:
-        """The other branch has the fault."""
+        """Whether there is a placebo: no, as the other branch has the fault."""
         return False
 
     def acts_from(self, instant: float) -> bool:
-        """Whether the fault is not over by then."""
+        """Whether the fault has not ended before an instant [s]."""
         return self.ends is None or self.begins is None or self.begins >= instant or self.ends > instant
+
+    @property
+    def passed(self) -> str:
+        """When the fault was over."""
+        return f"which was over at {self.ends or 0.0:g} s"
 
     def document(self, *, truth: bool) -> Mapping[str, Any]:
         """The fault that prevents this one."""
         return {"prevent": self.name}
 
 
+@dataclass(frozen=True, slots=True)
+class BrokenPromise(Candidate):
+    """A promise that was broken, which a branch lets be kept.
+
+    Attributes:
+        promise: Its name.
+        of: The id of the agent that made it.
+        broken: When it was broken first [s].
+    """
+
+    kind: ClassVar = "promise"
+    treatment: ClassVar = "keeping it"
+    control: ClassVar = "leaving it alone"
+
+    promise: str
+    of: str
+    broken: float
+
+    @property
+    def text(self) -> str:
+        """The promise in a few words."""
+        return f"promise {self.promise} of {self.of}"
+
+    @property
+    def noun(self) -> str:
+        """The promise in a sentence."""
+        return f"the promise {self.promise} of {self.of}"
+
+    @property
+    def has_placebo(self) -> bool:
+        """The other branch leaves it to the agent whether the promise is kept."""
+        return False
+
+    def acts_from(self, instant: float) -> bool:
+        """Whether the promise is not broken by then."""
+        return instant < self.broken
+
+    @property
+    def passed(self) -> str:
+        """When the promise was broken."""
+        return f"which was broken at {self.broken:g} s"
+
+    def document(self, *, truth: bool) -> Mapping[str, Any]:
+        """The fault that lets the promise be kept."""
+        return {"keep": {"promise": self.promise, "of": self.of}}
+
+
 #: The kinds of candidates, as they are chosen.
-KINDS = ("beliefs", "messages", "faults")
+KINDS = ("beliefs", "messages", "faults", "promises")
 
 
 def command(candidates: Sequence[Candidate], log: Path, instant: float) -> str:
-    """The command that repeats the run of a log with some candidates made right from an instant on."""
+    """Return the command that repeats the run of a log with some candidates corrected from an instant on."""
     names = ["true"] if len(candidates) == 1 else [f"true-{number}" for number in range(1, len(candidates) + 1)]
     changes = (
         f"faults.{name}={json.dumps(each.document(truth=True))}" for name, each in zip(names, candidates, strict=True)
@@ -212,9 +273,10 @@ def command(candidates: Sequence[Candidate], log: Path, instant: float) -> str:
 def beliefs_of(built: Built) -> list[PairBelief]:
     """List the beliefs in a scenario that may be wrong, in the order of the agents.
 
-    These are states that sensors measure with errors, delays or not always, or that messages tell, and intents of
-    others where messages tell them. A belief about oneself is one of them if the own state is measured with errors.
-    Where faults are declared, exact sensors are included: a fault may make them inexact.
+    These are beliefs about states that sensors measure with errors, delays or gaps, or that messages contain, and
+    beliefs about intents that messages contain. An agent's belief about itself is included if its own state is measured
+    with errors. If faults are declared, beliefs from exact sensors are included, since a fault may make a sensor
+    inexact.
     """
     simulation = built.simulation
     ids = [id for group in simulation.groups for id in group.ids]
@@ -253,4 +315,33 @@ def faults_of(built: Built, violated: float) -> list[DeclaredFault]:
         ends = None if begins is None or lasts is None else begins + lasts / 1e9
         if begins is None or begins <= violated:
             found.append(DeclaredFault(fault.name, fault.text, begins, ends))
+    return found
+
+
+def promises_of(built: Built, log: Log, specification: str, violated: float) -> list[BrokenPromise]:
+    """List the promises that were broken in a run until a violation, in the order of their names.
+
+    A promise is a specification of its name as well, so the log tells when it was broken. That specification itself is
+    not explained by the promise.
+
+    Args:
+        built: The scenario.
+        log: The log of the run.
+        specification: The name of the violated specification.
+        violated: When it was violated [s].
+    """
+    section = built.sections.get("promises")
+    if section is None:
+        return []
+    broken = [event for event in log.events() if event.name == "violated" and event.time / 1e9 <= violated]
+    found = []
+    for each in section.promises:
+        if each.name == specification:
+            continue
+        for event in broken:
+            # A specification about one agent of a group is one about the world, and names no agents.
+            agents = event.data.get("agents") or [each.of]
+            if event.source == f"specifications.{each.name}" and each.of in agents:
+                found.append(BrokenPromise(each.name, each.of, event.time / 1e9))
+                break
     return found

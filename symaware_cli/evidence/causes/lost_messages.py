@@ -1,4 +1,4 @@
-"""The links of a run whose messages are lost or late, found in a repetition, as logs need not have messages."""
+"""The links of a run with lost or late messages, found by repeating the run, since logs need not contain messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from symaware_cli.evidence.causes.candidate import LinkMessages
 from symaware_cli.language import prepared
 from symaware_cli.language.build import Built
 
-#: Why messages do not arrive whatever their channel does.
+#: Reasons of losses that do not depend on the channel.
 _IRREPARABLE = ("no-link", "absent")
 
 
@@ -25,18 +25,18 @@ def links_with_losses(built: Built, begin: float, end: float) -> list[LinkMessag
 
     Args:
         built: The scenario, which is run.
-        begin: Messages sent from here on count [s].
-        end: Messages that should have arrived before this count, and the run is repeated to here [s].
+        begin: The time from which on messages are counted when sent [s].
+        end: The time until which the run is repeated, and before which counted messages should have arrived [s].
 
     Raises:
         BranchError: The run failed.
-        KeyboardInterrupt: A signal ended it.
+        KeyboardInterrupt: A signal ended the run.
     """
     simulation = built.simulation
     ids, step = simulation.environment.roster.ids, simulation.environment.time_step
     lost: Counter[tuple[int, int]] = Counter()
     late: Counter[tuple[int, int]] = Counter()
-    # Those that have not arrived yet although they should have: the number of the sender, with the link.
+    # Messages that are overdue: the number of the sender, with the link.
     waiting: dict[tuple[int, int], set[int]] = {}
 
     def look(event: Event) -> None:

@@ -25,7 +25,7 @@ class PairedShares:
 
     @classmethod
     def of(cls, first: Sequence[bool], second: Sequence[bool]) -> PairedShares:
-        """Count the outcomes of two treatments, future by future."""
+        """Count the outcomes of two treatments in the same futures."""
         pairs = list(zip(first, second, strict=True))
         counts = [pairs.count(each) for each in ((True, False), (False, True), (True, True))]
         return cls(len(pairs), *counts)
@@ -39,7 +39,7 @@ class PairedShares:
     def probability(self) -> float:
         """The least error probability at which `interval` excludes differences of 0 and below.
 
-        It is four times the one-sided probability of McNemar's exact test, because `interval` spends its error
+        This is four times the one-sided probability of McNemar's exact test, because `interval` spends its error
         probability on both ends of two intervals.
         """
         from scipy.special import bdtr
@@ -51,8 +51,8 @@ class PairedShares:
         """Return an exact interval of the difference of the shares.
 
         The difference is d (2 q - 1), where d is the probability that a future is saved by one treatment only, and q
-        that it is then the first. Both have Clopper-Pearson intervals, with the error probability alpha / 2 each; given
-        the number of discordant futures, that of the first is binomial, as in McNemar's exact test.
+        the probability that this is the first. Both have Clopper-Pearson intervals, with the error probability alpha /
+        2 each; given the number of discordant futures, that of the first is binomial, as in McNemar's exact test.
 
         Source: Q. McNemar, "Note on the Sampling Error of the Difference Between Correlated Proportions or
         Percentages", Psychometrika 12, 1947; C. J. Clopper and E. S. Pearson, Biometrika 26, 1934.

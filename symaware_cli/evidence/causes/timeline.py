@@ -1,4 +1,4 @@
-"""The picture of an explanation: who believed what, how wrong it was, and when its truth would have mattered."""
+"""The picture of an explanation: candidates, errors of beliefs, and instants at which corrections have effect."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from symaware_cli.views import AGENTS, RISK, hexadecimal, matplotlib_required
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Candidates in the picture, at most.
+#: The greatest number of candidates in the picture.
 _MOST = 14
 
-#: The formats, by the end of the file's name.
+#: The formats, by the suffix of the file.
 FORMATS = (".png", ".svg", ".pdf")
 
 #: Widths of the picture and its row of a belief, and the room around the rows [inches].
@@ -28,8 +28,8 @@ def require_timeline_format(path: Path) -> None:
     """Check the name of a picture before anything is run.
 
     Raises:
-        LogError: It ends in none of `FORMATS`, is a folder, or is in a folder that does not exist; or matplotlib is
-            missing.
+        LogError: The suffix is none of `FORMATS`, the path is a folder or in a folder that does not exist, or
+            matplotlib is missing.
     """
     if path.suffix.lower() not in FORMATS:
         raise LogError(f"{path}: the picture of an explanation is a file {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
@@ -44,9 +44,9 @@ def require_timeline_format(path: Path) -> None:
 def draw_timeline(explanation: Explanation, path: Path) -> None:
     """Draw an explanation.
 
-    Each row is a candidate. The band of a belief shows how far the believed position was from the true one, with white
-    where nothing was believed. On it, a dot stands at each instant from which it was made right: filled where that
-    prevents the violation of this run. The text at the right is the difference that this makes in redrawn futures.
+    Each row is a candidate. The band of a belief shows the error of the believed position, in white without a belief. A
+    dot marks each instant from which the candidate was corrected; it is filled if that prevents the violation of this
+    run. The text at the right is the difference that the correction makes in redrawn futures.
 
     Args:
         explanation: The explanation.
@@ -139,7 +139,7 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[CandidateRow]) -> Non
         [], [], "o", color=ink, label=f"{explanation.made_right} from here on, it prevents this violation"
     )[0]
     hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="it does not")[0]
-    from symaware_cli.views.plotting.figure_style import FAINT  # which needs matplotlib
+    from symaware_cli.views.plotting.figure_style import FAINT  # this module needs matplotlib
 
     blank = axes.plot([], [], "s", color="white", markeredgecolor=FAINT, label="nothing believed")[0]
     figure.legend(

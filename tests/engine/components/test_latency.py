@@ -28,6 +28,8 @@ from symaware_cli.knowledge.abstraction.grid_cells import GridCells
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.learning.learning_content import LearningUse
 from symaware_cli.learning.learning_task import LearningTask
+from symaware_cli.roads.lane import Lane
+from symaware_cli.roads.road_network import RoadNetwork
 from symaware_cli.specification.formulation import formulate
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.scope import AgentScope
@@ -91,6 +93,7 @@ CASES = {
     "uncertainty.conformal": Case(["signals"], {"horizon": 1.0}, before={"perception.range": {"range": 9.0}}),
     "risk.time-to-collision": Case(["risk"]),
     "risk.collision": Case(["risk"]),
+    "risk.map": Case(["signals"], {"within": [-2.0, 2.0, -2.0, 2.0], "resolution": 1.0, "record": 1e-6}),
     "risk.specification": Case(
         ["risk", "signals"],
         {"specifications": ["safe"], "samples": 20, "horizon": 0.5},
@@ -132,7 +135,15 @@ CASES = {
     "control.random": Case(["control"], {"inputs": [[1.0, 0.0], [0.0, 1.0]]}),
     "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
     "control.barrier-filter": Case(["control", "signals"], {"gain": 0.1}),
+    "control.lane-keeping": Case(ACTS, {"speed": 2.0}),
+    "control.car-following": Case(ACTS, {"speed": 2.0}, before=SEES),
+    "control.lane-change": Case(ACTS, {"speed": 2.0, "decide": 0.1}, before=SEES),
     "control.policy": Case(["control"], {"policy": {"file": "policies/goal.onnx"}}),
+    "communication.map": Case(
+        ["signals"],
+        {"scan": "perception-lidar", "resolution": 0.5, "within": (-5, 5, -5, 5), "record": 0.1, "interval": 0.2},
+        before={"perception.lidar": {"rays": 24}},
+    ),
     "perception.map": Case(
         ["signals"],
         {"scan": "perception-lidar", "resolution": 0.5, "within": (-5, 5, -5, 5), "record": 0.1},
@@ -324,6 +335,9 @@ def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, An
         ready.environment.folder = Path(__file__).parents[3] / "scenarios"
         observed = LearningUse(agents="robot", observation=["position"])
         ready.groups[1].sections = {"learning": LearningTask(observed, None)}
+    if use in ("control.lane-keeping", "control.car-following", "control.lane-change"):
+        sides = (np.array([[-50.0, 2.0], [50.0, 2.0]]), np.array([[-50.0, -2.0], [50.0, -2.0]]))
+        ready.groups[1].sections = {"roads": RoadNetwork([Lane("one", *sides)])}
     if case.specification is not None:
         scope = AgentScope(ready.groups[1], ready.environment, ready.groups, {})
         formulation = formulate(parse(case.specification, scope.names, {}), STEP)
@@ -336,8 +350,8 @@ def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, An
 def test_there_is_a_case_for_every_built_in_component() -> None:
     catalogue = Catalogue()
     # What plays a file back is tested in tests/bags; what a switch chooses depends on how long it has been in force, so
-    # that a latency is more than a shift.
-    elsewhere = {"perception.bag", "control.switch"}
+    # that a latency is more than a shift; what promises are made, a section says: tests/promises.
+    elsewhere = {"perception.bag", "control.switch", "promises.monitor"}
     assert {each.name for each in catalogue.listings("component") if each.built_in} == {*CASES, *elsewhere}
 
 

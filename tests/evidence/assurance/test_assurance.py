@@ -1,4 +1,4 @@
-"""An assurance case is as good as its evidence is now: every solution is checked again, and goals show it."""
+"""Assurance cases depend on the present evidence: every solution is checked again, and goals show the result."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(made: Path, tmp_path: Path) -> Path:
-    """A copy of it."""
+    """A copy of that folder."""
     shutil.copytree(made, tmp_path / "case")
     return tmp_path / "case"
 
@@ -103,7 +103,7 @@ def test_evidence_that_changed_turns_its_goals_red(folder: Path) -> None:
     assert "#c62828" in (folder / "assured" / "case.svg").read_text()
 
 
-def test_evidence_that_is_gone_is_missing(folder: Path) -> None:
+def test_removed_evidence_is_missing(folder: Path) -> None:
     (folder / "search.json").unlink()
     shutil.rmtree(folder / "budget" / "level-001")
     goals, problems = verified(folder)
@@ -144,7 +144,7 @@ def test_a_forged_table_is_found(folder: Path) -> None:
         ("run.mcap, specification: apart", "case.yaml, specification: apart", "Sn5", "unsound"),
     ],
 )
-def test_evidence_that_does_not_show_what_is_stated_is_refused(
+def test_evidence_that_does_not_establish_its_claim_is_refused(
     folder: Path, written: str, instead: str, name: str, said: str
 ) -> None:
     case = folder / "case.yaml"

@@ -122,7 +122,8 @@ def test_the_report_of_a_sweep_has_statistics_certificate_and_worst_run(tmp_path
 
 def test_invalid_subjects_of_reports_are_rejected(tmp_path: Path) -> None:
     (tmp_path / "broken.mcap").write_bytes(b"x")
-    for name in ("broken.mcap", "none.mcap", "."):
+    (tmp_path / "empty").mkdir()
+    for name in ("broken.mcap", "none.mcap", "empty"):
         result = CliRunner().invoke(application, ["report", str(tmp_path / name), "-o", str(tmp_path / "x.html")])
         assert result.exit_code == 2, result.output
         assert not (tmp_path / "x.html").exists()

@@ -103,7 +103,7 @@ class PurePursuit(Approach):
         """Lookahead and laps."""
 
         lookahead: float = Field(0.5, gt=0, description="Least distance of the point to steer for [m].")
-        lookahead_time: float = Field(0.5, ge=0, description="What is added to that for each m/s of speed [s].")
+        lookahead_time: float = Field(0.5, ge=0, description="Additional distance for each m/s of speed [s].")
         loop: bool = Field(False, description="Whether the last waypoint leads to the first.")
 
     def check(self, group: AgentGroup) -> None:

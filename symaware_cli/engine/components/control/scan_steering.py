@@ -10,7 +10,7 @@ from pydantic import Field
 from symaware_cli.core import AgentGroup, ScenarioView
 from symaware_cli.engine.components.control.steering import Approach, along, differing
 from symaware_cli.engine.components.scan_surfaces import NearReturns, ScanOptions, ScanReturns, ScanSurfaces, check_scan
-from symaware_cli.geometry import Array, Indices, Mask, lengths
+from symaware_cli.geometry import Array, DiscRadius, Indices, Mask, lengths
 
 
 class PathLines(NamedTuple):
@@ -55,7 +55,7 @@ class ScanSteering(Approach):
     """A controller that drives by the returns of a lidar alone; it knows no obstacle and no other agent.
 
     It follows the line through the ``waypoints`` of its agents, if they know any, towards a point ahead on it, and else
-    heads for the ``goal``.
+    heads for the ``goal``. While the list of waypoints is empty, as that of a planner without a path, it waits.
     """
 
     knowledge: ClassVar = {"goal": "where to go, as a position [m]; `waypoints` lead there, if an agent knows any"}
@@ -68,6 +68,7 @@ class ScanSteering(Approach):
         """The lidar, and the distances to keep."""
 
         scan: str = Field(description="The name of the lidar.")
+        radius: DiscRadius = None
         margin: float = Field(0.1, ge=0, description="Distance to keep from what is seen [m].")
         range: float = Field(3.0, gt=0, description="What is seen farther away does not count [m].")
         lookahead: float = Field(1.0, gt=0, description="How far ahead on the line through waypoints to head [m].")
@@ -87,7 +88,7 @@ class ScanSteering(Approach):
         """Start at the beginning of the line, without a scan."""
         super().initialise_component(group)
         given = self.parameters
-        self._surfaces = ScanSurfaces(given.scan, given, group.entity.radius + given.margin)
+        self._surfaces = ScanSurfaces(given.scan, given, (given.radius or group.entity.radius) + given.margin)
         self._lines = self._lines_of(group)
         self._travelled = np.zeros(len(group))
         self._finished = np.zeros(len(group), bool)
@@ -111,8 +112,10 @@ class ScanSteering(Approach):
         lines, before = self._lines_of(group), self._lines
         begins = differing(before.corners, lines.corners) | (before.counts != lines.counts)
         travelled = self._progress(lines, begins, position)
-        target = self._at(lines, travelled + self.parameters.lookahead)
-        remaining = lengths(lines.corners[:, -1] - position)
+        # An agent without any waypoint, such as one without a path, waits where it is.
+        waiting = lines.counts == 0
+        target = np.where(waiting[:, None], position, self._at(lines, travelled + self.parameters.lookahead))
+        remaining = np.where(waiting, 0.0, lengths(lines.corners[:, -1] - position))
         returns = self._surfaces.returns(group, self.now)
         near = self._surfaces.near(returns, position)
         # What lies beyond the target does not keep an agent from it.
@@ -121,8 +124,10 @@ class ScanSteering(Approach):
             > np.minimum(self.parameters.range, lengths(target - position) + self._surfaces.clearance)[:, None]
         )
         near = NearReturns(near.angles, np.where(beyond, np.inf, near.distances))
-        reached = (remaining <= self.parameters.tolerance) & (
-            lines.starts[:, -1] - travelled <= self.parameters.lookahead
+        reached = (
+            (remaining <= self.parameters.tolerance)
+            & ~waiting
+            & (lines.starts[:, -1] - travelled <= self.parameters.lookahead)
         )
         control_input, velocity, memory = self._steer_by(target, self._slowing(remaining), near)
         intent = along(position, velocity, np.broadcast_to(self._ahead, (len(position), len(self._ahead))))
@@ -147,6 +152,8 @@ class ScanSteering(Approach):
         """
         if all("waypoints" in known for known in group.knowledge):
             corners, counts = group.known_lists("waypoints")
+            if corners.shape == (len(group), 0):
+                corners = np.zeros((len(group), 1, 2))
             if corners.ndim != 3 or corners.shape[1] < 1 or corners.shape[2] != 2:
                 raise ValueError("the knowledge `waypoints` of each agent must be a list of positions of 2 numbers")
         else:

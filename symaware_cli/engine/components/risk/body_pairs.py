@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, GroupComponent, Quantity, Tracks
+from symaware_cli.core import AgentGroup, Confined, GroupComponent, Quantity, Tracks
 from symaware_cli.engine.components.relative_motion import RelativeMotion, bounding_radii, own_velocity
 from symaware_cli.engine.components.risk.outlines import Side
 from symaware_cli.geometry import Array, BodyOutlines, Indices, Mask, Pieces, loosened
@@ -158,6 +158,11 @@ class WithOthers(BodyPairs):
             self.round = self.round & ~(bodies.cornered.take(self.observers + start) | bodies.cornered.take(others))
         self.covariance = own.with_others(relative.tracks.covariances, self.observers, len(self.apart))
 
+    def confined(self) -> Iterator[tuple[Confined, WithSets]]:
+        """Yield the sets in which agents know others to stay, and the pairs with these sets, from each source."""
+        for confined in self._known.group.confined(self._tracks):
+            yield confined, WithSets(self._known, self._tracks, confined, self._own)
+
     def sides(self, rows: Indices) -> tuple[Side, Side]:
         """See `BodyPairs`."""
         own = self._known.own_side(self.observers.take(rows), self._own.state)
@@ -216,6 +221,39 @@ class WithObstacles(BodyPairs):
         if joint is None:
             return np.zeros((len(rows), 2, 2))
         return joint[self.observers.take(rows)][:, [2, 5]][:, :, [2, 5]]
+
+
+class WithSets(BodyPairs):
+    """Pairs of each agent and each set in which another is known to stay, as a body that stands still.
+
+    While the other is within its set, the agent touches it only where it touches the set, enlarged by the other's body.
+    In space, sets are columns of any height.
+    """
+
+    def __init__(self, known: Known, tracks: Tracks, confined: Confined, own: OwnUncertainty) -> None:
+        group = known.group
+        self._known, self._own = known, own
+        self.observers = tracks.observers.take(confined.rows)
+        position = group.model.positions(group.awareness.state)[:, :2].take(self.observers, 0)
+        velocity = own_velocity(group)[:, :2].take(self.observers, 0)
+        corners = confined.sets.vertices
+        centre = 0.5 * (corners.min(axis=1) + corners.max(axis=1))
+        around = confined.sets.placed(-centre, np.zeros(len(centre)))
+        rounding = around.rounding + known.radii.take(tracks.others.take(confined.rows))
+        self._pieces = Pieces(around.vertices, around.normals, around.offsets, rounding)
+        self.apart = np.ascontiguousarray((centre - position).T)
+        self.closing = np.ascontiguousarray(-velocity.T)
+        widest = np.sqrt((around.vertices * around.vertices).sum(axis=2)).max(axis=1, initial=0.0)
+        self.radius = widest + rounding + known.radii[known.start]
+        # A rounded point at its own position is a disc.
+        flat = np.abs(around.vertices).max(axis=(1, 2), initial=0.0) == 0.0
+        self.round = flat & (not known.bodies.cornered[known.start])
+        self.covariance = own.with_others(None, self.observers, 2)
+
+    def sides(self, rows: Indices) -> tuple[Side, Side]:
+        """See `BodyPairs`."""
+        own = self._known.own_side(self.observers.take(rows), self._own.state)
+        return own, _known(self._pieces.take(rows), np.zeros(len(rows)), np.zeros(len(rows)))
 
 
 class OwnUncertainty:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from pydantic import Field
 from scipy.special import erfc
 
 from symaware_cli.core import Parameters
 from symaware_cli.engine.components.relative_motion import dot
-from symaware_cli.engine.components.risk.body_pairs import BodyPairs, PairRisk
+from symaware_cli.engine.components.risk.body_pairs import BodyPairs, PairRisk, WithOthers
 from symaware_cli.engine.components.risk.gaussian import band_probability, closest_approach, collision_probability
 from symaware_cli.engine.components.risk.outlines import overlap_bound, propagated_covariance
 from symaware_cli.geometry import Array, Indices
@@ -30,6 +32,10 @@ class Collision(PairRisk):
     The covariance of the relative position is the sum of the own one (the uncertainty of the own state, if an estimator
     provides it) and the other's: errors of both are assumed independent. Risks of several encounters add up, to 1 at
     most (Boole's inequality), which holds for any dependence between them.
+
+    Where an agent knows that another stays in a set, as from a promise, it collides with it only if it touches the set,
+    enlarged by the other's body, or if the other leaves the set. So the risk of the encounter is the least of two: that
+    of the predicted motion, and that of touching the set plus the declared probability of leaving it (`promises`).
     """
 
     batchable = True
@@ -43,12 +49,29 @@ class Collision(PairRisk):
         )
         margin: float = Field(0.0, ge=0, description="Distance between two bodies that counts as a collision [m].")
         obstacles: bool = Field(True, description="Whether obstacles of the environment count.")
+        promises: Literal["paid", "if-kept", "ignored"] = Field(
+            "paid",
+            description="What promises of others to stay in a region count: the risk contains the declared probability "
+            "that they are broken (`paid`), or is the risk if all are kept (`if-kept`), or they do not count.",
+        )
 
     def _compute(self) -> Array:
         risk = np.zeros(len(self._group))
         for pairs in self._pairs():
-            risk = pairs.over_all(np.add, self._probability(pairs), risk)
+            risk = pairs.over_all(np.add, self._confined(pairs, self._probability(pairs)), risk)
         return np.minimum(risk, 1.0)
+
+    def _confined(self, pairs: BodyPairs, probability: Array) -> Array:
+        """Return the probability of a collision of each pair, given what is known of where others stay."""
+        counted = self.parameters.promises
+        if not isinstance(pairs, WithOthers) or counted == "ignored":
+            return probability
+        for confined, sets in pairs.confined():
+            within = self._probability(sets)
+            if counted == "paid":
+                within = within + confined.breach
+            np.minimum.at(probability, confined.rows, within)
+        return probability
 
     def _probability(self, pairs: BodyPairs) -> Array:
         """Return a bound of the probability of a collision for each pair; shape (m,)."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import Parameters
 from symaware_cli.engine.components.relative_motion import dot
-from symaware_cli.engine.components.risk.body_pairs import BodyPairs, PairRisk
+from symaware_cli.engine.components.risk.body_pairs import BodyPairs, PairRisk, WithOthers
 from symaware_cli.engine.components.risk.outlines import first_touch
 from symaware_cli.geometry import Array, between
 
@@ -46,6 +48,9 @@ class TimeToCollision(PairRisk):
 
     Bodies count with their outlines at their believed headings; turning bodies with outlines that contain them until
     then (`first_touch`). In space they touch when both their bounding balls and their outlines seen from above do.
+
+    Where an agent knows that another stays in a set, as from a promise, they do not touch before the agent touches the
+    set, enlarged by the other's body. The risk is then one if the promise is kept.
     """
 
     batchable = True
@@ -61,11 +66,19 @@ class TimeToCollision(PairRisk):
         )
         margin: float = Field(0.0, ge=0, description="Distance between two bodies that counts as touching [m].")
         obstacles: bool = Field(True, description="Whether obstacles of the environment count.")
+        promises: Literal["if-kept", "ignored"] = Field(
+            "if-kept",
+            description="Whether promises of others to stay in a region count: the risk is one if all are kept.",
+        )
 
     def _compute(self) -> Array:
         soonest = np.full(len(self._group), np.inf)
         for pairs in self._pairs():
-            soonest = pairs.over_all(np.minimum, self._time(pairs), soonest)
+            time = self._time(pairs)
+            if isinstance(pairs, WithOthers) and self.parameters.promises != "ignored":
+                for confined, sets in pairs.confined():
+                    np.maximum.at(time, confined.rows, self._time(sets))
+            soonest = pairs.over_all(np.minimum, time, soonest)
         risk: Array = np.maximum(1.0 - soonest / self.parameters.horizon, 0.0)
         return risk
 

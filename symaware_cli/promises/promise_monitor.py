@@ -1,0 +1,159 @@
+"""A component that monitors the promises of others on the beliefs of its agents.
+
+Reasons: docs/decisions/0099-promises.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from symaware_cli.core import AgentGroup, GroupComponent, Level, Parameters, Quantity, ScenarioView, Signal
+from symaware_cli.geometry import Array, Mask, Pieces
+from symaware_cli.promises.breach import breach_probability
+from symaware_cli.promises.promise import SECTION, TRUST, Promise, Promises
+
+#: The greatest probability with which an agent believes that a promise to it is broken now.
+BREACH = Signal(
+    "breach",
+    columns=[Quantity("breach", "1")],
+    description="the greatest probability, of all promises to the agent, that one is broken at this instant",
+)
+
+
+class Watched(NamedTuple):
+    """A promise to one agent of the group.
+
+    Attributes:
+        row: The row of the agent.
+        other: The index in the roster of the agent that promised.
+        promise: The promise.
+    """
+
+    row: int
+    other: int
+    promise: Promise
+
+
+class PromiseMonitor(GroupComponent):
+    """Monitors for each agent the promises that others made to it, and computes its trust in them.
+
+    At each turn, the probability that a promise is broken follows from the believed position of the other and its
+    covariance (`breach_probability`, a lower bound). If it exceeds the confidence of the promise, the event
+    ``promise-broken`` is fired, once for each promise, followed by the reaction that the promise declares as
+    `on_broken`. The component belongs after those that perceive others and estimate their covariances; a position
+    without a covariance counts as exact. Promises are known from the beginning of the run.
+
+    The part of awareness `trust` has, for each other agent, the share of its promises that it kept as far as the agent
+    knows, and whether the agent relies on them. If so, predictions may confine the other to its promised regions
+    (`AgentGroup.confined`). An agent that stops requests a standstill in all later turns, in place of the requests of
+    earlier controllers.
+    """
+
+    parts: ClassVar = (TRUST,)
+    signals: ClassVar = (BREACH,)
+    events: ClassVar = {
+        "promise-broken": "An agent believes that another has broken a promise, with a `probability` above its "
+        "confidence."
+    }
+    #: These attributes follow from the scenario.
+    uncaptured: ClassVar[Sequence[str]] = ("_watched", "_sets")
+
+    class Parameters(Parameters):
+        """No parameters: the section `promises` has all settings."""
+
+    def check_scenario(self, view: ScenarioView) -> None:
+        """Warn of a monitor without promises, and refuse one whose standstill a later controller would undo."""
+        if view.entry is None:
+            return
+        promises = view.entry.group.sections.get(SECTION)
+        found = promises if isinstance(promises, Promises) else Promises((), {})
+        own = [each for id in view.entry.group.ids for each in found.to(id)]
+        if not own:
+            view.warn("nobody promises anything to these agents", "use", expected="a section `promises`")
+        if any(each.on_broken == "stop" for each in own):
+            for after in view.after:
+                if after.use.startswith("control."):
+                    said = f"a broken promise is to stop these agents, and `{after.name}` moves them after that"
+                    view.report(said, "use", key=False, expected=f"the monitor after `{after.name}`")
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Start with trust in all promises."""
+        super().initialise_component(group)
+        promises, roster = group.sections.get(SECTION), self.environment.roster
+        found = promises if isinstance(promises, Promises) else Promises((), {})
+        #: By agent, then by name, as `Promises` has them.
+        self._watched = tuple(
+            Watched(row, roster.indices[each.of], each) for row, id in enumerate(group.ids) for each in found.to(id)
+        )
+        self._sets = Pieces.of(each.promise.piece for each in self._watched)
+        self._broken: Mask = np.zeros(len(self._watched), bool)
+        self._stopped: Mask = np.zeros(len(group), bool)
+        group.awareness[TRUST.name] = np.ones((len(group), 2))
+        self._write_trust()
+
+    def _compute(self) -> Array:
+        """Return the probability that each promise is broken; 0 if the position of the other is unknown."""
+        tracks = self._group.others(np.inf)
+        rows = np.full(len(self._watched), -1, np.intp)
+        for place, each in enumerate(self._watched):  # pairs of agents have no columns
+            first, last = tracks.pointers[each.row : each.row + 2].tolist()
+            found = first + int(np.searchsorted(tracks.others[first:last], each.other))
+            if found < last and tracks.others[found] == each.other:
+                rows[place] = found
+        known = np.flatnonzero(rows >= 0)
+        probability = np.zeros(len(rows))
+        if len(known):
+            of = rows[known]
+            covariances = np.zeros((len(of), 2, 2))
+            if tracks.covariances is not None:
+                covariances = tracks.covariances[of][:, :2, :2]
+            probability[known] = breach_probability(tracks.positions[of, :2], covariances, self._sets.take(known))
+        return probability
+
+    def _update(self, value: Array) -> None:
+        greatest = np.zeros(len(self._group))
+        np.maximum.at(greatest, [each.row for each in self._watched], value)
+        self.record(BREACH, greatest[:, None])
+        confidence = np.array([each.promise.confidence for each in self._watched])
+        broken = np.flatnonzero((value > confidence) & ~self._broken)
+        self._broken[broken] = True
+        for place in broken.tolist():
+            row, _, promise = self._watched[place]
+            probability = float(value[place])
+            said = f"{promise.of} has broken `{promise.name}`, with a probability of {probability:.4g}"
+            facts = {"promise": promise.name, "of": promise.of, "probability": probability}
+            self.emit_for(row, "promise-broken", said, level=Level.WARNING, **facts)
+            self._stopped[row] |= promise.on_broken == "stop"
+        if len(broken):
+            self._write_trust()
+        if self._stopped.any():
+            self._stop()
+
+    def _write_trust(self) -> None:
+        """Write the trust of each agent in each other that made a promise to it."""
+        pairs: dict[tuple[int, int], list[int]] = {}
+        for place, each in enumerate(self._watched):
+            pairs.setdefault((each.row, each.other), []).append(place)
+        roster, own = self.environment.roster, np.ones((len(self._group), 2))
+        for (row, other), places in pairs.items():
+            kept = sum(not self._broken[place] for place in places) / len(places)
+            distrusted = any(
+                self._broken[place] and self._watched[place].promise.on_broken != "event" for place in places
+            )
+            trust = np.array([kept, 0.0 if distrusted else 1.0])
+            self._group.agents[row].awareness_database.set_part(TRUST.name, roster.ids[other], trust)
+            own[row] = np.minimum(own[row], trust)
+        self._group.awareness[TRUST.name] = own
+
+    def _stop(self) -> None:
+        """Request a standstill for the agents that stopped."""
+        group, rows = self._group, self._stopped
+        requested = group.control_input
+        try:
+            slowed = group.model.slowed(group.awareness.state, requested, np.zeros(len(group)))
+        except NotImplementedError:
+            slowed = np.zeros_like(requested)
+        group.control_input = np.where(rows[:, None], group.model.limit(slowed), requested)
