@@ -1,8 +1,9 @@
 """Environments of reinforcement learning: agent-steps and resets per CPU-second, beside mpe2's.
 
     python benchmarks/learning.py [--rounds 5] [--steps 120] [--vmas PYTHON] [--jaxmarl PYTHON]
+    python benchmarks/learning.py --episodes 1000
 
-Needs the extra `rl`, and mpe2 for the comparison. `hello.yaml` with 4, 10 and 100 robots: each observes its own state
+Needs the extra `rl`, and mpe2 for the comparison. `head-on.yaml` with 4, 10 and 100 robots: each observes its own state
 and its goal, and is rewarded by its distance to the goal; the omniscient perception and the controller whose control
 input is replaced run as in the scenario (*as it is*), or the controller is left out (*without controller*). mpe2 is
 `simple_spread_v3` with as many agents, each of which observes all others. Each round measures all of them one after the
@@ -14,12 +15,16 @@ their own state, all landmarks and all others, and are rewarded by the distances
 and for not touching each other. In VMAS and JaxMARL agents that touch repel each other, which the kinematic world does
 not compute; JaxMARL observes messages besides, which are zero; both compute with 32 bits. A step of JaxMARL is one call
 of a compiled function.
+
+With `--episodes` nothing else is measured: that many episodes of random actions in ten shipped scenarios are recorded
+and verified from their logs alone, and as many that components drive are compared with their runs, byte for byte.
 """
 
 from __future__ import annotations
 
 import argparse
 import subprocess
+import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -33,23 +38,29 @@ import numpy as np
 
 from symaware_cli.learning.team import Team
 
-HELLO = Path(__file__).parents[1] / "scenarios" / "hello.yaml"
+HEAD_ON = Path(__file__).parents[1] / "scenarios" / "head-on.yaml"
 
 SPREAD = Path(__file__).with_name("spread.yaml")
 
 COUNTS = 4, 10, 100
+
+#: Scenarios that differ in sensors, messages, faults, models and modes.
+SHIPPED = (
+    *("asynchronous", "circle-swap", "corridor", "crossing", "fog"),
+    *("formation", "gatekeeper", "hello", "market", "traffic"),
+)
 
 #: The numbers of environments and of steps of an episode, and of agents.
 ROWS, EPISODE, TEAMS = 1000, 25, (3, 10)
 
 
 def ours(count: int, controller: bool) -> Any:
-    """Return hello.yaml with some robots."""
+    """Return head-on.yaml with some robots."""
     changes: dict[str, Any] = {"agents.robot.count": count}
     if not controller:
         changes["agents.robot.components.steer"] = None
     return sa.env(
-        HELLO,
+        HEAD_ON,
         agents="robot",
         observation=["state", "goal - position"],
         reward="-distance(position, goal)",
@@ -120,8 +131,8 @@ def report(rounds: int = 5, steps: int = 120) -> str:
         lines.append(f"| {count} | {' | '.join(cells)} |")
     drawn = {"agents.robot.state": {"all": [{"uniform": [-5, 5]}, {"uniform": [-5, 5]}, 0.0]}}
     cases = {
-        "`hello.yaml`": ours(4, True),
-        "the same with random initial states": sa.env(HELLO, agents="robot", changes=drawn),
+        "`head-on.yaml`": ours(4, True),
+        "the same with random initial states": sa.env(HEAD_ON, agents="robot", changes=drawn),
         "mpe2, 4 agents": spread(4),
     }
     lines += ["", "| reset of | CPU time [ms] |", "|---|---:|"]
@@ -267,6 +278,58 @@ def many(rounds: int, vmas: str | None, jaxmarl: str | None) -> str:
     return "\n".join(lines)
 
 
+def shipped(name: str) -> tuple[sa.Scenario, Any]:
+    """Return a shipped scenario that lasts one second, and its environment, in which its first group learns."""
+    scenario = sa.load(next(HEAD_ON.parent.glob(f"{name}.*")), {"run.duration": 1.0})
+    assert scenario.outline is not None
+    group = next(iter(scenario.outline.groups))
+    return scenario, sa.env(scenario, agents=group, observation=["state", {"nearest": 2}], reward="-norm(position)")
+
+
+def verified(name: str, count: int) -> int:
+    """Return how many episodes of random actions are equal when they are repeated from their logs alone."""
+    _, environment = shipped(name)
+    random, equal = np.random.default_rng(1), 0
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(count):
+            environment.reset(seed=1 if number == 0 else None)
+            while environment.agents:
+                spaces = {agent: environment.action_space(agent) for agent in environment.agents}
+                bounds = {agent: (np.maximum(each.low, -1), np.minimum(each.high, 1)) for agent, each in spaces.items()}
+                environment.step({agent: random.uniform(*each) for agent, each in bounds.items()})
+            equal += sa.verify_log(environment.record(Path(folder, "episode.mcap"))).is_equal
+    return equal
+
+
+def driven(name: str, count: int) -> int:
+    """Return how many episodes that components drive have the states of their runs at every step."""
+    scenario, environment = shipped(name)
+    assert scenario.outline is not None
+    equal = 0
+    for number in range(count):
+        environment.reset(seed=3 if number == 0 else None)
+        episode, same = environment.episodes.simulation, True
+        with scenario.start(seed=environment.episodes.seed) as simulation:
+            while environment.agents:
+                environment.step({})
+                simulation.step(episode.steps - simulation.steps or 1)
+                for group in scenario.outline.groups:
+                    same = same and simulation.state(group).tobytes() == episode.state(group).tobytes()
+        equal += same
+    return equal
+
+
+def episodes(count: int) -> str:
+    """Record, verify and compare episodes in ten scenarios, and return the table."""
+    lines = ["| scenario | verified from their logs | equal to their runs |", "|---|---:|---:|"]
+    share = -(-count // len(SHIPPED))
+    for name in SHIPPED:
+        found = verified(name, share), driven(name, share)
+        lines.append(f"| {name} | {found[0]} of {share} | {found[1]} of {share} |")
+        print(lines[-1], flush=True)
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -274,7 +337,11 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=120)
     parser.add_argument("--vmas", help="an interpreter that has VMAS")
     parser.add_argument("--jaxmarl", help="an interpreter that has JaxMARL")
+    parser.add_argument("--episodes", type=int, help="check so many episodes instead")
     given = parser.parse_args()
+    if given.episodes:
+        print(episodes(given.episodes))
+        return
     print(report(given.rounds, given.steps))
     print()
     print(many(given.rounds, given.vmas, given.jaxmarl))

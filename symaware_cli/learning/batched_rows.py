@@ -1,7 +1,8 @@
 """Rows of a vector environment as batches: all episodes that began at the same step are rows of one simulation.
 
-Rows of a batch share a clock, so an episode that begins later than others needs a batch of its own. Its rows leave the
-earlier batch, which still computes them but is no longer read there, and a batch that no row uses begins again.
+Rows of a batch share a clock, so an episode that begins later than others needs a batch of its own. Rows that begin a
+new episode leave their earlier batch, which still computes them although these results are no longer read. A batch that
+no row uses is used again for new episodes.
 
 Reasons: docs/decisions/0088-vector-environments.md
 """
@@ -28,7 +29,7 @@ from symaware_cli.studies import BatchSimulation, batch_size, refusal
 if TYPE_CHECKING:
     from symaware_cli.language.build import Built
 
-#: No row of the environment.
+#: Marks a place of a batch that belongs to no row of the environment.
 _NONE = -1
 
 
@@ -55,7 +56,7 @@ def refusal_of_rows(episodes: Episodes, built: Built, *, mixes: bool) -> str | N
 
 
 class _Unobserved(Observer):
-    """Collects nothing: an environment has no summary."""
+    """Collects no metrics: an environment has no summary."""
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(simulation)
@@ -68,8 +69,8 @@ class _Batch:
     """Episodes that began at the same step.
 
     Attributes:
-        size: How many episodes it computes.
-        owners: The row of the environment that each of them belongs to, or -1; shape (size,).
+        size: The number of episodes that the batch computes.
+        owners: The row of the environment that each episode belongs to, or -1; shape (size,).
     """
 
     def __init__(self, episodes: Episodes, template: Built, seeds: Sequence[int]) -> None:
@@ -118,7 +119,7 @@ class _Batch:
 
         Args:
             actions: The control inputs; shape (size, n, nu).
-            given: The agents that they are for; shape (size, n).
+            given: Whether each agent has control inputs in `actions`; shape (size, n).
         """
         controlled: dict[AgentGroup, Given] = {}
         start = 0
@@ -141,11 +142,11 @@ class _Batch:
 
     @property
     def is_over(self) -> bool:
-        """Whether its runs are over: all at once, with their last step."""
+        """Whether the runs of the batch are over, which all end with the same step."""
         return self._run.status is not None
 
     def close(self) -> None:
-        """End its runs."""
+        """End the runs of the batch."""
         with self._stack:
             self._run.leave("ended between two steps")
 
@@ -163,7 +164,7 @@ class BatchedRows:
 
         Args:
             rows: The number of rows.
-            agents: The number of learning agents of each.
+            agents: The number of learning agents in each row.
             episodes: Episodes of the scenario.
             template: The scenario, built for any seed; it is not run.
         """
@@ -203,7 +204,7 @@ class BatchedRows:
             batch.close()
 
     def _free(self, seeds: tuple[int, ...]) -> _Batch:
-        """Return a batch for some episodes: an idle one if what was built serves again, which may be larger."""
+        """Return a batch for some episodes: an idle one if there is any, else a new one; it may be larger."""
         size = len(seeds)
         if self._episodes.returns:
             size = min(1 << (size - 1).bit_length(), self._most, self._count)
@@ -212,7 +213,7 @@ class BatchedRows:
                 return idle.pop()
         every = _filled(seeds, size)
         self.built += 1
-        # Thousands of objects are made, none of which is garbage: collections meanwhile would take most of the time.
+        # Thousands of objects are created, none of which is garbage; garbage collections would take most of the time.
         enabled = gc.isenabled()
         gc.disable()
         try:
@@ -262,5 +263,5 @@ class BatchedRows:
 
 
 def _filled(seeds: Sequence[int], size: int) -> tuple[int, ...]:
-    """Return as many seeds as a batch computes; its places without a row have the first one."""
+    """Return seeds for all episodes of a batch; places without a row get the first seed."""
     return (*seeds, *((seeds[0],) * (size - len(seeds))))

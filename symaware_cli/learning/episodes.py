@@ -22,21 +22,22 @@ from symaware_cli.learning.reward import Reward
 from symaware_cli.learning.team import LearningError, Team
 from symaware_cli.studies import seed_of
 from symaware_cli.views import WorldFrames
-from symaware_cli.world import DrawCount
+from symaware_cli.world import DrawCount, is_finite
 
 if TYPE_CHECKING:
     from symaware_cli.engine import StateMark
     from symaware_cli.language.build import Built
+    from symaware_cli.learning.episode_view import EpisodeView
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
-#: Two seeds for which a fresh simulation is compared with one that went back to its beginning.
+#: Two seeds for which a fresh simulation is compared with one that returned to its initial state.
 _COMPARED = (0, 1)
 
 
 class Functions(NamedTuple):
-    """Functions of a `Team` in place of what the section `learning` says.
+    """Functions of a `Team` that replace entries of the section `learning`.
 
     Attributes:
         observation: Returns the observation of each agent; shape (n,) or (n, k).
@@ -50,11 +51,11 @@ class Functions(NamedTuple):
 
 
 class TeamStep(NamedTuple):
-    """What a step brought the agents of a team.
+    """The results of a step for the agents of a team.
 
     Attributes:
-        observations: Zeros of agents that are absent; shape (n, k).
-        rewards: Shape (n,).
+        observations: The observations, zeros for absent agents; shape (n, k).
+        rewards: The rewards; shape (n,).
         terminated: Whether the agent has left for good, or its condition holds; shape (n,).
         present: Whether the agent is in the world; shape (n,).
     """
@@ -68,19 +69,19 @@ class TeamStep(NamedTuple):
 class StepActions:
     """The control inputs of the present step, as `Simulation.overrides`."""
 
-    #: They are those of the caller.
+    #: Control inputs belong to the caller, and are not captured.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self) -> None:
         self.given: Mapping[AgentGroup, Given] = {}
 
     def __call__(self, step: int) -> Mapping[AgentGroup, Given]:
-        """Return those of the present step."""
+        """Return the control inputs of the present step."""
         return self.given
 
 
 class TeamTask:
-    """A team with what it observes, is rewarded for, and is terminated by.
+    """A team with the functions of its observations, rewards and terminations.
 
     Attributes:
         team: The team.
@@ -133,20 +134,19 @@ class TeamTask:
             found = np.array(function(team), float)
             found = found[:, None] if found.ndim == 1 else found
             _checked("the observation", found, (len(team.agents), found.shape[-1]))
-        unknown = np.isnan(found)
-        if unknown.any():
-            found[unknown] = 0.0
+        if not is_finite(found):
+            found[np.isnan(found)] = 0.0
         if present is not self._everybody:
             found[~present] = 0.0
         return found
 
 
 class Episodes:
-    """Episodes of a scenario, in one simulation that begins again, or in a new one for each.
+    """Episodes of a scenario, in one simulation that is reset, or in a new one for each.
 
     Attributes:
         teams: The learning agents by group.
-        functions: What is computed by functions.
+        functions: The functions that replace entries of the section `learning`.
         task: The section `learning`.
         spaces: The bounds of the actions of each team, each of shape (nu,).
         widths: The number of observed values of the agents of each team.
@@ -154,17 +154,18 @@ class Episodes:
         builder: Builds the scenario for a seed.
         index: The number of episodes since a seed was given.
         own_seed: The seed of the scenario.
-        returns: Whether a new episode begins by going back to a mark, not by building the scenario.
+        returns: Whether a new episode begins by returning to a mark, instead of building the scenario again.
     """
 
     def __init__(self, scenario: Scenario, changes: Mapping[str, Any], functions: Functions) -> None:
         """Build the scenario.
 
         Raises:
-            ScenarioError: It has problems.
-            LearningError: It has no section `learning`, or a function returns something else.
+            ScenarioError: The scenario has problems.
+            LearningError: The scenario has no section `learning`, or a function returns a value of another shape.
         """
         self._scenario = scenario
+        self._view: EpisodeView | None = None
         self.functions = functions
         self.builder = self._build = scenario.builder(changes)
         self._mark: StateMark | None = None
@@ -194,7 +195,7 @@ class Episodes:
         """The simulation of the present episode.
 
         Raises:
-            LearningError: It was closed.
+            LearningError: The environment was closed.
         """
         if self._simulation is None:
             raise LearningError("the environment was closed")
@@ -217,7 +218,7 @@ class Episodes:
 
     def _start(self, seed: int) -> None:
         """Build the simulation of a seed."""
-        self.close()
+        self._end()
         self._frames: WorldFrames | None = None
         self.built: Built = self._build(seed)
         task = self.built.sections.get("learning")
@@ -229,7 +230,8 @@ class Episodes:
         simulation = self.built.simulation
         simulation.overrides = self._actions
         self._steps = self.built.steps
-        self._simulation = SteppedSimulation(self.built, None, within_steps=True)
+        log = None if self._view is None else self._view.begin()
+        self._simulation = SteppedSimulation(self.built, log, within_steps=True)
         document, options = self.built.document, self.built.options
         names = {each.name: each for each in options.specifications}
         teams = task.teams(simulation.groups, simulation.environment, document.regions, names)
@@ -237,7 +239,7 @@ class Episodes:
         self.teams = tuple(teams)
 
     def _marked(self) -> StateMark | None:
-        """Mark the beginning, if a simulation that goes back to it is like a new one of another seed; None if not."""
+        """Return a mark of the initial state; None if a simulation that returns there differs from a new one."""
         simulation, seed = self.simulation, _COMPARED[1]
         try:
             found = simulation.mark()
@@ -256,8 +258,8 @@ class Episodes:
         """Begin the next episode.
 
         Args:
-            seed: The seed from which those of this and the following episodes are derived, like those of the runs
-                of a sweep; None to continue. The first episode without one begins with the scenario's seed.
+            seed: The seed from which the seeds of this and the following episodes are derived, like those of the runs
+                of a sweep; None to continue the series, which by default begins with the scenario's seed.
 
         Returns:
             The observations of each team.
@@ -272,7 +274,7 @@ class Episodes:
         """Begin an episode with the seed of its run; see `begin`."""
         self.seed = seed
         self._history, self._actions.given = [], {}
-        if self._mark is not None:
+        if self._mark is not None and self._view is None:
             self.simulation.go_back(self._mark, self.seed)
         else:
             self._start(self.seed)
@@ -286,30 +288,20 @@ class Episodes:
             actions: The control inputs of learning agents, shape (nu,); components drive agents without one.
 
         Returns:
-            What it brought each team.
+            The results of the step for each team.
 
         Raises:
-            KeyError: An agent does not learn.
+            KeyError: An action is for an agent that does not learn.
             ValueError: An action has another shape, or is not finite.
             RunFailedError: A component or the world failed.
         """
         given: dict[AgentGroup, Given] = {}
         left = len(actions)
         for team in self.teams:
-            group = team.of
-            width = len(group.model.control_input)
-            mask, values = np.zeros(len(group), bool), np.zeros((len(group), width))
-            for row, id in zip(team.rows.tolist(), team.agents, strict=True):
-                action = actions.get(id)
-                if action is not None:
-                    mask[row] = True
-                    values[row] = _action(id, action, width)
-                    left -= 1
-            if mask.any():
-                if not np.isfinite(values).all():
-                    row = next(each for each in team.rows.tolist() if not np.isfinite(values[each]).all())
-                    raise ValueError(f"the action of {group.ids[row]} is not finite: {values[row].tolist()}")
-                given[group] = mask, values
+            own, used = _given(team, actions)
+            left -= used
+            if own is not None:
+                given[team.of] = own
         if left:
             known = {id for team in self.teams for id in team.agents}
             unknown = next((id for id in actions if id not in known), None)
@@ -318,6 +310,8 @@ class Episodes:
         self._actions.given = given
         self._history.append(given)
         self.simulation.step()
+        if self._view is not None:
+            self._view.wait(self.time_step)
         return [each.step() for each in self._tasks]
 
     def draw(self) -> NDArray[np.uint8]:
@@ -370,17 +364,49 @@ class Episodes:
                     raise LearningError(f"{path}: the repetition differs in the states of `{group.name}`")
         return path
 
+    def show(self, view: EpisodeView) -> None:
+        """Show all further episodes in a viewer; they are built anew, since a simulation with a log cannot go back."""
+        self._view = view
+
     def close(self) -> None:
-        """End the present episode."""
+        """End the present episode, and the view."""
+        self._end()
+        if self._view is not None:
+            self._view.close()
+
+    def _end(self) -> None:
         if self._simulation is not None:
             self._simulation.close()
             self._simulation = None
+
+
+def _given(team: Team, actions: Mapping[str, ArrayLike]) -> tuple[Given | None, int]:
+    """Return the control input of each agent of a team, or None, and the number of agents with one."""
+    group, ids = team.of, team.agents
+    width = len(group.model.control_input)
+    found: list[Any] = [*map(actions.get, ids)]
+    try:
+        # All agents at once if each has an array: one agent at a time this would take as long as a component.
+        joined = np.concatenate(found)  # None raises an error, which is caught
+        is_plain = joined.dtype == float and joined.shape == (len(ids) * width,) and {*map(len, found)} == {width}
+    except (TypeError, ValueError):
+        is_plain = False
+    if is_plain and len(ids) == len(group) and is_finite(joined):
+        return (np.ones(len(ids), bool), joined.reshape(-1, width)), len(ids)
+    mask, values = np.zeros(len(group), bool), np.zeros((len(group), width))
+    for row, id, action in zip(team.rows.tolist(), ids, found, strict=True):
+        if action is not None:
+            mask[row] = True
+            values[row] = _action(id, action, width)
+    return ((mask, values) if mask.any() else None), int(mask.sum())
 
 
 def _action(id: str, action: ArrayLike, width: int) -> Array:
     found = np.asarray(action, float)
     if found.shape != (width,):
         raise ValueError(f"the action of {id} has shape {found.shape}, not {(width,)}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"the action of {id} is not finite: {found.tolist()}")
     return found
 
 

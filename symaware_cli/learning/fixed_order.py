@@ -1,8 +1,8 @@
-"""Functions of networks whose results depend on no processor, no library and no other row.
+"""Functions of networks whose results do not depend on the processor, on libraries or on other rows.
 
 Sums are taken in the order of their terms, one operation for all rows at a time, and exponentials are computed by
 additions, multiplications and divisions, which IEEE 754 defines to the bit. So the result for a row is the same alone
-and among others, with every BLAS and every mathematical library.
+and among other rows, with every BLAS and every mathematical library.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 _LN2_HIGH, _LN2_LOW = 0.693145751953125, 1.4286068203094172e-06
 _INVERSE_LN2 = 1.4426950408889634
 
-#: Beyond these, exp overflows or is 0.
+#: Arguments beyond which exp overflows or is 0.
 _LEAST, _GREATEST = -745.0, 709.0
 
 #: 1/2!, 1/3! and so on: the remainder of the series is below 2e-17 for arguments up to ln(2)/2.
@@ -28,7 +28,7 @@ def product(values: Array, weights: Array, bias: Array | None = None) -> Array:
     """Return values (..., k) times weights (k, m), plus a bias that can be broadcast; shape (..., m)."""
     shape = (*values.shape[:-1], weights.shape[1])
     found, term = np.zeros(shape), np.empty(shape)
-    # One input after the other, so that the order of the sum is the same whatever the number of rows.
+    # One input after the other, so that the order of the sum does not depend on the number of rows.
     for number in range(len(weights)):
         np.multiply(values[..., number, None], weights[number], out=term)
         np.add(found, term, out=found)
@@ -42,7 +42,7 @@ def less_one(values: Array) -> Array:
 
 
 def exponential(values: Array) -> Array:
-    """Return exp(x), likewise; at most 8.3e307."""
+    """Return exp(x), with an error of a few units in the last place; at most 8.3e307."""
     scale, series = _reduced(values)
     return scale * (series + 1.0)
 

@@ -69,8 +69,8 @@ class GivenInputs:
 
     Attributes:
         name: The path of the file below the scenario's folder.
-        content: The file.
-        entries: Its lines.
+        content: The content of the file.
+        entries: The lines of the file.
     """
 
     #: It follows from the scenario.
@@ -80,7 +80,7 @@ class GivenInputs:
         """Parse a file.
 
         Raises:
-            InputFileError: It is no file of actions.
+            InputFileError: The content is no file of actions.
         """
         self.name = name
         self.content = content
@@ -92,10 +92,10 @@ class GivenInputs:
 
         Args:
             folder: The folder of the scenario.
-            name: The path of the file below it.
+            name: The path of the file below that folder.
 
         Raises:
-            InputFileError: There is no such file, or it is none of actions.
+            InputFileError: There is no such file, or it is no file of actions.
         """
         path = folder / name
         if not path.resolve().is_relative_to(folder.resolve()):
@@ -110,7 +110,7 @@ class GivenInputs:
         return cls(name, content)
 
     def problem(self, groups: Sequence[AgentGroup]) -> str | None:
-        """Return why the actions do not fit the agents of a scenario; None if they do."""
+        """Return the reason why the actions do not fit the agents of a scenario; None if they do."""
         sizes = {id: group.control_input.shape[1] for group in groups for id in group.ids}
         for number, each in enumerate(self.entries):
             if each.agent not in sizes:
@@ -145,7 +145,7 @@ class InputSequence:
         self._steps = steps
 
     def __call__(self, step: int) -> Mapping[AgentGroup, Given]:
-        """Return those of a step."""
+        """Return the control inputs of a step."""
         return self._steps.get(step, {})
 
 

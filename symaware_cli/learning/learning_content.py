@@ -1,4 +1,4 @@
-"""What is written in the section `learning` of scenarios."""
+"""The entries of the section `learning` of scenarios."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from symaware_cli.language import Section
 class NearestOthers(Section):
     """The nearest others that an agent is aware of, relative to where it believes to be; zeros if there are fewer."""
 
-    nearest: int = Field(ge=1, le=1000, description="How many.")
+    nearest: int = Field(ge=1, le=1000, description="Number of others.")
     of: list[Literal["position", "velocity", "distance", "present"]] = Field(
         ["position", "velocity"],
         min_length=1,
-        description="What of each: its position relative to the agent's [m], its velocity [m/s], its distance [m], "
-        "and 1 if there is one.",
+        description="Quantities of each: its position relative to the agent's [m], its velocity [m/s], its distance "
+        "[m], and 1 if there is one.",
     )
 
 
 class SignalValues(Section):
     """A signal of a component, or a part of awareness; numbers that were never written are 0."""
 
-    signal: str = Field(min_length=1, max_length=200, description="Such as `scan.ranges` or `attention`.")
+    signal: str = Field(
+        min_length=1, max_length=200, description="Name of the signal, such as `scan.ranges` or `attention`."
+    )
 
 
 class RewardTerm(Section):
@@ -33,7 +35,7 @@ class RewardTerm(Section):
 
     value: str | None = Field(None, max_length=500, description="An expression, such as `-distance(position, goal)`.")
     specification: str | None = Field(None, description="A specification of the scenario: its robustness.")
-    of: Literal["truth", "belief"] = Field("truth", description="What the expression is about.")
+    of: Literal["truth", "belief"] = Field("truth", description="States to which the expression refers.")
     as_: Literal["value", "change", "verdict"] = Field(
         "value",
         alias="as",
@@ -66,7 +68,7 @@ class LearningUse(Section):
     observation: list[str | NearestOthers | SignalValues] = Field(
         ["state"],
         min_length=1,
-        description="What an agent observes, in this order: expressions about its beliefs, as in conditions of "
+        description="Observations of an agent, in this order: expressions about its beliefs, as in conditions of "
         "components, its nearest others, and signals.",
     )
     action: ActionBounds = Field(ActionBounds(), description="The bounds of the control inputs that are actions.")

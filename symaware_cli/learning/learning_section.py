@@ -1,4 +1,4 @@
-"""The section `learning` of scenarios: which agents learn, what they observe, and what they are rewarded for."""
+"""The section `learning` of scenarios: the learning agents, their observations and their rewards."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from symaware_cli.learning.learning_task import LearningTask
 
 
 class LearningSection(ScenarioSection):
-    """What environments for reinforcement learning need besides the scenario."""
+    """The specification of a scenario as an environment for reinforcement learning."""
 
     form: ClassVar[Any] = LearningUse | None
     description: ClassVar[str] = (

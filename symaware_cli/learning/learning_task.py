@@ -23,7 +23,7 @@ class LearningTask(Plugin):
     """The section `learning` of a scenario.
 
     Attributes:
-        content: What is written.
+        content: The content of the section.
         inputs: The actions of an episode that is repeated; None in a scenario to learn in.
         specifications: The names of the specifications of the scenario.
     """
@@ -52,7 +52,7 @@ class LearningTask(Plugin):
                 self._check(team, view)
 
     def _check(self, team: Team, view: ScenarioView) -> None:
-        """Report what does not fit the agents of a team."""
+        """Report entries that do not fit the agents of a team."""
         content = self.content
         for number, entry in enumerate(content.observation):
             self._tried(partial(self._observed, team, entry), view, "observation", number)
@@ -74,7 +74,7 @@ class LearningTask(Plugin):
 
     @staticmethod
     def _tried(make: Callable[[], Callable[[], Any]], view: ScenarioView, *place: str | int) -> None:
-        """Compile something, and compute it once if the world is there."""
+        """Compile an entry, and compute it once if there is a world."""
         try:
             compute = make()
             if view.is_initialised and hasattr(view.groups[0], "surroundings"):
@@ -107,7 +107,7 @@ class LearningTask(Plugin):
         return partial(team.nearest, entry.nearest, entry.of)
 
     def members(self, groups: Sequence[AgentGroup]) -> list[tuple[tuple[str | int, ...], str, dict[str, list[int]]]]:
-        """Return the place and the name of each entry of `agents`, with the rows of a run that it means, by group."""
+        """Return the place and the name of each entry of `agents`, and the rows of a run that it denotes, by group."""
         written = self.content.agents
         names = [written] if isinstance(written, str) else written
         found: list[tuple[tuple[str | int, ...], str, dict[str, list[int]]]] = []
@@ -130,7 +130,7 @@ class LearningTask(Plugin):
         regions: Mapping[str, Region],
         specifications: Mapping[str, Any],
     ) -> list[Team]:
-        """Return the learning agents of each group; those of all runs, if it is that of a batch."""
+        """Return the learning agents of each group; for a group of a batch, those of all runs."""
         rows: dict[str, set[int]] = {}
         for _, _, found in self.members(groups):
             for name, own in found.items():
@@ -153,13 +153,13 @@ class LearningTask(Plugin):
         return reward_of(team, self.content.terms)
 
     def termination(self, team: Team) -> Callable[[], NDArray[np.bool_]] | None:
-        """Return the condition after which the episode of an agent is over; None for none."""
+        """Return the condition that ends the episode of an agent; None without one."""
         text = self.content.terminate
         return None if text is None else team.condition("truth", text)
 
 
 def _one(team: Team, term: RewardTerm) -> Callable[[], Array]:
-    """Return the function of a term, which has one value for each agent."""
+    """Return the function of a term, with one value for each agent."""
     text = term.value or ""
     compute = team.columns(term.of, text)
 
@@ -176,7 +176,7 @@ def bounds_of(group: AgentGroup, written: ActionBounds) -> tuple[Array, Array]:
     """Return the bounds of the actions of a group's agents, each of shape (nu,).
 
     Raises:
-        LearningError: They do not fit the model.
+        LearningError: The bounds do not fit the model.
     """
     model = group.model
     names = [quantity.name for quantity in model.control_input]

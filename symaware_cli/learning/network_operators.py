@@ -1,8 +1,8 @@
 """The operators of ONNX that networks of policies may consist of, computed by `fixed_order`.
 
-Each is prepared once: it checks the shapes of its inputs, and returns the shape of its output with a function. One
-dimension of a value is that of the rows, None in a shape, which every operator leaves independent of each other. All
-numbers are computed in double precision. What the operators mean is in https://onnx.ai/onnx/operators.
+Each operator is prepared once: it checks the shapes of its inputs, and returns the shape of its output with a function.
+One dimension of a value is that of the rows, None in a shape; all operators keep rows independent of each other. All
+numbers are computed in double precision. The operators are defined at https://onnx.ai/onnx/operators.
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ Shape = tuple[int | None, ...]
 
 
 class Value(NamedTuple):
-    """What is known of a value before a network is computed.
+    """The properties of a value that are known before a network is computed.
 
     Attributes:
-        shape: Its shape.
-        constant: Its elements, if they are the same for all inputs: float64, or int64 for axes and shapes.
+        shape: The shape of the value.
+        constant: The elements, if they are the same for all inputs of the network: float64, or int64 for axes and
+            shapes.
     """
 
     shape: Shape
     constant: NDArray[np.float64] | NDArray[np.int64] | None = None
 
 
-#: Computes outputs from those inputs that are not left out.
+#: Computes outputs from the inputs, without those that are left out.
 Compute = Callable[..., Array | tuple[Array, ...]]
 
 
@@ -44,7 +45,7 @@ class Prepared(NamedTuple):
 
     Attributes:
         shapes: The shapes of its outputs.
-        compute: Returns the output, or a tuple of them, from all its inputs; None for one that is left out.
+        compute: Returns the output, or a tuple of outputs, from all inputs; an input that is left out is None.
         work: The number of multiplications for each row.
     """
 
@@ -54,7 +55,7 @@ class Prepared(NamedTuple):
 
 
 class Operands:
-    """The inputs and attributes of an operator that is prepared."""
+    """The inputs and attributes of an operator that is being prepared."""
 
     def __init__(self, node: OnnxNode, values: Sequence[Value | None]) -> None:
         self.node = node
@@ -66,13 +67,13 @@ class Operands:
         return OnnxError(f"{self.node.label} {message}")
 
     def count(self, least: int, most: int) -> None:
-        """Check how many inputs there are."""
+        """Check the number of inputs."""
         if not least <= len(self.values) <= most or any(each is None for each in self.values[:least]):
             expected = str(least) if least == most else f"{least} to {most}"
             raise self.fail(f"has {len(self.values)} inputs, and {expected} are supported")
 
     def at(self, number: int) -> Value:
-        """Return an input that must be there, and consist of numbers."""
+        """Return a required input, which must consist of numbers."""
         value = self.values[number] if number < len(self.values) else None
         if value is None:
             raise self.fail(f"lacks its input {number}")
@@ -81,7 +82,7 @@ class Operands:
         return value
 
     def constant(self, number: int) -> Array:
-        """Return an input that must be a constant of numbers."""
+        """Return a required input, which must be a constant of numbers."""
         found = self.at(number).constant
         if found is None:
             raise self.fail(f"has an input {number} that is no constant, which is not supported")
@@ -116,7 +117,7 @@ class Operands:
             raise self.fail(f"has `{name}` {found}, and {' or '.join(map(str, supported))} is supported")
 
     def integers(self, name: str, number: int | None = None) -> list[int] | None:
-        """Return integers that are an attribute, or a constant input; None if they are left out."""
+        """Return integers from an attribute or a constant input; None if both are left out."""
         self._unread.discard(name)
         found = self.node.attributes.get(name)
         if found is None and number is not None and number < len(self.values):
@@ -132,7 +133,7 @@ class Operands:
         return [int(each) for each in found]
 
     def finish(self) -> None:
-        """Check that nothing is written that was not looked at."""
+        """Check that the operator has no attribute that was not read."""
         if self._unread:
             raise self.fail(f"has the attribute `{min(self._unread)}`, which is not supported")
 
@@ -144,7 +145,7 @@ class Operands:
 
 
 def _broadcast(operands: Operands, shapes: Sequence[Shape]) -> Shape:
-    """Return the shape of values that are combined by element."""
+    """Return the shape of the result of an element-wise operation."""
     length = max(map(len, shapes))
     found: list[int | None] = []
     for place in range(length):
@@ -158,7 +159,7 @@ def _broadcast(operands: Operands, shapes: Sequence[Shape]) -> Shape:
 
 
 def said(shape: Shape) -> str:
-    """Return a shape for people."""
+    """Return a shape as text for messages."""
     return "(" + ", ".join("rows" if each is None else str(each) for each in shape) + ")"
 
 
@@ -336,7 +337,7 @@ def _concatenated(operands: Operands) -> Prepared:
 def _gated(operands: Operands) -> Prepared:
     """Prepare a gated recurrent unit, for one instant of a sequence.
 
-    Its gates are in the order update, reset, hidden (K. Cho et al., "Learning phrase representations using RNN
+    The gates are in the order update, reset, hidden (K. Cho et al., "Learning phrase representations using RNN
     encoder-decoder for statistical machine translation", EMNLP 2014).
     """
     operands.count(3, 6)

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 #: The greatest size of a file in bytes, the most fields of all its messages, the most nodes, and the most dimensions.
 LARGEST, _MOST_FIELDS, _MOST_NODES, _MOST_DIMENSIONS = 2**24, 200_000, 10_000, 8
 
-#: Types of elements, by their numbers in the format: those with values here, and names of others.
+#: Types of elements, by their numbers in the format: those that can be read, and names of others for messages.
 _TYPES: Mapping[int, np.dtype[Any]] = {
     1: np.dtype("<f4"),
     6: np.dtype("<i4"),
@@ -60,15 +60,16 @@ _ELEMENTS = {1: 4, 6: 5, 7: 7, 9: 5, 11: 10}
 
 
 class OnnxError(ValueError):
-    """A file is no ONNX file, or contains something that is not supported; the message says what and where."""
+    """A file is no ONNX file, or contains an unsupported feature; the message names the feature and its place."""
 
 
 class OnnxValue(NamedTuple):
     """An input or output of a graph.
 
     Attributes:
-        name: Its name.
-        shape: Its dimensions: a number, or the name of one that is not fixed, perhaps empty. None if nothing is said.
+        name: The name of the value.
+        shape: The dimensions: a number, or the name, possibly empty, of a dimension that is not fixed. None if the file
+            does not specify a shape.
     """
 
     name: str
@@ -81,7 +82,7 @@ class OnnxNode(NamedTuple):
     Attributes:
         label: The operator and its name or number, for messages.
         operator: The operator, such as ``Gemm``.
-        inputs: The names of its inputs; empty where an optional one is left out.
+        inputs: The names of its inputs; empty where an optional input is left out.
         outputs: The names of its outputs.
         attributes: Numbers, texts, and lists or arrays of numbers, by name.
     """
@@ -98,7 +99,7 @@ Attribute = float | int | str | list[float] | list[int] | NDArray[np.float64] | 
 
 
 class OnnxGraph(NamedTuple):
-    """A network as it is written.
+    """A network as written in the file.
 
     Attributes:
         opset: The version of the operators.
@@ -120,10 +121,10 @@ def read_bounded(path: Path, name: str) -> bytes:
 
     Args:
         path: The file.
-        name: Its name, for messages.
+        name: The name of the file, for messages.
 
     Raises:
-        OnnxError: It cannot be read, is larger, or has the name of another format.
+        OnnxError: The file cannot be read, is larger, or has the suffix of another format.
     """
     suffix = path.suffix.lower()
     if suffix in (".pt", ".pth", ".pkl", ".pickle", ".zip"):
@@ -145,7 +146,7 @@ def parse(content: bytes) -> OnnxGraph:
     """Read the content of a file.
 
     Raises:
-        OnnxError: It is damaged, or contains something that is not supported.
+        OnnxError: The file is damaged, or contains an unsupported feature.
     """
     try:
         return _Reader(content).model()
@@ -245,9 +246,9 @@ class _Reader:
                 raise OnnxError(f"{label}: the attribute `{name}` refers to that of a function, which is not supported")
             elif each.number not in (13,):
                 values.append(each)
-        # The number of the type of an attribute, and that of the field with its value.
+        # The number of each type of attribute, and the number of the field with its value.
         number = {1: 2, 2: 3, 3: 4, 4: 5, 6: 7, 7: 8}.get(kind)
-        if kind == 8:  # texts, of which the names of activations are the only ones here
+        if kind == 8:  # texts, used only for the names of activations
             return name, " ".join(text_of(each) for each in values if each.number == 9)
         if number is None:
             raise OnnxError(f"{label}: the attribute `{name}` has the type {kind}, which is not supported")
@@ -258,7 +259,7 @@ class _Reader:
             return name, [number for each in own for number in self._floats(each)]
         if len(own) > 1:
             raise OnnxError(f"{label}: the attribute `{name}` has {len(own)} values")
-        if not own:  # zeros are not written
+        if not own:  # the format omits zeros
             if kind == 4:
                 raise OnnxError(f"{label}: the attribute `{name}` has no value")
             zeros: dict[int, float | int | str] = {1: 0.0, 2: 0, 3: ""}
@@ -352,7 +353,7 @@ class _Reader:
                 raise OnnxError(f"{said} has {len(values)} elements, not the {count} of its shape {_said(shape)}")
         if kind not in (FLOAT, DOUBLE):
             return name, values.astype(np.int64).reshape(shape)
-        with np.errstate(invalid="ignore"):  # of a signalling NaN
+        with np.errstate(invalid="ignore"):  # conversion of a signalling NaN warns
             numbers = values.astype(np.float64)
         if not np.isfinite(numbers).all():
             raise OnnxError(f"{said} has an element that is not finite")
@@ -360,7 +361,7 @@ class _Reader:
 
     @staticmethod
     def _listed(fields: Sequence[WireField], kind: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """Return elements that are fields of their own, or packed in fields."""
+        """Return elements that are written as separate fields, or packed in fields."""
         if kind not in (FLOAT, DOUBLE):
             return np.array([number for each in fields for number in integers_of(each, 1_000_000)], np.int64)
         single, width = (FIXED32, 4) if kind == FLOAT else (FIXED64, 8)

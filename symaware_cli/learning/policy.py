@@ -1,4 +1,4 @@
-"""Trained policies: as a component of a scenario, and as a function for episodes."""
+"""Trained policies, as a component of a scenario and as a function for episodes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PolicyError(UserError):
 
 
 class Policy:
-    """A trained policy as a function: actions from observations, to the bit those of `control.policy`.
+    """A trained policy as a function from observations to actions, equal to those of `control.policy` to the bit.
 
     Attributes:
         observed: The number of values of an observation.
@@ -43,7 +43,7 @@ class Policy:
         """Read a file in the format ONNX; docs/learning.md lists the operators.
 
         Raises:
-            PolicyError: It cannot be read, is damaged, or contains something that is not supported.
+            PolicyError: The file cannot be read, is damaged, or contains an unsupported feature.
         """
         try:
             self._network = PolicyNetwork.read(Path(path), os.fspath(path))
@@ -54,7 +54,7 @@ class Policy:
         self._rows = -1
 
     def reset(self) -> None:
-        """Begin a new episode: a recurrent policy forgets."""
+        """Begin a new episode: set the state of a recurrent policy to 0."""
         self._rows = -1
 
     def __call__(self, observations: ArrayLike) -> Array:
@@ -102,15 +102,17 @@ class PolicyTurn(NamedTuple):
 class PolicyController(GroupComponent):
     """Controls agents by a trained policy: a network in a file of the format ONNX.
 
-    It observes what the section `learning` of the scenario says, and its output is the control input, as an action of
-    the environment is. Declare it after the components that perceive and receive messages, whose beliefs it observes.
-    Numbers of observations that are not defined are 0, as in episodes. The state of a recurrent policy is 0 at first
-    and while an agent is absent.
+    The policy gets the observations that the section `learning` of the scenario defines, and its output is the control
+    input, like an action of the environment. Declare the component after those that perceive and receive messages,
+    since the policy observes their beliefs. Undefined numbers of observations are 0, as in episodes. The state of a
+    recurrent policy is 0 at first and while an agent is absent.
 
     Networks of dense layers and gated recurrent units are computed in double precision and in a fixed order, so a run
     has the same bytes with every number of agents. A file with other operators is refused.
     """
 
+    # Observations depend on agents of the same run only, and the network computes each row independently.
+    batchable = True
     sees_world = True
 
     class Parameters(PluginParameters):
@@ -118,14 +120,14 @@ class PolicyController(GroupComponent):
 
         policy: PolicyFile = Field(description="The trained policy.")
 
-    # They follow from the scenario.
+    # These attributes follow from the scenario.
     uncaptured = ("_network", "_observe")
 
     def check(self, group: AgentGroup) -> None:
         """Check the file, and that its output is a control input of the model."""
         name = self.parameters.policy.file
         if not (group.folder / name).is_file():
-            return  # that a file is missing is reported where it is named
+            return  # a missing file is reported where the scenario names it
         network = self._read(group.folder)
         names = [quantity.name for quantity in group.model.control_input]
         if network.actions != len(names):
@@ -135,12 +137,12 @@ class PolicyController(GroupComponent):
             )
 
     def check_scenario(self, view: ScenarioView) -> None:
-        """Check that there is a section `learning`, and that the policy observes as many values as it says."""
+        """Check that there is a section `learning`, and that its observations have the size that the policy expects."""
         entry = view.entry
         task: LearningTask | None = None if entry is None else entry.group.sections.get("learning")
         if entry is None or task is None:
             if entry is not None and view.document.learning is None:
-                view.report("a policy observes what the section `learning` says, and there is none", "use")
+                view.report("a policy needs the observations of the section `learning`, and there is none", "use")
             return
         try:
             observe = _observation(entry.group, task, view.environment, view.groups, tuple(view.specifications))
@@ -149,8 +151,9 @@ class PolicyController(GroupComponent):
             found = observe().shape[1]
             network = self._read(entry.group.folder)
         except LearningError as error:
-            if not any(entry.group.name in rows for _, _, rows in task.members(view.groups)):  # else it is told of
-                said = f"the agents of `{entry.group.name}` cannot observe what `learning.observation` says: {error}"
+            if not any(entry.group.name in rows for _, _, rows in task.members(view.groups)):  # else it is reported
+                name = entry.group.name
+                said = f"the agents of `{name}` do not have the observations of `learning.observation`: {error}"
                 view.report(said, "use")
             return
         if found != network.observed:
@@ -164,7 +167,7 @@ class PolicyController(GroupComponent):
             )
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Read the policy, and forget."""
+        """Read the policy, and set its state to 0."""
         super().initialise_component(group)
         self._network = self._read(self.environment.folder)
         self._observe: Callable[[], Array] | None = None
@@ -206,10 +209,10 @@ def _observation(
     groups: Sequence[Any],
     specifications: Sequence[str],
 ) -> Callable[[], Array]:
-    """Return the function that computes what all agents of a group observe, as in episodes; shape (n, k).
+    """Return the function that computes the observations of all agents of a group, as in episodes; shape (n, k).
 
     Raises:
-        LearningError: They cannot observe that.
+        LearningError: The observations are not defined for these agents.
     """
     team = Team(group, range(len(group)), environment, groups, group.regions, specifications)
     return task.observation(team)

@@ -20,7 +20,7 @@ _MOST_ELEMENTS, _MOST_WORK = 2**23, 2**25
 
 
 class _Step(NamedTuple):
-    """An operator: computes values from values, by their numbers; None for an input that is left out."""
+    """An operator that computes values from values, given by their numbers; None for an input that is left out."""
 
     compute: Compute
     inputs: tuple[int | None, ...]
@@ -31,7 +31,7 @@ class PolicyNetwork:
     """A network that maps an observation, and perhaps its state, to an action and the next state.
 
     The first input of the graph is the observation, of the shape (rows, values), and its first output the action. Each
-    further input is a part of the state, which is 0 at first, and the output at the same place its next value. A graph
+    further input is a part of the state, initially 0, and the output at the same position is its next value. A graph
     with one input may have further outputs, which are ignored.
 
     Attributes:
@@ -44,7 +44,7 @@ class PolicyNetwork:
         """Prepare.
 
         Raises:
-            OnnxError: Something in the graph is not supported.
+            OnnxError: The graph contains an unsupported feature.
         """
         self._values: list[Value] = []
         self._numbers: dict[str, int] = {}
@@ -77,10 +77,10 @@ class PolicyNetwork:
 
         Args:
             path: The file.
-            name: Its name, for messages.
+            name: The name of the file, for messages.
 
         Raises:
-            OnnxError: It cannot be read, is damaged, or contains something that is not supported.
+            OnnxError: The file cannot be read, is damaged, or contains an unsupported feature.
         """
         content = read_bounded(path, name)
         try:
@@ -189,11 +189,11 @@ class PolicyNetwork:
         self._add(node.outputs[0], Value(array.shape, array), f"an output of {node.label}")
 
     def initial_states(self, rows: int) -> tuple[Array, ...]:
-        """Return the state of a number of rows at first."""
+        """Return the initial state of a number of rows."""
         return tuple(np.zeros([rows if each is None else each for each in shape]) for shape in self.states)
 
     def __call__(self, observations: Array, states: Sequence[Array] = ()) -> tuple[Array, tuple[Array, ...]]:
-        """Compute actions; the result for a row is the same whatever other rows there are.
+        """Compute actions; the result for a row does not depend on other rows.
 
         Args:
             observations: Shape (rows, observed).

@@ -1,4 +1,4 @@
-"""Writing of policies that were trained without a library that exports ONNX."""
+"""Writes policies that were trained without a library that exports ONNX."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ def write_policy(
 ) -> Path:
     """Write a policy of dense layers as an ONNX file, with the normalisation of observations and the scale of actions.
 
-    The observation, less the mean and over the deviation, passes through the layers, with the activation between them.
-    The last output is clipped to [-1, 1] and mapped from there to [low, high].
+    The mean is subtracted from the observation, and the result divided by the deviation. It passes through the layers,
+    with the activation between two of them. The last output is clipped to [-1, 1] and mapped from there to [low, high].
 
     Args:
         path: The file.
         layers: Weights, shape (k, m), and bias, shape (m,), of each layer.
         activation: The function between two layers.
-        mean: What is subtracted from observations; shape (k,) or a number.
-        deviation: What they are divided by; shape (k,) or a number.
+        mean: The value that is subtracted from observations; shape (k,) or a number.
+        deviation: The divisor of observations, after the mean is subtracted; shape (k,) or a number.
         low: The least actions; shape (nu,) or a number.
-        high: The greatest.
+        high: The greatest actions; shape (nu,) or a number.
 
     Returns:
         The path.

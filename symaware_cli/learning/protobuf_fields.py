@@ -16,16 +16,16 @@ VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 
 
 class FieldError(ValueError):
-    """The bytes are no message; the text has the position of the problem in the file."""
+    """The bytes are no valid message; the text contains the position of the problem in the file."""
 
 
 class WireField(NamedTuple):
     """A field of a message.
 
     Attributes:
-        number: Its number.
+        number: The number of the field.
         kind: `VARINT`, `FIXED64`, `BYTES` or `FIXED32`.
-        value: An integer without sign, or the content.
+        value: An unsigned integer, or the content.
         start: The position of the content in the file.
     """
 
@@ -36,10 +36,10 @@ class WireField(NamedTuple):
 
 
 class FieldReader:
-    """Reads messages of one file, and no more fields than a limit.
+    """Reads messages of one file, up to a limit of fields.
 
     Attributes:
-        left: How many fields may still be read.
+        left: The number of fields that may still be read.
     """
 
     def __init__(self, content: bytes, most: int) -> None:
@@ -55,7 +55,7 @@ class FieldReader:
         """Yield the fields of a message.
 
         Raises:
-            FieldError: The message ends within a field, or has something else than fields.
+            FieldError: The message ends within a field, or has bytes that are no field.
         """
         content = content_of(message)
         at, end = 0, len(content)
@@ -107,7 +107,7 @@ def content_of(field: WireField) -> memoryview:
     """Return the content of a field that is a message, a text or bytes.
 
     Raises:
-        FieldError: It is a number.
+        FieldError: The field is a number.
     """
     if isinstance(field.value, int):
         raise FieldError(f"byte {field.start}: field {field.number} is a number where content is expected")
@@ -118,7 +118,7 @@ def text_of(field: WireField) -> str:
     """Return the text of a field.
 
     Raises:
-        FieldError: It is none, or longer than 1,000 bytes.
+        FieldError: The field is no text, or longer than 1,000 bytes.
     """
     content = content_of(field)
     if len(content) > 1000:
@@ -133,7 +133,7 @@ def integer_of(field: WireField) -> int:
     """Return the signed integer of a field.
 
     Raises:
-        FieldError: It is none.
+        FieldError: The field is no integer.
     """
     if field.kind != VARINT or not isinstance(field.value, int):
         raise FieldError(f"byte {field.start}: field {field.number} is no integer")
@@ -141,10 +141,10 @@ def integer_of(field: WireField) -> int:
 
 
 def integers_of(field: WireField, most: int) -> list[int]:
-    """Return the signed integers of a repeated field: one, or several that are packed.
+    """Return the signed integers of a repeated field: a single one, or several that are packed.
 
     Raises:
-        FieldError: They are none, or more than `most`.
+        FieldError: The field has no integers, or more than `most`.
     """
     if field.kind == VARINT:
         return [integer_of(field)]
@@ -162,7 +162,7 @@ def float_of(field: WireField) -> float:
     """Return the number of a field of single precision.
 
     Raises:
-        FieldError: It is none.
+        FieldError: The field is no number of 32 bits.
     """
     if field.kind != FIXED32 or not isinstance(field.value, int):
         raise FieldError(f"byte {field.start}: field {field.number} is no number of 32 bits")

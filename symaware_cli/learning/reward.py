@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.learning.learning_content import RewardTerm
 from symaware_cli.learning.team import Team
+from symaware_cli.world import is_finite
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ class Reward:
         self._present: list[_Term] = []
 
     def begin(self) -> None:
-        """Begin an episode: changes count from its first instant on."""
+        """Begin an episode: changes are measured from its first instant on."""
         self._present = [each() for each in self._terms]
         for each in self._present:
             each.begin()
@@ -47,23 +48,22 @@ class Reward:
 
 
 class _Term:
-    """One term: its value at each step."""
+    """A term with its value at each step."""
 
     def __init__(self, compute: Callable[[], Array], weight: float) -> None:
         self._compute, self._weight = compute, weight
 
     def begin(self) -> None:
-        """Take the value at the beginning."""
+        """Store the value at the beginning."""
 
     def step(self) -> Array:
-        """Return the reward of a step; a value that is not defined counts as 0."""
+        """Return the reward of a step; an undefined value counts as 0."""
         found = self._weight * self._compute()
-        unknown = np.isnan(found)
-        return np.where(unknown, 0.0, found) if unknown.any() else found
+        return found if is_finite(found) else np.where(np.isnan(found), 0.0, found)
 
 
 class _Change(_Term):
-    """The change since the previous step."""
+    """A term with the change of its value since the previous step."""
 
     def begin(self) -> None:
         self._before = self._compute()
@@ -75,7 +75,7 @@ class _Change(_Term):
 
 
 class _AtVerdict(_Term):
-    """The value at the step at which the verdict is there for the first time."""
+    """A term with its value at the step of the verdict, and 0 at all others."""
 
     def __init__(self, compute: Callable[[], Array], weight: float, decided: Callable[[], NDArray[np.bool_]]) -> None:
         super().__init__(compute, weight)

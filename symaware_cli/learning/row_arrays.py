@@ -1,9 +1,9 @@
-"""What the rows of a vector environment return, as arrays that its sources of episodes write."""
+"""The results of the rows of a vector environment, as arrays that its sources of episodes write."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,35 @@ Truths = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 
+class RowSizes(NamedTuple):
+    """The sizes of the arrays of rows.
+
+    Attributes:
+        rows: The number of rows.
+        agents: The number of agents in each row.
+        observed: The number of values that an agent observes.
+        inputs: The number of control inputs of an agent.
+    """
+
+    rows: int
+    agents: int
+    observed: int
+    inputs: int
+
+
 class RowArrays:
     """The last results of all rows of a vector environment; a row is one environment.
 
     Attributes:
-        observations: Shape (rows, n, k), for n agents.
-        rewards: Shape (rows, n).
+        observations: The observations; shape (rows, n, k), for n agents.
+        rewards: The rewards; shape (rows, n).
         terminated: Whether the agent has left for good, or its condition holds; shape (rows, n).
         present: Whether the agent is in the world; shape (rows, n).
         ended: Whether the run of the row is over; shape (rows,).
-        complete: Whether it is over because all of its steps were made; shape (rows,).
+        complete: Whether the run is over because all of its steps were made; shape (rows,).
     """
+
+    FIELDS: ClassVar = ("observations", "rewards", "terminated", "present", "ended", "complete")
 
     def __init__(self, rows: int, agents: int, width: int) -> None:
         """Begin with zeros."""
@@ -45,7 +63,7 @@ class EpisodeSource(Protocol):
     arrays: RowArrays
 
     def begin(self, rows: Rows, seeds: Sequence[int]) -> None:
-        """Begin an episode in some rows; each seed is that of its run."""
+        """Begin an episode in some rows, each with the seed of its run."""
 
     def step(self, rows: Rows, actions: Array, given: Truths) -> None:
         """Make a step in some rows.
@@ -53,7 +71,8 @@ class EpisodeSource(Protocol):
         Args:
             rows: The rows.
             actions: The control inputs of all rows; shape (all rows, n, nu).
-            given: The agents that they are for; components drive all others. Shape (all rows, n).
+            given: Whether each agent gets its control input from `actions`; components drive all others. Shape (all
+                rows, n).
         """
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Rows of a vector environment that cannot be batched: each has a simulation of its own, in this process."""
+"""Rows of a vector environment that cannot be batched: each has a separate simulation in this process."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from symaware_cli.learning.row_arrays import Array, RowArrays, Rows, Truths
 
 
 class SeparateRows:
-    """Makes the episodes of all rows one after the other.
+    """Computes the episodes of all rows one after the other.
 
     Attributes:
         arrays: See `EpisodeSource`.
@@ -20,8 +20,8 @@ class SeparateRows:
 
         Args:
             rows: The number of rows.
-            episodes: Those of the first row.
-            make: Makes those of a further row.
+            episodes: The episodes of the first row.
+            make: Creates the episodes of a further row.
         """
         self._episodes = [episodes, *(make() for _ in range(rows - 1))]
         self.arrays = RowArrays(rows, sum(len(team.agents) for team in episodes.teams), episodes.widths[0])

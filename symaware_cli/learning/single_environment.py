@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class ScenarioEnv(gymnasium.Env[Array, Array]):
-    """A scenario in which one agent is controlled from outside; all others are driven by their components.
+    """A scenario in which one agent is controlled from outside; components drive all other agents.
 
     Attributes:
         agent: The id of the agent.
@@ -28,13 +28,13 @@ class ScenarioEnv(gymnasium.Env[Array, Array]):
 
         Args:
             episodes: The episodes of the scenario, with one learning agent.
-            render_mode: ``rgb_array`` to draw frames with `render`.
+            render_mode: ``rgb_array`` to draw frames with `render`; ``human`` if the episodes are shown in a viewer.
         """
         ((team,), ((low, high),), (width,)) = episodes.teams, episodes.spaces, episodes.widths
         (self.agent,) = team.agents
         self.episodes = episodes
         self.render_mode = render_mode
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 1.0 / episodes.time_step}
+        self.metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 1.0 / episodes.time_step}
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (width,), np.float64)
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
 
@@ -45,7 +45,7 @@ class ScenarioEnv(gymnasium.Env[Array, Array]):
         return found.observations[0], {"present": bool(found.present[0]), "seed": self.episodes.seed}
 
     def step(self, action: Array | None) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Make a step; see `ScenarioParallelEnv.step`. Without an action the agent is driven by its components."""
+        """Make a step; see `ScenarioParallelEnv.step`. Without an action the components drive the agent."""
         (found,) = self.episodes.step({} if action is None else {self.agent: action})
         over = self.episodes.is_over
         complete = over and self.episodes.is_complete
@@ -58,7 +58,7 @@ class ScenarioEnv(gymnasium.Env[Array, Array]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the world from above; see `ScenarioParallelEnv.render`."""
-        return None if self.render_mode is None else self.episodes.draw()
+        return self.episodes.draw() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
         """Close the simulation."""

@@ -1,4 +1,4 @@
-"""The learning agents of one group: the expressions about them, evaluated for all of them at once."""
+"""Teams: the learning agents of one group, with expressions that are evaluated for all of them at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from symaware_cli.specification.columns import ARGUMENTS, NO_VALUE, check_moment
 
 Array = NDArray[np.float64]
 
-#: What expressions are about.
+#: The states that expressions refer to.
 About = Literal["truth", "belief"]
 
 #: Computes numbers for each agent of a team; shape (n, k).
@@ -78,12 +78,12 @@ class Team:
 
     @property
     def environments(self) -> int:
-        """How many environments the agents are from: first come those of the first one, then those of the second..."""
+        """The number of environments that the agents are from; agents are in the order of environments."""
         return self.of.runs
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Which agents are in the world; shape (n,)."""
+        """Whether each agent is in the world; shape (n,)."""
         here = self.of.present
         return np.ones(len(self.rows), bool) if here is None else here[self.rows]
 
@@ -92,7 +92,7 @@ class Team:
         return self._cached("truth", expression)()
 
     def believed(self, expression: str) -> Array:
-        """Evaluate an expression about what the agents believe; shape (n, k)."""
+        """Evaluate an expression about the beliefs of the agents; shape (n, k)."""
         return self._cached("belief", expression)()
 
     def _cached(self, about: About, text: str) -> Columns:
@@ -154,7 +154,7 @@ class Team:
         return tree, look_up
 
     def _shaped(self, value: Any) -> Array:
-        """Give the values of all rows of the group the shape (n, k), for the agents of the team."""
+        """Return the values of the team's agents as a new array, shape (n, k), from those of all rows of the group."""
         found = np.asarray(value)
         if found.dtype.kind not in "fbiu":
             raise TypeError("it is not a number")
@@ -170,7 +170,7 @@ class Team:
         return np.array(found if self._all else found[self.rows], float)
 
     def signal(self, name: str) -> Array:
-        """Return a signal of a component, or a part of awareness, of a series the first point; shape (n, k).
+        """Return a signal of a component, or a part of awareness; of a series, the first point; shape (n, k).
 
         Raises:
             LearningError: There is no such signal.
@@ -188,12 +188,12 @@ class Team:
         return np.array(found, float)
 
     def nearest(self, count: int, of: Sequence[str] = ("position", "velocity")) -> Array:
-        """Return the motion of the nearest others that each agent is aware of, the nearest first; zeros where none is.
+        """Return the motion of the nearest others that each agent is aware of, nearest first; zeros if there are fewer.
 
         Args:
-            count: How many others.
-            of: What of each: ``position`` relative to the agent's [m], ``velocity`` [m/s], ``distance`` [m], or
-                ``present``, which is 1.
+            count: The number of others.
+            of: The quantities of each: ``position`` relative to the agent's [m], ``velocity`` [m/s], ``distance`` [m],
+                or ``present``, which is 1.
 
         Returns:
             Shape (n, count * width).
@@ -230,16 +230,16 @@ class Team:
     def robustness(self, name: str) -> Array:
         """Return the robustness of a specification on the samples up to the present one; shape (n,).
 
-        NaN of agents that it does not concern.
+        NaN for agents that the specification does not concern.
         """
         statuses = self.of.specifications[name]
         assert isinstance(statuses, MonitorStatuses)
         return np.array([np.nan if statuses.of(id) is None else statuses.measured(id) for id in self.agents])
 
     def decided(self, name: str) -> NDArray[np.bool_]:
-        """Return for which agents a specification is satisfied or violated; shape (n,).
+        """Return whether a specification is decided, satisfied or violated, for each agent; shape (n,).
 
-        The monitor decides once the control inputs of an instant were given, so this is known one step later.
+        The monitor evaluates an instant after its control inputs were given, so the verdict is known one step later.
         """
         statuses = self.of.specifications[name]
         found = [statuses.of(id) for id in self.agents]

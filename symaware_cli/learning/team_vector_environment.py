@@ -17,19 +17,19 @@ from symaware_cli.learning.vector_episodes import VectorEpisodes
 class ScenarioTeamVectorEnv:
     """A scenario in which several agents are controlled from outside, in many rows.
 
-    Row i equals the environment of `env`, byte for byte. There is no such interface in Gymnasium or PettingZoo; the
-    names of this one are those of Gymnasium's vector environments.
+    Row i equals the environment of `env`, byte for byte. Gymnasium and PettingZoo have no such interface; the names
+    here are those of Gymnasium's vector environments.
 
     Attributes:
         agents: The ids of the n agents, in the order of the second axis of all arrays.
         num_envs: The number of rows.
         episodes: The episodes of all rows.
-        unbatched: Why rows have a simulation each, in one line; None if they are batched.
-        single_observation_space: What one agent observes; shape (k,).
+        unbatched: The reason why rows are not batched, in one line; None if they are.
+        single_observation_space: The observations of one agent; shape (k,).
         single_action_space: The actions of one agent; shape (nu,).
-        observation_space: What all agents of all rows observe; shape (rows, n, k).
-        action_space: Their actions; shape (rows, n, nu).
-        metadata: When rows begin again, and the steps per second of simulated time.
+        observation_space: The observations of all agents of all rows; shape (rows, n, k).
+        action_space: The actions of all agents of all rows; shape (rows, n, nu).
+        metadata: The autoreset mode, and the steps per second of simulated time.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class ScenarioTeamVectorEnv:
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Truths, Truths, dict[str, Any]]:
         """Make a step in all rows.
 
-        The episode of a row is over once that of each of its agents is. Agents whose episode is over before observe
+        The episode of a row is over when the episodes of all its agents are. Agents whose episode ends earlier observe
         zeros, get no reward, and are driven by their components.
 
         Args:
@@ -84,9 +84,9 @@ class ScenarioTeamVectorEnv:
         Returns:
             Observations, shape (rows, n, k), rewards, whether the episode of an agent was terminated, and whether the
             duration is over, each of shape (rows, n). The infos have ``present``, whether an agent is in the world;
-            ``live``, whether its episode went on until this step, both of shape (rows, n); and for rows that began
-            again, those of the mask ``_seed``, the ``seed``. With `AutoresetMode.SAME_STEP`, their last observations
-            are ``final_obs``, shape (rows, n, k).
+            ``live``, whether its episode went on until this step, both of shape (rows, n); and the ``seed`` of the rows
+            that began again, which the mask ``_seed`` marks. With `AutoresetMode.SAME_STEP`, the last observations of
+            these rows are ``final_obs``, shape (rows, n, k).
 
         Raises:
             ValueError: The actions have another shape, or are not finite.

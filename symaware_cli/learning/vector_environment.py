@@ -22,7 +22,7 @@ class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
     Attributes:
         agent: The id of the agent.
         episodes: The episodes of all rows.
-        unbatched: Why rows have a simulation each, in one line; None if they are batched.
+        unbatched: The reason why rows are not batched, in one line; None if they are.
     """
 
     observation_space: Box
@@ -61,8 +61,8 @@ class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
         """Begin the next episode of all rows, or of those of ``options["reset_mask"]``, shape (rows,).
 
         Args:
-            seed: The seed of a series of episodes for each row, as in `ScenarioEnv.reset`; a number is that of row 0,
-                and row i has it plus i. None for the next episode of each series.
+            seed: The seed of a series of episodes for each row, as in `ScenarioEnv.reset`; a number n gives row i the
+                seed n + i. None for the next episode of each series.
             options: May have ``reset_mask``.
 
         Raises:
@@ -80,7 +80,7 @@ class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
             actions: The control inputs; shape (rows, nu). A row of NaN leaves an agent to its components.
 
         Raises:
-            ValueError: They have another shape, or are not finite.
+            ValueError: The actions have another shape, or are not finite.
             RuntimeError: The episode of a row is over, and rows do not begin again by themselves.
             RunFailedError: A component or the world failed.
         """
@@ -116,7 +116,7 @@ class ScenarioVectorEnv(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
 def starts_of(
     rows: int, seed: int | Sequence[int | None] | None, options: dict[str, Any] | None
 ) -> tuple[list[int | None], Truths]:
-    """Return the seed of each row, and which rows begin; the arguments are those of `ScenarioVectorEnv.reset`.
+    """Return the seed of each row, and a mask of the rows that begin, from the arguments of `ScenarioVectorEnv.reset`.
 
     Raises:
         ValueError: The seeds or the mask have another shape.

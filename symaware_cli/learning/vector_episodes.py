@@ -1,4 +1,4 @@
-"""Episodes in the rows of a vector environment: their seeds, which agents still act, and when a row begins again."""
+"""Episodes in the rows of a vector environment: their seeds, live agents, and the resets of rows."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from symaware_cli.studies import seeds_of
 
 
 class VectorStep(NamedTuple):
-    """What a step brought the agents of all rows.
+    """The results of a step for the agents of all rows.
 
     Attributes:
-        observations: Zeros of agents that are absent, or whose episode is over; shape (rows, n, k).
-        rewards: Shape (rows, n).
+        observations: The observations, zeros for agents that are absent or whose episode is over; shape (rows, n, k).
+        rewards: The rewards; shape (rows, n).
         terminated: Whether the episode of the agent was terminated, in this step or before; shape (rows, n).
         truncated: Whether the duration is over; shape (rows, n).
         present: Whether the agent is in the world; shape (rows, n).
         live: Whether the episode of the agent went on until this step; shape (rows, n).
         begun: The rows whose episode began in this step; their observations are the first ones. Shape (rows,).
-        final: The last observation of the rows that began again in the step in which they ended; None if none did.
-        final_present: Likewise, who was present.
+        final: The last observation of rows that ended and began again in this step; None if there are none.
+        final_present: The value of `present` at these last observations.
     """
 
     observations: Array
@@ -72,9 +72,9 @@ class VectorEpisodes:
         """Begin the next episode of some rows.
 
         Args:
-            seeds: For each row the seed of a series of episodes; None for the next one of its series. The series of row
-                i without one has the seed of the scenario plus i.
-            chosen: Which rows; shape (rows,).
+            seeds: For each row the seed of a series of episodes; None for the next episode of its series. By default
+                the series of row i has the seed of the scenario plus i.
+            chosen: A mask of the rows that begin; shape (rows,).
         """
         rows = np.flatnonzero(chosen)
         for row in rows.tolist():
@@ -111,7 +111,7 @@ class VectorEpisodes:
             actions: The control inputs; shape (rows, n, nu). A row of NaN leaves an agent to its components.
 
         Raises:
-            ValueError: They have another shape, or are not finite.
+            ValueError: The actions have another shape, or are not finite.
             RuntimeError: An episode is over, and rows do not begin again by themselves.
             RunFailedError: A component or the world failed.
         """

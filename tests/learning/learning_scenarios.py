@@ -14,13 +14,13 @@ import symaware_cli as sa
 from symaware_cli.learning.parallel_environment import ScenarioParallelEnv
 
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore", DeprecationWarning)  # of an environment that its tests import
+    warnings.simplefilter("ignore", DeprecationWarning)  # of an environment, imported by its tests
     from pettingzoo.test import parallel_api_test as parallel_api_test
     from pettingzoo.test import parallel_seed_test as parallel_seed_test
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
-HELLO = SCENARIOS / "hello.yaml"
+HEAD_ON = SCENARIOS / "head-on.yaml"
 
 REWARD = "-distance(position, goal)"
 
@@ -38,13 +38,13 @@ TEN = (
     "traffic",
 )
 
-#: How long they are run [s].
+#: The duration of their runs [s].
 DURATION = 2.0
 
 
-def hello(**options: Any) -> ScenarioParallelEnv:
-    """Return hello.yaml as an environment in which all robots learn."""
-    return sa.env(HELLO, agents="robot", reward=REWARD, **options)
+def head_on(**options: Any) -> ScenarioParallelEnv:
+    """Return head-on.yaml as an environment in which all robots learn."""
+    return sa.env(HEAD_ON, agents="robot", reward=REWARD, **options)
 
 
 def shortened(name: str, duration: float = DURATION) -> tuple[sa.Scenario, str]:

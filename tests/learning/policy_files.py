@@ -1,4 +1,4 @@
-"""ONNX files of networks, written field by field: those that libraries export, and those that are wrong."""
+"""ONNX files of networks, written field by field: like those that libraries export, and invalid ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from symaware_cli.learning.protobuf_fields import message
 #: Types of elements by their numbers in the format.
 ELEMENTS = {"<f4": 1, "<i8": 7, "<f8": 11}
 
-#: Dimensions; a text is that of rows.
+#: Dimensions; a text denotes the number of rows.
 Dimensions = Sequence[int | str]
 
 

@@ -4,17 +4,18 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from learning_scenarios import (
-    HELLO,
+    HEAD_ON,
     REWARD,
     TEN,
     digest,
-    hello,
+    head_on,
     parallel_api_test,
     parallel_seed_test,
     sampled,
@@ -27,21 +28,21 @@ import symaware_cli as sa
 from symaware_cli.learning.team import Team
 
 
-def test_the_libraries_accept_the_environment_of_hello() -> None:
-    parallel_api_test(hello(changes={"run.duration": 1.0}), num_cycles=30)
-    parallel_seed_test(hello, num_cycles=5)
+def test_the_libraries_accept_the_environment_of_a_scenario() -> None:
+    parallel_api_test(head_on(changes={"run.duration": 1.0}), num_cycles=30)
+    parallel_seed_test(head_on, num_cycles=5)
 
 
 # Gymnasium advises bounded observations and symmetric actions, which a scenario need not have.
 @pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|infinity):UserWarning")
 def test_gymnasium_accepts_the_environment_of_one_agent() -> None:
     name = "symaware_cli.learning.environments:symaware/Scenario-v0"
-    made = gymnasium.make(name, scenario=HELLO, agent="robot.1", reward=REWARD)
+    made = gymnasium.make(name, scenario=HEAD_ON, agent="robot.1", reward=REWARD)
     check_env(made.unwrapped, skip_render_check=True)
 
 
 def test_the_aec_wrapper_of_pettingzoo_steps_one_agent_after_the_other() -> None:
-    turns = parallel_to_aec(hello())
+    turns = parallel_to_aec(head_on())
     turns.reset(seed=1)
     agents = []
     for agent in turns.agent_iter(8):
@@ -51,7 +52,7 @@ def test_the_aec_wrapper_of_pettingzoo_steps_one_agent_after_the_other() -> None
 
 
 def test_whole_episodes_are_equal_for_equal_seeds_and_actions() -> None:
-    one, other = (hello(changes={"run.duration": 2.0}) for _ in range(2))
+    one, other = (head_on(changes={"run.duration": 2.0}) for _ in range(2))
     first = digest(one, seed=3, actions=0)
     digest(one, seed=4, actions=1)
     assert digest(one, seed=3, actions=0) == digest(other, seed=3, actions=0) == first
@@ -67,14 +68,14 @@ def test_episodes_that_go_back_or_are_built_anew_are_equal_for_equal_seeds(name:
 
 
 def test_an_episode_driven_by_components_equals_the_run_of_its_index(tmp_path: Path) -> None:
-    environment = hello(changes={"agents.robot.model.with.process_noise": [0.1, 0.1, 0.1]})
+    environment = head_on(changes={"agents.robot.model.with.process_noise": [0.1, 0.1, 0.1]})
     environment.reset(seed=9)
     _, infos = environment.reset()
     while environment.agents:
         *_, truncations, _ = environment.step({})
     assert all(truncations.values())
     table = sa.sweep(
-        HELLO,
+        HEAD_ON,
         tmp_path / "swept",
         runs=2,
         seed=9,
@@ -90,7 +91,7 @@ def test_an_episode_driven_by_components_equals_the_run_of_its_index(tmp_path: P
 
 @pytest.mark.parametrize("most", [1, 30, 1000])
 def test_a_recorded_episode_is_verified_from_its_log_alone(tmp_path: Path, most: int) -> None:
-    environment = hello(changes={"run.duration": 4.0})
+    environment = head_on(changes={"run.duration": 4.0})
     random = np.random.default_rng(2)
     environment.reset(seed=5)
     count = 0
@@ -108,7 +109,7 @@ def test_a_recorded_episode_is_verified_from_its_log_alone(tmp_path: Path, most:
 
 
 def test_the_components_of_an_agent_without_an_action_drive_it() -> None:
-    environment = hello()
+    environment = head_on()
     environment.reset(seed=1)
     for _ in range(20):
         environment.step({"robot.0": np.zeros(2)})
@@ -120,7 +121,7 @@ def test_the_components_of_an_agent_without_an_action_drive_it() -> None:
 
 
 def test_an_agent_observes_what_it_perceives_at_the_instant_at_which_it_acts() -> None:
-    environment = hello(observation=["state", "goal - position"])
+    environment = head_on(observation=["state", "goal - position"])
     observations, _ = environment.reset(seed=1)
     for _ in range(3):
         true = environment.episodes.simulation.state("robot.0")
@@ -129,7 +130,7 @@ def test_an_agent_observes_what_it_perceives_at_the_instant_at_which_it_acts() -
 
 
 def test_the_nearest_others_come_first_and_missing_ones_are_zeros() -> None:
-    environment = hello(observation=[{"nearest": 5, "of": ["distance", "present"]}])
+    environment = head_on(observation=[{"nearest": 5, "of": ["distance", "present"]}])
     observations, _ = environment.reset(seed=1)
     pairs = observations["robot.0"].reshape(5, 2)
     assert pairs[:, 1].tolist() == [1.0, 1.0, 1.0, 0.0, 0.0]
@@ -139,8 +140,8 @@ def test_the_nearest_others_come_first_and_missing_ones_are_zeros() -> None:
 
 def test_a_reward_is_a_sum_of_values_and_changes() -> None:
     terms = [{"value": "distance(position, goal)", "as": "change", "weight": -2.0}, "1"]
-    environment = hello()
-    changing = sa.env(HELLO, agents="robot", reward=terms)
+    environment = head_on()
+    changing = sa.env(HEAD_ON, agents="robot", reward=terms)
     environment.reset(seed=1)
     changing.reset(seed=1)
     before = -10.0
@@ -156,7 +157,7 @@ SAFE = {"specifications": {"safe": {"each": "robot", "formula": "always nearest 
 
 def test_the_changes_of_a_robustness_add_up_to_that_of_the_episode() -> None:
     environment = sa.env(
-        HELLO,
+        HEAD_ON,
         agents="robot",
         reward={"specification": "safe", "as": "value"},
         changes={"specifications.safe": SAFE["specifications"]["safe"], "run.duration": 6.0},
@@ -173,7 +174,7 @@ def test_the_changes_of_a_robustness_add_up_to_that_of_the_episode() -> None:
 
 def test_the_reward_at_a_verdict_comes_once() -> None:
     environment = sa.env(
-        HELLO,
+        HEAD_ON,
         agents="robot",
         reward={"specification": "near", "as": "verdict"},
         changes={"specifications.near": {"each": "robot", "formula": "eventually distance(position, goal) < 5"}},
@@ -189,7 +190,7 @@ def test_the_reward_at_a_verdict_comes_once() -> None:
 
 
 def test_a_condition_terminates_one_agent_and_the_others_go_on() -> None:
-    environment = sa.env(HELLO, agents="robot", terminate="x > 4")  # robot.0 begins at x = 5
+    environment = sa.env(HEAD_ON, agents="robot", terminate="x > 4")  # robot.0 begins at x = 5
     environment.reset(seed=1)
     _, _, terminations, truncations, _ = environment.step({})
     assert [agent for agent, over in terminations.items() if over] == ["robot.0"]
@@ -200,7 +201,7 @@ def test_a_condition_terminates_one_agent_and_the_others_go_on() -> None:
 
 
 def test_a_run_that_ends_before_its_duration_terminates_all() -> None:
-    environment = hello(changes={"run.until": "time >= 0.2"})
+    environment = head_on(changes={"run.until": "time >= 0.2"})
     environment.reset(seed=1)
     steps = 0
     while environment.agents:
@@ -212,7 +213,7 @@ def test_a_run_that_ends_before_its_duration_terminates_all() -> None:
 
 
 def test_agents_that_come_later_wait_and_agents_that_leave_are_terminated() -> None:
-    environment = hello(changes={"agents.robot.present": [{}, {"from": 0.3}, {"until": 0.2}, {}]})
+    environment = head_on(changes={"agents.robot.present": [{}, {"from": 0.3}, {"until": 0.2}, {}]})
     observations, infos = environment.reset(seed=1)
     assert not infos["robot.1"]["present"]
     assert not observations["robot.1"].any()
@@ -236,7 +237,7 @@ def test_functions_observe_reward_and_terminate() -> None:
         return -team.true("norm(position)")[:, 0]
 
     environment = sa.env(
-        HELLO, agents="robot", observation=observe, reward=reward, terminate=lambda team: team.true("x")[:, 0] > 4
+        HEAD_ON, agents="robot", observation=observe, reward=reward, terminate=lambda team: team.true("x")[:, 0] > 4
     )
     observations, _ = environment.reset(seed=1)
     assert observations["robot.0"] == pytest.approx([5.0, 0.0, 50**0.5])
@@ -246,7 +247,7 @@ def test_functions_observe_reward_and_terminate() -> None:
 
 
 def test_a_function_of_another_shape_is_refused() -> None:
-    environment = sa.env(HELLO, agents="robot", reward=lambda team: np.zeros(3))
+    environment = sa.env(HEAD_ON, agents="robot", reward=lambda team: np.zeros(3))
     environment.reset()
     with pytest.raises(sa.LearningError, match=r"the reward has shape \(3,\), not \(4,\)"):
         environment.step({})
@@ -256,13 +257,16 @@ def test_a_function_of_another_shape_is_refused() -> None:
     ("actions", "error", "said"),
     [
         ({"robot.0": [1.0]}, ValueError, r"the action of robot\.0 has shape \(1,\), not \(2,\)"),
+        ({f"robot.{row}": [[1.0], [0.0]] for row in range(4)}, ValueError, r"robot\.0 has shape \(2, 1\), not \(2,\)"),
         ({"robot.0": [1.0, np.nan]}, ValueError, r"the action of robot\.0 is not finite"),
+        ({f"robot.{row}": [row, np.inf] for row in range(4)}, ValueError, r"the action of robot\.0 is not finite"),
+        ({"robot.4": [1.0, 0.0]}, KeyError, r"robot\.4 is no agent that learns"),
     ],
 )
 def test_actions_that_cannot_be_control_inputs_are_refused(
-    actions: dict[str, list[float]], error: type[Exception], said: str
+    actions: dict[str, Any], error: type[Exception], said: str
 ) -> None:
-    environment = hello()
+    environment = head_on()
     environment.reset()
     with pytest.raises(error, match=said):
         environment.step(actions)
@@ -270,12 +274,12 @@ def test_actions_that_cannot_be_control_inputs_are_refused(
 
 def test_one_environment_of_gymnasium_has_one_learning_agent() -> None:
     with pytest.raises(sa.LearningError, match=r"4 agents learn: name one of robot\.0, robot\.1"):
-        sa.single_env(HELLO, "robot")
+        sa.single_env(HEAD_ON, "robot")
 
 
-def test_a_scenario_that_does_not_say_who_learns_is_refused() -> None:
+def test_a_scenario_without_learning_agents_is_refused() -> None:
     with pytest.raises(sa.LearningError, match="say which agents learn"):
-        sa.env(HELLO)
+        sa.env(HEAD_ON)
 
 
 @pytest.mark.parametrize(("make", "package"), [(sa.env, "pettingzoo"), (sa.single_env, "gymnasium")])
@@ -284,25 +288,20 @@ def test_a_missing_library_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(ImportError, match=rf"environments need {package}: pip install 'symaware-cli\[rl\]'"):
-        make(HELLO, "robot.0")
+        make(HEAD_ON, "robot.0")
 
 
 def test_a_scenario_without_the_section_loads_nothing_for_it() -> None:
     said = f"""if True:
         import sys, symaware_cli
-        symaware_cli.load({str(HELLO)!r}).run(record=False, duration=0.1)
+        symaware_cli.load({str(HEAD_ON)!r}).run(record=False, duration=0.1)
         assert not [name for name in sys.modules if "learning" in name or name in ("gymnasium", "pettingzoo")]
     """
     subprocess.run([sys.executable, "-c", said], check=True)
 
 
-def test_the_render_mode_of_a_window_is_refused() -> None:
-    with pytest.raises(ValueError, match="'human' is not rgb_array"):
-        hello(render_mode="human")
-
-
 def test_a_frame_shows_the_world_from_above() -> None:
-    environment = hello(render_mode="rgb_array")
+    environment = head_on(render_mode="rgb_array")
     environment.reset(seed=1)
     frame = environment.render()
     environment.step({})

@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from learning_scenarios import HELLO
+from learning_scenarios import HEAD_ON
 
 import symaware_cli as sa
 from symaware_cli.learning.given_inputs import GivenInputs, InputFileError
@@ -43,16 +43,16 @@ def test_a_file_outside_of_the_folder_is_refused(tmp_path: Path) -> None:
     [("0,robot.9,1,2", "line 2: there is no agent `robot.9`"), ("0,robot.0,1", "line 2: 1 numbers for the 2 control")],
 )
 def test_actions_that_do_not_fit_the_scenario_are_located(tmp_path: Path, line: str, said: str) -> None:
-    (tmp_path / "hello.yaml").write_bytes(HELLO.read_bytes())
+    (tmp_path / "head-on.yaml").write_bytes(HEAD_ON.read_bytes())
     (tmp_path / "a.csv").write_text(f"{FIRST}{line}\n", encoding="utf-8")
     with pytest.raises(sa.ScenarioError, match=said):
-        sa.load(tmp_path / "hello.yaml", {"learning": {"agents": "robot", "inputs": "a.csv"}})
+        sa.load(tmp_path / "head-on.yaml", {"learning": {"agents": "robot", "inputs": "a.csv"}})
 
 
 def test_given_inputs_replace_those_that_components_request_at_their_steps(tmp_path: Path) -> None:
-    (tmp_path / "hello.yaml").write_bytes(HELLO.read_bytes())
+    (tmp_path / "head-on.yaml").write_bytes(HEAD_ON.read_bytes())
     (tmp_path / "a.csv").write_text(f"{FIRST}1,robot.2,0.25,-0.5\n", encoding="utf-8")
-    scenario = sa.load(tmp_path / "hello.yaml", {"learning": {"agents": "robot", "inputs": "a.csv"}})
+    scenario = sa.load(tmp_path / "head-on.yaml", {"learning": {"agents": "robot", "inputs": "a.csv"}})
     run = scenario.run(duration=0.2, output=tmp_path / "run.mcap")
     inputs = run.series("robot", "requested_control").values[:, 2]
     assert inputs[1].tolist() == [0.25, -0.5]
@@ -61,7 +61,7 @@ def test_given_inputs_replace_those_that_components_request_at_their_steps(tmp_p
 
 
 def test_a_scenario_with_given_inputs_is_no_environment(tmp_path: Path) -> None:
-    (tmp_path / "hello.yaml").write_bytes(HELLO.read_bytes())
+    (tmp_path / "head-on.yaml").write_bytes(HEAD_ON.read_bytes())
     (tmp_path / "a.csv").write_text(f"{FIRST}1,robot.2,0.25,-0.5\n", encoding="utf-8")
     with pytest.raises(sa.LearningError, match="repeats an episode"):
-        sa.env(tmp_path / "hello.yaml", agents="robot", changes={"learning.inputs": "a.csv"})
+        sa.env(tmp_path / "head-on.yaml", agents="robot", changes={"learning.inputs": "a.csv"})

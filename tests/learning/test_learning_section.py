@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from learning_scenarios import HELLO
+from learning_scenarios import HEAD_ON
 
 import symaware_cli as sa
 
@@ -22,9 +22,9 @@ learning:
 """
 
 
-def test_a_section_says_all_that_an_environment_needs(tmp_path: Path) -> None:
+def test_a_section_defines_a_complete_environment(tmp_path: Path) -> None:
     file = tmp_path / "learn.yaml"
-    file.write_text(HELLO.read_text(encoding="utf-8") + SECTION, encoding="utf-8")
+    file.write_text(HEAD_ON.read_text(encoding="utf-8") + SECTION, encoding="utf-8")
     environment = sa.env(file)
     assert environment.observation_space("robot.0").shape == (3 + 2 + 8,)
     assert environment.action_space("robot.0").high.tolist() == [1.2, 1.2]
@@ -56,13 +56,13 @@ def test_a_section_says_all_that_an_environment_needs(tmp_path: Path) -> None:
 )
 def test_a_problem_of_the_section_is_located(section: dict[str, Any], path: str, said: str) -> None:
     with pytest.raises(sa.ScenarioError) as found:
-        sa.load(HELLO, {"learning": {"agents": "robot", **section}})
+        sa.load(HEAD_ON, {"learning": {"agents": "robot", **section}})
     problems = {each.path: each.message for each in found.value.problems}
     assert path in problems
     assert said in problems[path]
 
 
 def test_a_scenario_with_the_section_runs_as_without_it(tmp_path: Path) -> None:
-    plain = sa.load(HELLO).run(duration=0.5, output=tmp_path / "plain.mcap")
-    learning = sa.load(HELLO, {"learning": {"agents": "robot"}}).run(duration=0.5, output=tmp_path / "learning.mcap")
+    plain = sa.load(HEAD_ON).run(duration=0.5, output=tmp_path / "plain.mcap")
+    learning = sa.load(HEAD_ON, {"learning": {"agents": "robot"}}).run(duration=0.5, output=tmp_path / "learning.mcap")
     assert (plain.series("robot", "world").values == learning.series("robot", "world").values).all()

@@ -18,7 +18,7 @@ from simulating import untyped
 
 import symaware_cli as sa
 from symaware_cli.learning.policy import PolicyController
-from symaware_cli.testing import check_component
+from symaware_cli.testing import assert_batchable, check_component
 
 LEARNED = SCENARIOS / "learned.yaml"
 
@@ -52,12 +52,12 @@ def using(name: str) -> dict[str, Any]:
 
 
 def held(log: sa.Log, channel: str) -> NDArray[np.float64]:
-    """Return the values at each step: a log has only those that were written."""
+    """Return the value that holds at each step, since a log has only the written ones."""
     series = log.series("robot", channel)
     return series.values[np.searchsorted(series.times, log.series("robot", "world").times[:-1], side="right") - 1]
 
 
-#: What the recurrent network observes.
+#: The observation of the recurrent network.
 FOUR = {"learning.observation": ["goal - position", "cos(heading)", "sin(heading)"]}
 
 
@@ -110,7 +110,7 @@ def test_a_run_with_a_recurrent_policy_continues_from_a_captured_state(folder: P
     assert other.control("robot").tobytes() == whole.control("robot").tobytes()
 
 
-def test_a_policy_in_a_process_of_its_own_does_the_same(folder: Path) -> None:
+def test_a_policy_in_a_separate_process_gives_the_same_run(folder: Path) -> None:
     found = []
     for place in ("here", "process"):
         changes = {**FOUR, **using("recurrent"), f"{DRIVE}.run_in": "process"}
@@ -119,6 +119,19 @@ def test_a_policy_in_a_process_of_its_own_does_the_same(folder: Path) -> None:
         run = sa.load(folder / "learned.yaml", changes).run(duration=1.0, output=folder / f"{place}.mcap")
         found.append(run.series("robot", "world").values.tobytes())
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "observation"),
+    [
+        ("goal", {}),
+        ("recurrent", {"learning.observation": [{"nearest": 1}]}),
+        ("linear", {"learning.observation": ["robustness['apart']", "norm(goal - position)"]}),
+    ],
+)
+def test_runs_with_a_policy_are_batched_to_the_same_bytes(folder: Path, name: str, observation: dict[str, Any]) -> None:
+    changes = {**observation, **using(name), "run.duration": 0.5}
+    assert_batchable(folder / "learned.yaml", [f"{path}={json.dumps(value)}" for path, value in changes.items()])
 
 
 def test_agents_that_do_not_learn_may_follow_the_policy(folder: Path) -> None:
@@ -130,7 +143,7 @@ def test_agents_that_do_not_learn_may_follow_the_policy(folder: Path) -> None:
     assert found[0] == found[1]
 
 
-def test_a_recurrent_policy_forgets_while_its_agent_is_absent(folder: Path) -> None:
+def test_a_recurrent_policy_is_reset_while_its_agent_is_absent(folder: Path) -> None:
     present = [{"until": 0.5}, {}, {}, {}]
     changes = {**FOUR, **using("recurrent"), "agents.robot.present": present}
     environment = sa.env(folder / "learned.yaml", changes=changes)
@@ -160,9 +173,13 @@ WITHOUT_GOAL = {
         (using("one"), f"{DRIVE}.with.policy.file", r"its output has 1 values, .* this model 2 \(speed, turn_rate\)"),
         (using("damaged"), f"{DRIVE}.with.policy.file", "policies/damaged.onnx: it is no ONNX file, or damaged: byte "),
         (using("../../x"), f"{DRIVE}.with.policy.file", "a file lies below the scenario's folder"),
-        ({"learning": None}, f"{DRIVE}.use", "observes what the section `learning` says, and there is none"),
+        ({"learning": None}, f"{DRIVE}.use", "needs the observations of the section `learning`, and there is none"),
         ({"learning.observation": ["speedy"]}, "learning.observation[0]", "`speedy`: "),
-        (WITHOUT_GOAL, f"{DRIVE}.use", "agents of `robot` cannot observe what `learning.observation` says: `goal`: "),
+        (
+            WITHOUT_GOAL,
+            f"{DRIVE}.use",
+            "agents of `robot` do not have the observations of `learning.observation`: `goal`: ",
+        ),
     ],
 )
 def test_a_policy_that_does_not_fit_the_scenario_is_located(

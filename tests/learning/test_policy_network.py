@@ -1,4 +1,4 @@
-"""Networks of policies: what they compute, and what is refused."""
+"""Networks of policies: their values, and refusals."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_exponential_functions_differ_from_numpys_by_few_units_in_the_last_place
         assert np.isnan(fixed_order.tangent(np.array([np.nan]))).all()
 
 
-def test_a_dense_network_computes_what_its_operators_mean() -> None:
+def test_a_dense_network_follows_the_definitions_of_its_operators() -> None:
     x = np.random.default_rng(1).standard_normal((7, 5))
     w0, w1, w2 = (numbers(*shape).astype(float) for shape in ((16, 5), (16, 8), (16, 2)))
     hidden = np.tanh(x @ w0.T + numbers(16)) @ w1 + numbers(8)
@@ -136,7 +136,7 @@ HUGE = message(
         (HUGE, r"the constant `w` has 4 bytes, not the \d+ bytes of its shape"),
     ],
 )  # fmt: skip
-def test_a_file_that_is_damaged_or_not_supported_is_refused_in_words(content: bytes, said: str) -> None:
+def test_damaged_and_unsupported_files_are_refused_with_a_message(content: bytes, said: str) -> None:
     with pytest.raises(OnnxError, match=said):
         network(content)
 
@@ -159,7 +159,7 @@ VALID = (dense(), recurrent())
 )
 @example(content=VALID[0], flips=[(0, 0)], length=2**16)
 @settings(max_examples=400, deadline=None)
-def test_flipped_and_missing_bytes_lead_to_an_error_in_words_or_to_numbers(
+def test_flipped_and_missing_bytes_give_a_message_or_numbers(
     content: bytes, flips: list[tuple[int, int]], length: int
 ) -> None:
     damaged = bytearray(content)

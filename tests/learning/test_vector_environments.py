@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from learning_scenarios import HELLO, REWARD, SCENARIOS, sampled
+from learning_scenarios import HEAD_ON, REWARD, SCENARIOS, sampled
 
 import symaware_cli as sa
 from symaware_cli.learning.batched_rows import BatchedRows
@@ -41,7 +41,7 @@ def task(changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def assert_equal(found: Any, expected: Any) -> None:
-    """Compare what two vector environments return, byte for byte."""
+    """Compare the values that two vector environments return, byte for byte."""
     if isinstance(expected, dict):
         assert found.keys() == expected.keys()
         for key, each in expected.items():
@@ -58,12 +58,12 @@ def assert_equal(found: Any, expected: Any) -> None:
 @pytest.mark.parametrize(
     ("batched", "changes"), [(True, {}), (True, DRAWN), (False, {})], ids=["marked", "drawn", "separate"]
 )
-def test_one_agent_is_what_gymnasium_makes_of_single_environments(
+def test_rows_equal_the_vector_environment_that_gymnasium_makes_of_single_ones(
     mode: AutoresetMode, changes: dict[str, Any], batched: bool
 ) -> None:
     own = task(changes)
-    rows = sa.vector_env(HELLO, 4, "robot.1", **own, autoreset_mode=mode, batched=batched)
-    single = SyncVectorEnv([lambda: sa.single_env(HELLO, "robot.1", **own)] * 4, autoreset_mode=mode)
+    rows = sa.vector_env(HEAD_ON, 4, "robot.1", **own, autoreset_mode=mode, batched=batched)
+    single = SyncVectorEnv([lambda: sa.single_env(HEAD_ON, "robot.1", **own)] * 4, autoreset_mode=mode)
     assert isinstance(rows, ScenarioVectorEnv)
     assert rows.action_space == single.action_space
     random = np.random.default_rng(0)
@@ -83,14 +83,14 @@ def test_one_agent_is_what_gymnasium_makes_of_single_environments(
             )
             assert_equal(first[over], expected[over])
             assert_equal(infos, said)
-    assert len({step for step, _ in ends}) > 2  # rows end at steps of their own
+    assert len({step for step, _ in ends}) > 2  # rows end at different steps
 
 
 @pytest.mark.parametrize(("batched", "changes"), [(True, {}), (True, DRAWN), (False, {})])
 def test_the_rows_of_a_team_equal_parallel_environments(batched: bool, changes: dict[str, Any]) -> None:
     own = task(changes)
-    rows = sa.vector_env(HELLO, 3, "robot", **own, batched=batched)
-    single = [sa.env(HELLO, "robot", **own) for _ in range(3)]
+    rows = sa.vector_env(HEAD_ON, 3, "robot", **own, batched=batched)
+    single = [sa.env(HEAD_ON, "robot", **own) for _ in range(3)]
     assert isinstance(rows, ScenarioTeamVectorEnv)
     assert rows.agents == ("robot.0", "robot.1", "robot.2", "robot.3")
     random = np.random.default_rng(0)
@@ -125,7 +125,7 @@ def test_the_rows_of_a_team_equal_parallel_environments(batched: bool, changes: 
 
 def test_agents_that_enter_and_leave_are_masked() -> None:
     changes = {"agents.robot.present": [{}, {"from": 0.3}, {"until": 0.2}, {}]}
-    rows = sa.vector_env(HELLO, 2, "robot", reward=REWARD, changes=changes)
+    rows = sa.vector_env(HEAD_ON, 2, "robot", reward=REWARD, changes=changes)
     assert rows.unbatched == "agents enter and leave"
     _, infos = rows.reset(seed=1)
     assert infos["present"].tolist() == [[True, False, True, True]] * 2
@@ -137,23 +137,23 @@ def test_agents_that_enter_and_leave_are_masked() -> None:
 
 def test_rows_driven_by_components_equal_the_runs_of_a_sweep(tmp_path: Any) -> None:
     changes = {"agents.robot.model.with.process_noise": [0.1, 0.1, 0.1], "run.duration": 1.0}
-    rows = sa.vector_env(HELLO, 4, "robot", observation="state", changes=changes)
+    rows = sa.vector_env(HEAD_ON, 4, "robot", observation="state", changes=changes)
     rows.reset(seed=9)
     for _ in range(20):
         observed, *_ = rows.step(np.full(rows.action_space.shape, np.nan))
-    run = sa.load(HELLO, changes).run(seed=int(rows.episodes.seeds[2]), output=tmp_path / "run.mcap")
+    run = sa.load(HEAD_ON, changes).run(seed=int(rows.episodes.seeds[2]), output=tmp_path / "run.mcap")
     assert run.series("robot", "state").values[-1].tobytes() == observed[2].tobytes()
 
 
 def test_a_batch_that_no_row_uses_begins_again() -> None:
-    rows = sa.vector_env(HELLO, 6, "robot.1", **TASK)
+    rows = sa.vector_env(HEAD_ON, 6, "robot.1", **TASK)
     assert isinstance(rows.episodes.source, BatchedRows)
     rows.reset(seed=1)
     random = np.random.default_rng(0)
     for _ in range(60):
         rows.step(random.uniform(rows.action_space.low, rows.action_space.high))
     first = rows.reset(seed=1)[0]
-    assert first.tobytes() == sa.vector_env(HELLO, 6, "robot.1", **TASK).reset(seed=1)[0].tobytes()
+    assert first.tobytes() == sa.vector_env(HEAD_ON, 6, "robot.1", **TASK).reset(seed=1)[0].tobytes()
     assert rows.episodes.source.built < 20
 
 
@@ -162,12 +162,12 @@ def test_functions_of_rows_get_the_agents_of_all_environments() -> None:
         positions = team.believed("position").reshape(team.environments, -1, 2)
         return (positions - positions[:, :1]).reshape(-1, 2)
 
-    rows = sa.vector_env(HELLO, 3, "robot", observation=centred, mixes=False)
+    rows = sa.vector_env(HEAD_ON, 3, "robot", observation=centred, mixes=False)
     assert rows.unbatched is None
-    single = sa.env(HELLO, "robot", observation=centred)
+    single = sa.env(HEAD_ON, "robot", observation=centred)
     observed, _ = rows.reset(seed=1)
     assert observed[2].tobytes() == np.array([*single.reset(seed=3)[0].values()]).tobytes()
-    one_by_one = sa.vector_env(HELLO, 1, "robot", observation=centred)
+    one_by_one = sa.vector_env(HEAD_ON, 1, "robot", observation=centred)
     assert (
         one_by_one.unbatched == "the function `observation` does not say that it computes the rows of many environments"
     )
@@ -181,10 +181,12 @@ def test_functions_of_rows_get_the_agents_of_all_environments() -> None:
         ({"topology": {"use": "complete"}}, "messages go over a network"),
     ],
 )
-def test_what_cannot_be_batched_is_told_and_refused_where_it_is_needed(changes: dict[str, Any], said: str) -> None:
-    assert sa.vector_env(HELLO, 1, "robot", changes=changes).unbatched == said
+def test_scenarios_that_cannot_be_batched_give_the_reason_and_are_refused_on_request(
+    changes: dict[str, Any], said: str
+) -> None:
+    assert sa.vector_env(HEAD_ON, 1, "robot", changes=changes).unbatched == said
     with pytest.raises(sa.LearningError, match="the rows cannot be batched: "):
-        sa.vector_env(HELLO, 1, "robot", changes=changes, batched=True)
+        sa.vector_env(HEAD_ON, 1, "robot", changes=changes, batched=True)
 
 
 def test_agents_that_differ_in_their_inputs_are_refused() -> None:
@@ -207,7 +209,7 @@ Asked = Callable[[Any], object]
 )
 def test_wrong_arguments_are_refused(ask: Asked, error: type[Exception], said: str) -> None:
     changes = {"run.duration": 0.1}
-    rows = sa.vector_env(HELLO, 2, "robot.1", changes=changes, autoreset_mode="disabled")
+    rows = sa.vector_env(HEAD_ON, 2, "robot.1", changes=changes, autoreset_mode="disabled")
     rows.reset(seed=1)
     with pytest.raises(error, match=said):
         ask(rows)
@@ -220,22 +222,22 @@ def test_wrong_arguments_are_refused(ask: Asked, error: type[Exception], said: s
         ({"num_envs": 1, "autoreset_mode": "never"}, "'never' is not one of next_step"),
     ],
 )
-def test_a_number_or_a_mode_that_there_is_not_is_refused(options: dict[str, Any], said: str) -> None:
+def test_an_invalid_number_or_mode_is_refused(options: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        sa.vector_env(HELLO, agents="robot", **options)
+        sa.vector_env(HEAD_ON, agents="robot", **options)
 
 
 def test_gymnasium_makes_the_vector_environment_by_its_name() -> None:
     name = "symaware_cli.learning.environments:symaware/Scenario-v0"
-    rows = gymnasium.make_vec(name, 3, vectorization_mode="vector_entry_point", scenario=HELLO, agent="robot.1")
+    rows = gymnasium.make_vec(name, 3, vectorization_mode="vector_entry_point", scenario=HEAD_ON, agent="robot.1")
     assert isinstance(rows, ScenarioVectorEnv)
     assert rows.reset(seed=1)[0].shape == (3, 3)
 
 
 @pytest.mark.slow
 def test_whole_episodes_of_many_rows_equal_single_environments() -> None:
-    rows = sa.vector_env(HELLO, 40, "robot", reward=REWARD)
-    single = [sa.env(HELLO, "robot", reward=REWARD) for _ in range(40)]
+    rows = sa.vector_env(HEAD_ON, 40, "robot", reward=REWARD)
+    single = [sa.env(HEAD_ON, "robot", reward=REWARD) for _ in range(40)]
     random = np.random.default_rng(0)
     rows.reset(seed=5)
     for row, each in enumerate(single):
