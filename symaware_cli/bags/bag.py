@@ -1,7 +1,7 @@
-"""Bags of ROS 2 as files: their topics, and their messages with the times at which they were recorded.
+"""Bags of ROS 2 as files: topics, and messages with their times of recording.
 
 A bag is an MCAP file, an SQLite database, or a folder of these with a `metadata.yaml`
-(https://github.com/ros2/rosbag2). Files are bounded and checked before anything in them is decoded.
+(https://github.com/ros2/rosbag2). The size of files is bounded, and they are checked before their content is decoded.
 """
 
 from __future__ import annotations
@@ -34,11 +34,12 @@ class BagTopic:
     """A topic of a bag.
 
     Attributes:
-        name: Its name.
+        name: The name of the topic.
         kind: The type of its messages, such as ``nav_msgs/msg/Odometry``.
-        encoding: How they are serialised; ``cdr`` in ROS 2.
-        count: How many there are.
-        definition: The definition of the type as a .msg file with those that it needs; empty if it is not in the bag.
+        encoding: The serialisation of its messages; ``cdr`` in ROS 2.
+        count: The number of its messages.
+        definition: The definition of the type as a .msg file, with those of the types that it uses; empty if the bag
+            has none.
     """
 
     name: str
@@ -53,9 +54,9 @@ class BagFile(ABC):
 
     Attributes:
         path: The file.
-        topics: Its topics by name.
-        start: When the first message was recorded [ns]; None if there is none.
-        end: When the last one was [ns]; None if there is none.
+        topics: The topics of the file, by name.
+        start: The time of recording of the first message [ns]; None without messages.
+        end: The time of recording of the last message [ns]; None without messages.
     """
 
     path: Path
@@ -79,7 +80,7 @@ class McapBagFile(BagFile):
         """Read the index of the file.
 
         Raises:
-            BagError: It is damaged, or no MCAP file.
+            BagError: The file is damaged, or no MCAP file.
         """
         self.path = path
         try:
@@ -110,13 +111,13 @@ class McapBagFile(BagFile):
 
 
 class SqliteBagFile(BagFile):
-    """An SQLite database, as earlier versions of ROS 2 write them by default."""
+    """An SQLite database, the default format of earlier versions of ROS 2."""
 
     def __init__(self, path: Path) -> None:
         """Read the topics.
 
         Raises:
-            BagError: It is damaged, or no database of a bag.
+            BagError: The file is damaged, or no database of a bag.
         """
         self.path = path
         try:
@@ -166,7 +167,7 @@ class SqliteBagFile(BagFile):
 
 
 class _Database:
-    """A connection that only reads, and that trusts nothing in the file."""
+    """A connection that only reads, and does not trust the schema of the file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -192,9 +193,9 @@ class Bag:
     """A bag of one or several files.
 
     Attributes:
-        topics: Its topics by name.
-        start: When the first message was recorded [ns].
-        end: When the last one was [ns].
+        topics: The topics of the bag, by name.
+        start: The time of recording of the first message [ns].
+        end: The time of recording of the last message [ns].
         contents: The files, by their paths relative to the scenario's folder.
     """
 
@@ -206,7 +207,7 @@ class Bag:
             folders: The folders of the scenario.
 
         Raises:
-            BagError: It cannot be used.
+            BagError: The bag cannot be used.
             WorldError: A file is missing, or outside of the folders.
         """
         self.contents: dict[str, bytes] = {}

@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class BagError(ValueError):
-    """A file is no recording that can be used; the message says why."""
+    """A file is not a usable recording; the message gives the reason."""

@@ -33,7 +33,7 @@ _TYPES: Mapping[Kind, tuple[str, ...]] = {
     "imu": ("sensor_msgs/msg/Imu",),
     "pose": POSES,
 }
-#: What each kind of reading that is no scan consists of.
+#: The columns of each kind of reading that is no scan.
 _QUANTITIES: Mapping[Kind, tuple[Quantity, ...]] = {
     "imu": (
         *(Quantity(f"acceleration_{axis}", "m/s^2") for axis in "xyz"),
@@ -51,7 +51,7 @@ class RecordedTopic(PluginParameters):
     topic: str = Field(description="The topic, such as `/scan`.")
     start: Number = Field(0.0, description="The simulated time of the first message of the bag [s].")
     clock: TimeSource = Field(
-        "stamp", description="The times that count: the stamps of the messages, or when they were recorded."
+        "stamp", description="Times to use: the stamps of the messages, or the times of recording."
     )
 
     @field_validator("file")
@@ -65,13 +65,13 @@ class RecordedTopic(PluginParameters):
 class BagPerception(Sensor):
     """Plays a topic of a bag back to the agents of its group: scans, poses, or inertial measurements.
 
-    At each turn it publishes the latest message up to then, if it is a new one; times between messages are those of the
-    recording. Before the first message there is no reading, and after the last one no new one. All agents of the group
-    get the same readings, whatever they do: the recording does not react to them.
+    At each turn it publishes the latest message up to then, if it is new; intervals between messages are those of the
+    recording. Before the first message there is no reading, and after the last message there is no new one. All agents
+    of the group get the same readings, since the recording does not react to their motion.
 
-    Scans are stored among the readings of the group's awareness, under its own name, as those of `perception.lidar`; a
-    distance beyond the range of the sensor is infinite, and one below it missed. Poses and inertial measurements are a
-    signal, as those of `perception.imu`.
+    Scans are stored among the readings of the group's awareness under the name of the component, like those of
+    `perception.lidar`; a distance beyond the range of the sensor is infinite, and one below it is missing. Poses and
+    inertial measurements are a signal, like those of `perception.imu`.
     """
 
     uncaptured: ClassVar = ("_times", "_messages")
@@ -80,27 +80,27 @@ class BagPerception(Sensor):
     _messages: list[Any]
 
     class Parameters(SensorParameters):
-        """The recording, and what is played back."""
+        """The recording, and the kind of its readings."""
 
         bag: RecordedTopic = Field(description="The recording, and the topic in it.")
         reading: Kind = Field(
-            "scan", description="What it has: scans (LaserScan), imu (Imu), or poses (Odometry, PoseStamped, ...)."
+            "scan", description="Kind of readings: scans (LaserScan), imu (Imu), or poses (Odometry, PoseStamped, ...)."
         )
 
     def __init__(self, parameters: Any) -> None:
-        """Declare the signal, which depends on what is played back."""
+        """Declare the signal, which depends on the kind of readings."""
         super().__init__(parameters)
         if parameters.reading in _QUANTITIES:
             quantities = _QUANTITIES[parameters.reading]
             signal = Signal(MEASUREMENT, "vector", quantities, description="as recorded")
-            self.signals = (signal,)  # type: ignore[misc] # of the class in sensors, of the instance here
+            self.signals = (signal,)  # type: ignore[misc] # an attribute of the class in sensors, of the instance here
 
     def check(self, group: AgentGroup) -> None:
         """Read the topic."""
         self._times, self._messages = [], []
         named, reading = self.parameters.bag, self.parameters.reading
         if not (group.folder / named.file).is_file():
-            return  # which is reported at the name of the file
+            return  # reported at the name of the file
         try:
             bag = Bag(named.file, AssetFolders(group.folder))
             kind = check_topic(bag, named.topic, _TYPES[reading])
@@ -119,7 +119,7 @@ class BagPerception(Sensor):
     def initialise_component(self, group: AgentGroup) -> None:
         """Start before the first message."""
         super().initialise_component(group)
-        #: The number of messages until the last one that was published.
+        #: The number of messages up to the last published one.
         self._played = 0
 
     def measure(self, present: None) -> Any:

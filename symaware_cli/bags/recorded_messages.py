@@ -1,4 +1,4 @@
-"""Decodes the messages of a bag, if their definition is that of ROS 2 Jazzy."""
+"""Decodes the messages of a bag, if their definitions are those of ROS 2 Jazzy."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from symaware_cli.bags.bag_error import BagError
 from symaware_cli.world import nearest
 
 TimeSource = Literal["stamp", "received"]
-"""Which time of a message counts: that of its header, or that at which it was recorded."""
+"""The source of a message's time: the stamp of its header, or the time of recording."""
 
 _LONGEST_DEFINITION = 1 << 17
 
 
 def require_rosbags() -> None:
-    """Raise an error if what decodes messages is not installed.
+    """Check that the module that decodes messages is installed.
 
     Raises:
-        BagError: It is missing.
+        BagError: The module is missing.
     """
     if find_spec("rosbags") is None:
         raise BagError(f"bags need the module `rosbags`, which is not installed: {ros.INSTALL}")
@@ -36,7 +36,7 @@ def check_topic(bag: Bag, topic: str, kinds: tuple[str, ...]) -> str:
         kinds: The types that can be used.
 
     Raises:
-        BagError: It is missing, of another type, or serialised or defined differently than in ROS 2 Jazzy.
+        BagError: The topic is missing, of another type, or serialised or defined differently than in ROS 2 Jazzy.
     """
     require_rosbags()
     if topic not in bag.topics:
@@ -54,7 +54,7 @@ def check_topic(bag: Bag, topic: str, kinds: tuple[str, ...]) -> str:
 
 
 def _is_known(definition: str, kind: str) -> bool:
-    """Return whether a definition has the fields that ROS 2 Jazzy has."""
+    """Return whether a definition has the same fields as in ROS 2 Jazzy."""
     from rosbags.typesys import TypesysError, get_types_from_msg
 
     if len(definition) > _LONGEST_DEFINITION:

@@ -1,4 +1,4 @@
-"""Motions in recordings: the poses of a body over time."""
+"""Recorded motions: the poses of a body over time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/TransformStamped",
 )
-"""The types of messages that are poses of one body."""
+"""The types of messages with the pose of one body."""
 
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
@@ -38,9 +38,9 @@ class RecordedMotion:
     """The poses of a body.
 
     Attributes:
-        times: Ascending [ns]; shape (k,).
-        positions: Shape (k, 3) [m].
-        headings: Continuous [rad]; shape (k,).
+        times: The times of the poses, ascending [ns]; shape (k,).
+        positions: The positions [m]; shape (k, 3).
+        headings: The headings, without jumps by a full turn [rad]; shape (k,).
     """
 
     times: NDArray[np.int64]
@@ -52,7 +52,7 @@ class RecordedMotion:
 
         Args:
             origin: The time of the recording [ns] that becomes `start`.
-            start: Simulated time [s].
+            start: The simulated time of `origin` [s].
             in_space: Whether positions have three coordinates.
         """
         return ScriptedPath(
@@ -63,10 +63,10 @@ class RecordedMotion:
 
 
 def motion_on_topic(bag: Bag, topic: str, source: TimeSource) -> RecordedMotion:
-    """Return the motion that the messages on a topic tell of.
+    """Return the motion that the messages on a topic describe.
 
     Raises:
-        BagError: They do not, or are damaged.
+        BagError: The messages describe no motion, or are damaged.
     """
     kind = check_topic(bag, topic, POSES)
     frames: dict[str, None] = {}
@@ -83,7 +83,7 @@ def motion_on_topic(bag: Bag, topic: str, source: TimeSource) -> RecordedMotion:
 
 
 def pose_in(content: Any) -> Pose:
-    """Return the pose that a message of one of `POSES` has."""
+    """Return the pose in a message of one of the types `POSES`."""
     if hasattr(content, "transform"):
         at, turned = content.transform.translation, content.transform.rotation
     else:
@@ -95,10 +95,10 @@ def pose_in(content: Any) -> Pose:
 
 
 def motion_of_frame(bag: Bag, frame: str, source: TimeSource) -> RecordedMotion:
-    """Return the motion of a frame, as the transforms on ``/tf`` tell of it.
+    """Return the motion of a frame from the transforms on ``/tf``.
 
     Raises:
-        BagError: There is no such frame, or it is relative to one that moves as well.
+        BagError: There is no such frame, or it is relative to a frame that moves as well.
     """
     check_topic(bag, "/tf", (_TRANSFORMS,))
     parents: dict[str, dict[str, None]] = {}
@@ -125,7 +125,7 @@ def motion_in_log(path: Path, name: str) -> RecordedMotion:
     """Return the true motion of an agent or an entity in a log of SymAware.
 
     Raises:
-        BagError: The log does not have it.
+        BagError: The log does not contain the motion.
     """
     try:
         log = open_log(path)
@@ -175,7 +175,7 @@ def _checked(
     who: str,
     source: TimeSource,
 ) -> RecordedMotion:
-    """Return a motion with ascending times; of several poses at one time, the last counts."""
+    """Return a motion with ascending times; among several poses at one time, the last is used."""
     wrong = np.flatnonzero(~(np.abs(positions) <= LARGEST).all(axis=1) | ~np.isfinite(headings))
     if len(wrong):
         raise BagError(f"{who} has a pose at {times[wrong[0]]} ns that is not finite")

@@ -26,7 +26,7 @@ class RecordedBody(Section):
 
     shape: Shape = Field(description="The outline.")
     topic: str | None = Field(None, description="A topic of a bag with its poses, such as `/van/odom`.")
-    frame: str | None = Field(None, description="Its frame on the topic `/tf` of a bag.")
+    frame: str | None = Field(None, description="Frame of the body on the topic `/tf` of a bag.")
     agent: str | None = Field(None, description="An agent or an entity of a log of SymAware.")
 
     @model_validator(mode="after")
@@ -37,7 +37,7 @@ class RecordedBody(Section):
 
 
 class RecordingFile(Section):
-    """A bag or a log, and the bodies that move as it tells."""
+    """A bag or a log, and the bodies that move as recorded in it."""
 
     file: AssetPath = Field(
         description="A bag of ROS 2 (.mcap, .db3, or a folder with a `metadata.yaml`), or a log of SymAware, below the "
@@ -47,7 +47,7 @@ class RecordingFile(Section):
         0.0, description="The simulated time of the first message of a bag, or of the beginning of a log [s]."
     )
     clock: TimeSource = Field(
-        "stamp", description="The times that count in a bag: the stamps of the messages, or when they were recorded."
+        "stamp", description="Times to use in a bag: the stamps of the messages, or the times of recording."
     )
     in_space: bool = Field(False, description="Whether bodies have a height, for worlds in space.")
     bodies: dict[str, RecordedBody] = Field(min_length=1, description="The bodies, by the names of the new entities.")
@@ -57,7 +57,7 @@ class RecordingsSection(ScenarioSection):
     """Adds bodies that move as recorded: interpolated linearly, at rest before and after."""
 
     form: ClassVar[Any] = dict[str, RecordingFile]
-    description: ClassVar[str] = "Recorded motions: bodies that move as a bag of ROS 2 or a log of SymAware tells."
+    description: ClassVar[str] = "Recorded motions: bodies that move as in a bag of ROS 2 or a log of SymAware."
 
     def __init__(self) -> None:
         self._files: dict[str, bytes] = {}
@@ -70,7 +70,7 @@ class RecordingsSection(ScenarioSection):
                 source = _Source(recording, context)
             except (BagError, WorldError) as error:
                 context.report(f"the recording `{recording.file}` cannot be used: {error}", name, "file")
-                # What refers to the bodies of a recording that cannot be read is not wrong as well.
+                # References to the bodies of a recording that cannot be read are not reported as further problems.
                 found |= {
                     each: Obstacle(shape=body.shape, position=(0.0, 0.0)) for each, body in recording.bodies.items()
                 }
@@ -101,8 +101,8 @@ class _Source:
     """An open recording.
 
     Attributes:
-        origin: The time of the recording that becomes its `start` [ns].
-        files: Its files.
+        origin: The time of the recording that corresponds to its `start` [ns].
+        files: The files of the recording.
     """
 
     def __init__(self, recording: RecordingFile, context: SectionContext) -> None:

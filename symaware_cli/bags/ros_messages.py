@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 INSTALL = "pip install 'symaware-cli[ros]'"
-"""The command that installs what bags need."""
+"""The command that installs the modules for bags."""
 
 WORLD = "world"
 """The frame that positions refer to."""
@@ -81,9 +81,9 @@ def odometry(time: int, frame: str, where: Any, linear: Sequence[float] | None, 
     """Return an odometry message.
 
     Args:
-        time: Its time [ns].
+        time: The time of the message [ns].
         frame: The frame of the body.
-        where: Its pose in the world.
+        where: The pose of the body in the world.
         linear: The velocity along the axes of the body [m/s]; None if unknown.
         angular: The angular velocity about these axes [rad/s]; None if unknown.
     """
@@ -133,9 +133,9 @@ def marker(frame: str, number: int, kind: str, **fields: Any) -> Any:
 
     Args:
         frame: The frame.
-        number: Its number among the markers of this frame.
-        kind: Such as ``CUBE``.
-        fields: Those that differ from nothing: `scale`, `color`, `points`, `action`.
+        number: The number of the marker among those of this frame.
+        kind: The kind of marker, such as ``CUBE``.
+        fields: The fields to set: `scale`, `color`, `points`, `action`.
     """
     definition = typestore().types["visualization_msgs/msg/Marker"]
     # At time 0, RViz and Foxglove use the latest transform.

@@ -1,4 +1,4 @@
-"""Names of ROS: agents as parts of topics."""
+"""Names of agents in topics of ROS."""
 
 from __future__ import annotations
 

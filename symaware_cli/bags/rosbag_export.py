@@ -1,4 +1,4 @@
-"""Exports a run as a bag of ROS 2: what a robot with ROS would have recorded of it.
+"""Exports a run as a bag of ROS 2, with the messages that robots with ROS would have recorded.
 
 Reasons: docs/decisions/0093-bags.md
 """
@@ -39,9 +39,9 @@ Said = tuple[int, str, str, Any]
 
 #: The colour of bodies of the environment, and the size of a body without a shape [m].
 _GREY, _POINT = (128, 128, 128), 0.2
-#: Topics whose last messages newcomers are given.
+#: Topics whose last message is delivered to late subscribers (transient local).
 _LATCHED = ("/tf_static", "/markers")
-#: Last parts of topics that are no scans.
+#: Last parts of topics that are not for scans.
 _OTHERS = ("odom", "plan")
 _ADD, _DELETE = 0, 2
 
@@ -126,10 +126,10 @@ def _quality(is_latched: bool) -> Any:
 
 
 class _Bag:
-    """What a log becomes in a bag.
+    """The conversion of a log to the messages of a bag.
 
     Attributes:
-        names: The frame of each agent and entity, which is also its part of topics.
+        names: The frame of each agent and entity, which is also the part of topics that names it.
         uneven_scans: The number of scans with unevenly spaced rays, which have no message in ROS.
     """
 
@@ -149,7 +149,7 @@ class _Bag:
             for root in ("world", "agents")
             for kind in ("state", "pose", "control")
         }
-        #: The group, the sensor or None, and the places of the position, of each topic that is not about bodies.
+        #: The group, the sensor or None, and the columns of the position, of each topic that is not about bodies.
         self._scans = {
             topic: (view, sensor)
             for view in groups
@@ -179,7 +179,7 @@ class _Bag:
         return found
 
     def beginning(self) -> Iterator[Said]:
-        """Yield what does not depend on time: the frames of bodies that rest, and the markers of all that are there."""
+        """Yield messages that do not depend on time: the frames of bodies at rest, and the markers of all bodies."""
         if not self._has_truth:
             return
         start = self._selection.start or 0
@@ -269,7 +269,7 @@ class _Bag:
         yield scan.time, f"/{frame}", "sensor_msgs/msg/LaserScan", content
 
     def _position_places(self, topic: str, view: GroupView) -> tuple[int, ...] | None:
-        """Return the columns of an intent that are the position; None if it has none."""
+        """Return the columns of an intent that are the position; None if there are none."""
         columns = [name for name, _ in self._view.quantities.get(topic, ())]
         wanted = [view.state[place][0] for place in view.position]
         return tuple(columns.index(name) for name in wanted) if set(wanted) <= set(columns) else None

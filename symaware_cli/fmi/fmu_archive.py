@@ -1,4 +1,4 @@
-"""The file of an FMU: a zip archive, which is checked before anything in it is used.
+"""The file of an FMU: a zip archive, which is checked before its content is used.
 
 The layout is that of section 2.5 of the standard (https://fmi-standard.org/docs/3.0.2/#fmu-distribution).
 """
@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 MOST_BYTES = 64 << 20
 """The greatest size of an FMU [bytes]: the log of a run contains it."""
 MOST_UNPACKED = 512 << 20
-"""The greatest size of what is in it [bytes]."""
+"""The greatest total size of the unpacked content [bytes]."""
 MOST_ENTRIES = 10_000
 DESCRIPTION = "modelDescription.xml"
 _MOST_DESCRIPTION = 32 << 20
@@ -21,14 +21,14 @@ _PART = 1 << 20
 
 
 class FmuError(Exception):
-    """An FMU cannot be used; the message says why."""
+    """An FMU cannot be used; the message gives the reason."""
 
 
 def check_archive(path: Path) -> str:
     """Check the file of an FMU, and return its SHA-256 in hexadecimal digits.
 
     Raises:
-        FmuError: It is too large, damaged, or names paths that lead out of it.
+        FmuError: The file is too large, damaged, or has paths that lead out of the archive.
     """
     try:
         if path.stat().st_size > MOST_BYTES:
@@ -69,10 +69,10 @@ def _check_entries(entries: list[zipfile.ZipInfo]) -> None:
 
 
 def extract(path: Path, folder: Path) -> None:
-    """Unpack an FMU that was checked, and believe none of the sizes that it states.
+    """Unpack a checked FMU, without relying on the sizes that the archive states.
 
     Raises:
-        FmuError: It has changed since, or is damaged.
+        FmuError: The file has changed since the check, or is damaged.
     """
     check_archive(path)
     left = MOST_UNPACKED

@@ -21,7 +21,7 @@ from symaware_cli.log import Log, LogError, OutputError
 from symaware_cli.views import Exported, ExportFormat, Progress, Selection
 
 _INSTALL = "pip install 'symaware-cli[fmi]'"
-#: Builds in a process of its own: the builder imports the script, and would leave its module behind.
+#: Builds in a separate process, because the builder imports the script, whose module would stay loaded.
 _BUILD = """
 import sys
 from pythonfmu3 import FmuBuilder
@@ -33,7 +33,7 @@ FmuBuilder.build_FMU(script, dest=dest, project_files=[log], canHandleVariableCo
 class ScenarioFmu(ExportFormat):
     """The scenario of a run as an FMU, whose outputs are the true states of all agents.
 
-    It has the log, from which it repeats the run, and needs SymAware in the Python that loads it.
+    The FMU contains the log, from which it repeats the run, and needs SymAware in the Python that loads it.
     """
 
     suffix: ClassVar = ".fmu"
@@ -56,7 +56,7 @@ class ScenarioFmu(ExportFormat):
             script.write_text(text.replace('"@DESCRIPTION@"', json.dumps(about)), encoding="utf-8")
             shutil.copy(log.path, copy)
             made = Path(folder, "made")
-            # The builder finds the log beside the script, as the FMU does.
+            # The log is beside the script for the builder, as in the FMU.
             command = [sys.executable, "-c", _BUILD, str(script), str(made), str(copy)]
             done = subprocess.run(command, capture_output=True, text=True, check=False, env=dict(os.environ))
             if done.returncode:

@@ -53,7 +53,7 @@ class Fmu(Model):
     """An FMU (FMI 2 or 3, co-simulation), with one instance for each agent.
 
     The elements of the state are variables of the FMU, read after each step; the control input sets its inputs, which
-    are held over the step. A world calls the FMU once for each of its time steps, in a process of its own.
+    are held over the step. A world calls the FMU once in each of its time steps, in a separate process.
 
     An FMU is code: a scenario is refused unless it is run with ``--trust``. Other components cannot evaluate its
     equations: for predictions, each element of the state has the rate that `rates` names, and otherwise stays as it is.
@@ -64,7 +64,7 @@ class Fmu(Model):
     needs = ("co-simulation",)
 
     class Parameters(Parameters):
-        """The FMU, and which of its variables are used."""
+        """The FMU, and the variables that are used."""
 
         fmu: FmuFile = Field(description="The file.")
         state: dict[str, FmuQuantity] = Field(min_length=1, description="The elements of the state, in order.")
@@ -74,11 +74,14 @@ class Fmu(Model):
             description="The elements of the control input, in order; by default one without effect.",
         )
         position: list[str] = Field(
-            default=["x", "y"], min_length=2, max_length=3, description="Which elements are the position [m]."
+            default=["x", "y"],
+            min_length=2,
+            max_length=3,
+            description="Elements of the state that are the position [m].",
         )
-        heading: str | None = Field(None, description="Which element is the heading [rad].")
+        heading: str | None = Field(None, description="Element of the state that is the heading [rad].")
         rates: dict[str, str] = Field(
-            default_factory=dict, description="For an element of the state, the one that is its rate."
+            default_factory=dict, description="Rates of elements of the state, each another element."
         )
         parameters: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
             default_factory=dict, description="Values of parameters of the FMU, by their names."
@@ -109,10 +112,10 @@ class Fmu(Model):
         self._facts: dict[str, Any] = {}
 
     def fit(self, entity: Entity, folders: Any, *where: str) -> None:
-        """Check the file, that it is trusted, and that it has the variables.
+        """Check that the file is sound and trusted, and that it has the variables.
 
         Raises:
-            WorldError: It cannot be used.
+            WorldError: The FMU cannot be used.
         """
         file, place = self.parameters.fmu.file, (*where, "model", "with", "fmu", "file")
         path = asset.find(file, folders, *place)
@@ -180,8 +183,8 @@ class FmuSimulator(StepSimulator):
         Args:
             model: The model.
             path: The file.
-            facts: What the FMU says of itself.
-            time_step: That of the world [ns].
+            facts: The facts in the description of the FMU.
+            time_step: The time step of the world [ns].
         """
         given = model.parameters
         self._file, self._path, self._facts, self._step = given.fmu.file, path, facts, time_step
@@ -197,7 +200,7 @@ class FmuSimulator(StepSimulator):
         """Create the instances in their initial states.
 
         Raises:
-            ValueError: The FMU does not begin in these states, or cannot be used.
+            ValueError: The FMU cannot be set to these states, or cannot be used.
         """
         if len(states) > 1 and self._facts["only_once"]:
             raise ValueError(
@@ -225,7 +228,7 @@ class FmuSimulator(StepSimulator):
             )
 
     def step(self, time: int, states: Array, inputs: Array, rows: Sequence[int]) -> Array:
-        """Return the states after a step from a time [ns] under given inputs; of the named rows only."""
+        """Return the states of some rows after a step from a time [ns] under given inputs."""
         assert self._process is not None
         try:
             found = self._process.call(
@@ -246,7 +249,7 @@ class FmuSimulator(StepSimulator):
         """Return the states of the instances.
 
         Raises:
-            StateError: The FMU cannot say them.
+            StateError: The FMU cannot return its state.
         """
         if self._facts["lacks"]:
             raise StateError(f"the FMU `{self._file}` has no {' and no '.join(self._facts['lacks'])}")

@@ -1,9 +1,10 @@
-"""The process of an FMU, seen from the run."""
+"""The process of an FMU, as the run uses it."""
 
 from __future__ import annotations
 
 import json
 import select
+import tempfile
 import weakref
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +14,7 @@ from symaware_cli.fmi.fmu_archive import FmuError
 from symaware_cli.world import PythonChild, how_it_ended, read, write
 
 PATIENCE = 60.0
-"""How long an answer may take [s]."""
+"""The longest wait for an answer [s]."""
 
 
 class FmuProcess:
@@ -26,17 +27,23 @@ class FmuProcess:
             path: The FMU.
 
         Raises:
-            FmuError: It cannot be used.
+            FmuError: The FMU cannot be used.
         """
+        # Not the child's: it is killed, and could not remove it.
+        self._folder = tempfile.TemporaryDirectory(prefix="symaware-fmu-")
         self._child = PythonChild("symaware_cli.fmi.fmu_server:serve")
-        self._end = weakref.finalize(self, _end, self._child)
-        self._ask({"path": str(path.resolve())})
+        self._end = weakref.finalize(self, _end, self._child, self._folder)
+        try:
+            self._ask({"path": str(path.resolve()), "folder": self._folder.name})
+        except FmuError:
+            self.close()
+            raise
 
     def call(self, name: str, **given: Any) -> Any:
         """Call a method of the server.
 
         Raises:
-            FmuError: It fails, does not answer, or the process has ended.
+            FmuError: The method fails, the process does not answer, or it has ended.
         """
         return self._ask({"call": name, "with": given})
 
@@ -55,13 +62,16 @@ class FmuProcess:
         except (EOFError, BrokenPipeError, ValueError) as error:
             self._end.detach()
             self._child.kill()
-            raise FmuError(f"its process {how_it_ended(self._child.close())}") from error
+            status = self._child.close()
+            self._folder.cleanup()
+            raise FmuError(f"its process {how_it_ended(status)}") from error
         if "error" in answer:
             raise FmuError(answer["error"])
         return answer["answer"]
 
 
-def _end(child: PythonChild) -> None:
+def _end(child: PythonChild, folder: tempfile.TemporaryDirectory[str]) -> None:
     child.kill()
     with suppress(OSError):
         child.close()
+    folder.cleanup()

@@ -1,6 +1,6 @@
-"""Runs the instances of an FMU in a process of its own, so that its code cannot harm the run.
+"""Runs the instances of an FMU in a separate process, so that its code cannot harm the run.
 
-Requests and answers are JSON: nothing that the process of an FMU says is executed.
+Requests and answers are JSON, so that answers of the process are never executed.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import json
 import math
-import tempfile
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -36,7 +35,7 @@ class FmuServer:
             folder: An empty folder.
 
         Raises:
-            FmuError: It cannot be used.
+            FmuError: The FMU cannot be used.
         """
         import fmpy
 
@@ -137,7 +136,7 @@ class FmuServer:
         return found
 
     def restore(self, states: Sequence[str]) -> None:
-        """Restore what `capture` returned."""
+        """Restore states that `capture` returned."""
         for fmu, text in zip(self._fmus, states, strict=True):
             state = fmu.deserializeFMUState(base64.b64decode(text))
             fmu.setFMUState(state)
@@ -171,21 +170,20 @@ def _is_settable(variable: Any) -> bool:
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer requests until the other side has closed the pipe; the first names the file."""
-    with tempfile.TemporaryDirectory(prefix="symaware-fmu-") as folder:
-        server: FmuServer | None = None
-        while True:
-            try:
-                request = json.loads(read(requests))
-            except EOFError:
-                return
-            try:
-                if server is None:
-                    server = FmuServer(request["path"], Path(folder))
-                    answer = None
-                else:
-                    answer = getattr(server, request["call"])(**request["with"])
-            except Exception as error:  # of the FMU, of fmpy, or ours: all are told to the run
-                write(answers, json.dumps({"error": f"{error}" or type(error).__name__}).encode())
+    """Answer requests until the other side has closed the pipe; the first names the file and where to unpack it."""
+    server: FmuServer | None = None
+    while True:
+        try:
+            request = json.loads(read(requests))
+        except EOFError:
+            return
+        try:
+            if server is None:
+                server = FmuServer(request["path"], Path(request["folder"]))
+                answer = None
             else:
-                write(answers, json.dumps({"answer": answer}).encode())
+                answer = getattr(server, request["call"])(**request["with"])
+        except Exception as error:  # errors of the FMU, of fmpy, or of this module: all are reported to the run
+            write(answers, json.dumps({"error": f"{error}" or type(error).__name__}).encode())
+        else:
+            write(answers, json.dumps({"answer": answer}).encode())

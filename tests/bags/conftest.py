@@ -14,7 +14,7 @@ from symaware_cli.views import installed_format
 
 @pytest.fixture(scope="session")
 def recorded(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the log `floor.mcap`, the bag `bag`, and the same as a database, `bag.db3`."""
+    """A folder with the log `floor.mcap`, the bag `bag`, and the same bag as a database, `bag.db3`."""
     folder = tmp_path_factory.mktemp("recorded")
     execute(build(scenarios / "floor.yaml", ["run.duration=2"], None), folder / "floor.mcap")
     installed_format("rosbag2").export(open_log(folder / "floor.mcap"), folder / "bag")

@@ -64,7 +64,7 @@ def test_scans_are_those_of_the_recording_at_their_times(scenario: Make, recorde
         assert (found[0].pose[:2] == log.series(agent, "world").values[0, :2]).all()
 
 
-def test_poses_are_a_signal_that_comes_when_it_was_recorded(scenario: Make, recorded: Path) -> None:
+def test_poses_are_a_signal_at_the_times_of_recording(scenario: Make, recorded: Path) -> None:
     played = {"bag": {"file": "drive.mcap", "topic": "/robot_1/odom", "start": 0.5}, "reading": "pose"}
     found = run(scenario(played)).series("robot.0", "sense")
     truth = open_log(recorded / "floor.mcap").series("robot.1", "world")
@@ -92,7 +92,7 @@ def test_a_run_that_plays_a_bag_is_repeated_from_its_log_alone(scenario: Make, t
         ({"bag": {"file": "played.db3", "topic": "/scan"}}, "there is no file `played.db3`"),
     ],
 )
-def test_what_cannot_be_played_is_refused_at_its_place(scenario: Make, parameters: dict[str, Any], said: str) -> None:
+def test_unusable_recordings_are_refused_at_their_place(scenario: Make, parameters: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError) as refused:
         build(scenario(parameters), [], None)
     (problem,) = refused.value.problems

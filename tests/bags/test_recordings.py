@@ -28,7 +28,7 @@ Place = Callable[..., Path]
 
 @pytest.fixture
 def scenario(tmp_path: Path, recorded: Path) -> Place:
-    """Write a scenario with recordings beside copies of what was recorded."""
+    """Write a scenario with recordings beside copies of the recorded files."""
 
     def write(recordings: dict[str, Any], **environment: Any) -> Path:
         for name in ("floor.mcap", "bag.db3"):
@@ -81,7 +81,7 @@ def test_a_body_moves_as_it_was_recorded(scenario: Place, recorded: Path, file: 
     assert np.abs(np.exp(1j * moved.values[:, 2]) - np.exp(1j * truth.values[:count, 2])).max() < 1e-12
 
 
-def test_a_recording_begins_when_the_scenario_says_and_rests_before(scenario: Place, recorded: Path) -> None:
+def test_a_recording_begins_at_its_start_in_the_scenario_and_rests_before(scenario: Place, recorded: Path) -> None:
     past = {"file": "bag", "start": 1.0, "bodies": {"van": {**BODY, "topic": "/robot_1/odom"}}}
     moved = run(scenario({"past": past})).series("van", "world")
     truth = open_log(recorded / "floor.mcap").series("robot.1", "world")
@@ -110,7 +110,7 @@ def test_the_log_has_the_recording(scenario: Place, tmp_path: Path) -> None:
         ({"file": "bag", "bodies": {"van": {**BODY, "topic": "/a", "frame": "b"}}}, "exactly one of"),
     ],
 )
-def test_what_cannot_be_read_is_refused_at_its_place(scenario: Place, recording: dict[str, Any], said: str) -> None:
+def test_unusable_recordings_are_refused_at_their_place(scenario: Place, recording: dict[str, Any], said: str) -> None:
     (problem,) = problems(scenario({"past": recording}))
     assert said in problem
     assert problem[0].isdigit()
@@ -134,7 +134,7 @@ def test_a_damaged_bag_is_refused(scenario: Place, tmp_path: Path) -> None:
     ("content", "said"),
     [(b"SQLite format 3\0" + bytes(4000), "damaged"), (b"nothing", "no SQLite database"), (b"", "no SQLite database")],
 )
-def test_what_is_no_database_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
+def test_files_that_are_no_database_are_refused(tmp_path: Path, content: bytes, said: str) -> None:
     (tmp_path / "bag.db3").write_bytes(content)
     with pytest.raises(BagError, match=said):
         Bag("bag.db3", AssetFolders(tmp_path))
@@ -151,7 +151,7 @@ def test_a_database_of_something_else_is_refused(tmp_path: Path) -> None:
 
 
 def written(folder: Path, stamps: list[tuple[int, int]], turned: float = 1.0, frames: str = "mm") -> None:
-    """Write a bag of poses, each with the time of its header and the one at which it was recorded [ns]."""
+    """Write a bag of poses, each with a stamp and a time of recording [ns]."""
     store = get_typestore(Stores.ROS2_JAZZY)
     make = store.types
     with Writer(folder / "poses", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -169,7 +169,7 @@ def written(folder: Path, stamps: list[tuple[int, int]], turned: float = 1.0, fr
             writer.write(connection, received, store.serialize_cdr(pose, kind))
 
 
-#: The times of bags are those since 1970.
+#: Times in bags count from 1970.
 EPOCH = 1_700_000_000_000_000_000
 
 

@@ -1,4 +1,4 @@
-"""Runs as bags of ROS 2, read back by two readers that know nothing of SymAware."""
+"""Runs as bags of ROS 2, read by two independent readers."""
 
 import json
 from collections import defaultdict
@@ -134,7 +134,7 @@ def test_plans_are_the_intents_of_the_log(run: tuple[Log, Path], read: Messages)
             assert points == intent.values[:, :2].tolist()
 
 
-def test_every_body_has_a_marker_in_a_frame_that_is_there(run: tuple[Log, Path], read: Messages) -> None:
+def test_every_body_has_a_marker_in_an_existing_frame(run: tuple[Log, Path], read: Messages) -> None:
     log, _ = run
     ((_, markers),) = read["/markers"]
     frames = {

@@ -1,5 +1,8 @@
 """Small FMUs, made of Python by pythonfmu3."""
 
+import gc
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +50,17 @@ def made(folder: Path, **options: Any) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def unpacked(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Check that each test, whatever becomes of its FMU, leaves no unpacked files behind."""
+    folder = tmp_path_factory.mktemp("unpacked")
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setenv("TMPDIR", str(folder))
+    yield
+    gc.collect()  # simulations that nobody closes end with their last reference
+    assert [*folder.glob("symaware-fmu-*")] == []
+
+
 @pytest.fixture(scope="session")
 def cart(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with `Cart.fmu`, which can get, set and serialise its state."""
@@ -56,5 +70,5 @@ def cart(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def plain_cart(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same without these."""
+    """A folder with an FMU that cannot get, set or serialise its state."""
     return made(tmp_path_factory.mktemp("plain"))

@@ -1,4 +1,4 @@
-"""Scenarios as FMUs, stepped by FMPy in a process of its own."""
+"""Scenarios as FMUs, stepped by FMPy in a separate process."""
 
 import json
 import subprocess

@@ -82,7 +82,7 @@ def refusal(path: Path) -> str:
 
 
 @pytest.mark.usefixtures("trusted")
-def test_each_agent_is_moved_by_an_instance_of_its_own(scenario: Write) -> None:
+def test_each_agent_is_moved_by_a_separate_instance(scenario: Write) -> None:
     log = run(scenario())
     for agent, start, height in (("cart.0", 0.0, 1.0), ("cart.1", 3.0, 2.0)):
         found = log.series(agent, "world").values
@@ -95,7 +95,7 @@ def test_each_agent_is_moved_by_an_instance_of_its_own(scenario: Write) -> None:
 
 
 @pytest.mark.usefixtures("trusted")
-def test_a_run_is_repeated_and_its_log_says_what_ran(scenario: Write, cart: Path) -> None:
+def test_a_run_is_repeated_and_its_log_identifies_the_fmu(scenario: Write, cart: Path) -> None:
     log = run(scenario())
     assert verify_log(log.path).difference is None
     assert log.attachments["scenario/Cart.fmu"] == (cart / "Cart.fmu").read_bytes()
@@ -145,7 +145,7 @@ def test_an_fmu_that_nobody_trusts_is_not_loaded(scenario: Write, monkeypatch: p
         ({"state": {"x": {"variable": "count"}, "y": {}}}, "begins with `x` = 7.0, and the scenario says 0.0"),
     ],
 )
-def test_what_the_fmu_does_not_have_is_refused_at_its_place(
+def test_missing_features_of_the_fmu_are_refused_at_their_place(
     scenario: Write, changes: dict[str, Any], said: str
 ) -> None:
     assert said in refusal(scenario(**changes))
@@ -214,7 +214,7 @@ def test_archives_that_unpack_to_too_much_are_refused(tmp_path: Path, monkeypatc
         check_archive(archive(tmp_path / "x.fmu", ("modelDescription.xml", b" " * 2000)))
 
 
-def test_what_is_no_archive_is_refused(tmp_path: Path) -> None:
+def test_files_that_are_no_archive_are_refused(tmp_path: Path) -> None:
     (tmp_path / "x.fmu").write_bytes(b"PK\x03\x04 nothing")
     with pytest.raises(FmuError, match="no sound zip archive"):
         check_archive(tmp_path / "x.fmu")
