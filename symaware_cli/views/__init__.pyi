@@ -41,6 +41,7 @@ from .pages.page_printer import require_printing as require_printing
 from .pages.page_template import rendered as rendered
 from .palette import AGENTS as AGENTS
 from .palette import RISK as RISK
+from .palette import THEMES as THEMES
 from .palette import hexadecimal as hexadecimal
 from .plotting.content import gather as gather
 from .plotting.figure_sheet import FigureSheet as FigureSheet
@@ -48,11 +49,14 @@ from .plotting.figure_sheet import Fill as Fill
 from .plotting.figure_sheet import Handles as Handles
 from .plotting.figure_style import FAINT as FAINT
 from .plotting.figure_style import SMALL as SMALL
+from .plotting.figure_style import colour_of as colour_of
 from .plotting.figure_style import type_scale as type_scale
 from .plotting.line_styles import Chosen as Chosen
 from .plotting.line_styles import LineStyle as LineStyle
 from .plotting.panels import Content as Content
 from .plotting.panels import Trajectories as Trajectories
+from .plotting.paper_preset import PRESETS as PRESETS
+from .plotting.paper_preset import PaperPreset as PaperPreset
 from .plotting.plane import draw_goals as draw_goals
 from .plotting.plane import draw_surroundings as draw_surroundings
 from .plotting.plane import extent as extent
@@ -88,6 +92,8 @@ from .scene.marks import Rings as Rings
 from .scene.marks import Solid as Solid
 from .scene.marks import mark_fault as mark_fault
 from .scene.scene import Scene as Scene
+from .video.video import VideoRequest as VideoRequest
+from .video.video import write_replay as write_replay
 from .views import GroupView as GroupView
 from .views import ObstacleView as ObstacleView
 from .views import RunView as RunView

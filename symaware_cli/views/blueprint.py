@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Part
-from symaware_cli.log import Log, LogMessage, logged_events
+from symaware_cli.log import Log, LogMessage, logged_events, read_json
 from symaware_cli.views.detail import Detail
 from symaware_cli.views.outline import outlines
 from symaware_cli.views.palette import BACKGROUND
 from symaware_cli.views.rerun.columns import TIMELINE
 from symaware_cli.views.scene.curves import plotted, unit_paths
+from symaware_cli.views.scene.goals import known_ways
 from symaware_cli.views.scene.scenery import region_pieces
-from symaware_cli.views.views import RunView, in_space
+from symaware_cli.views.video.viewpoint import VIEWPOINTS, Viewpoint
+from symaware_cli.views.views import GroupView, RunView, in_space
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -30,8 +32,6 @@ Array = NDArray[np.float64]
 
 #: Tangent of half the vertical field of view of Rerun's 3-D view.
 _HALF_VIEW = 0.52
-#: Viewing direction for spatial worlds, of length 1.
-_ASLANT = np.array([0.4, 0.66, -0.63]) / np.linalg.norm([0.4, 0.66, -0.63])
 #: Aspect ratio of the main view in a window of usual size.
 _ASPECT = 1.15
 #: Aspect ratio of the view in an agent's tab.
@@ -47,7 +47,9 @@ _CURVES = 4
 #: Maximum number of curves with a legend; a larger legend would hide the curves.
 _LEGEND = 6
 #: Number of instants at which positions are read to determine the extent of a log.
-_SAMPLES = 9
+_SAMPLES = 17
+#: Maximum number of messages that are read to learn which views would be empty.
+_READ = 20_000
 
 
 @dataclass(frozen=True)
@@ -58,14 +60,20 @@ class ReplayContent:
         low: Lower corner of the box around everything (3,) [m].
         high: Upper corner (3,) [m].
         topics: The topics with messages.
+        bounded: The specifications whose robustness has a finite upper bound for some time, so that there is a curve.
+        modes: Whether any agent has modes.
     """
 
     low: Array
     high: Array
     topics: frozenset[str]
+    bounded: frozenset[str] = frozenset()
+    modes: bool = True
 
 
-def blueprint(run_view: RunView, detail: Detail, content: ReplayContent, panels: Sequence[str] = ()) -> rrb.Blueprint:
+def blueprint(
+    run_view: RunView, detail: Detail, content: ReplayContent, panels: Sequence[str] = (), viewpoint: str = ""
+) -> rrb.Blueprint:
     """Create the layout of the views for a log.
 
     Args:
@@ -73,10 +81,13 @@ def blueprint(run_view: RunView, detail: Detail, content: ReplayContent, panels:
         detail: The level of detail.
         content: The extent and the topics of the log.
         panels: The panels of drawings.
+        viewpoint: The name of the viewpoint of the scene; empty for the usual one.
     """
     import rerun.blueprint as rrb
 
-    scene = _spatial(run_view, detail, content, "Scene", ["+ world/**", "+ awareness/**", "+ other/**"])
+    name = viewpoint or ("angle" if run_view.is_spatial else "above")
+    shown = ["+ world/**", "+ awareness/**", "+ other/**"]
+    scene = _spatial(run_view, detail, content, "Scene", shown, viewpoint=VIEWPOINTS[name])
     tabs = [_agent(run_view, detail, content, agent) for agent in detail.focus]
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -95,9 +106,15 @@ def blueprint(run_view: RunView, detail: Detail, content: ReplayContent, panels:
 
 
 def _spatial(
-    run_view: RunView, detail: Detail, content: ReplayContent, name: str, contents: list[str], follow: str | None = None
+    run_view: RunView,
+    detail: Detail,
+    content: ReplayContent,
+    name: str,
+    contents: list[str],
+    follow: str | None = None,
+    viewpoint: Viewpoint | None = None,
 ) -> rrb.Spatial3DView:
-    """Create a view of the world: from above if planar, else at an angle; of everything, or following an agent."""
+    """Create a view of the world: from a viewpoint, or following an agent; from above if planar, else at an angle."""
     import rerun.blueprint as rrb
 
     middle, size = 0.5 * (content.low + content.high), np.maximum(content.high - content.low, 1.0)
@@ -107,9 +124,10 @@ def _spatial(
         reach = min(group_view.perception_range or np.inf, _CLOSE * group_view.extent if group_view.figure else _NEAR)
         # Twice the size, so that an agent at one side sees everything up to the other side.
         size = np.minimum(2.0 * size, 2.0 * reach)
-    if run_view.is_spatial:
-        distance = _distance(size, _NEAR_ASPECT if follow else _ASPECT)
-        position, up = middle - distance * _ASLANT, (0.0, 0.0, 1.0)
+    seen = viewpoint or VIEWPOINTS["angle" if run_view.is_spatial else "above"]
+    if seen.name != "above":
+        distance = _distance(size, _NEAR_ASPECT if follow else _ASPECT, -seen.towards)
+        position, up = middle + distance * seen.towards, (0.0, 0.0, 1.0)
     else:
         distance = 0.5 * 1.12 * max(float(size[1]), float(size[0]) / (_NEAR_ASPECT if follow else _ASPECT)) / _HALF_VIEW
         position, up = middle + np.array([0.0, 0.0, distance]), (0.0, 1.0, 0.0)
@@ -138,14 +156,14 @@ def _spatial(
     )
 
 
-def _distance(size: Array, aspect: float) -> float:
-    """Return the distance of the camera from the centre of a box (3,) at which all of it is visible [m]."""
-    aside = np.cross(_ASLANT, (0.0, 0.0, 1.0))
+def _distance(size: Array, aspect: float, direction: Array) -> float:
+    """Return the distance of the camera, which looks in a direction, from a box (3,) that it sees whole [m]."""
+    aside = np.cross(direction, (0.0, 0.0, 1.0))
     aside /= np.linalg.norm(aside)
-    above = np.cross(aside, _ASLANT)
+    above = np.cross(aside, direction)
     corners = 0.5 * size * [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     away = np.maximum(np.abs(corners @ above), np.abs(corners @ aside) / aspect) / _HALF_VIEW
-    return 1.05 * float(np.max(away - corners @ _ASLANT))
+    return 1.05 * float(np.max(away - corners @ direction))
 
 
 def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str) -> rrb.Vertical:
@@ -189,20 +207,22 @@ def _overviews(run_view: RunView, detail: Detail, content: ReplayContent, panels
         yield rrb.Grid(*cameras, grid_columns=min(len(cameras), 2), name="Cameras")
     if _has_table(run_view):
         yield rrb.TextDocumentView(origin="specifications", name="Specifications")
-    for name, rows in _specifications(run_view):
-        yield _curves(f"Specification {name}", [f"+ curves/specifications/{name}/**"], legend=len(rows) <= _LEGEND)
+    if run_view.specifications and not _has_table(run_view):
+        yield rrb.StateTimelineView(origin="verdicts", name="Verdicts")
+    for name in _specifications(run_view, content):
+        yield _curves(f"{name}: upper bound of robustness", [f"+ curves/specifications/{name}/**"])
     if _has_risk(content):
         yield _curves("Risk", ["+ curves/risk/**"], legend=not detail.curves or run_view.agent_count <= _LEGEND)
     if run_view.agent_count > 1:
-        yield _curves("Separation", ["+ curves/separation/**"])
+        yield _curves("Closest two agents [m]; they touch at 0", ["+ curves/separation/**"], legend=False)
     for panel in panels:
         yield _curves(panel.capitalize(), [f"+ curves/{panel}/**"])
     journals = [_log("Events", "log/events")]
     if not content.topics.isdisjoint(logged_events.MESSAGES):
         journals.append(_log("Messages", "log/messages"))
-    modes = rrb.StateTimelineView(origin="modes", name="Modes")
+    modes = [rrb.StateTimelineView(origin="modes", name="Modes")] * content.modes
     about = rrb.TextDocumentView(origin="about", name="About")
-    yield rrb.Tabs(*journals, modes, about, active_tab=0)
+    yield rrb.Tabs(*journals, *modes, about, active_tab=0)
 
 
 def _cameras(run_view: RunView, detail: Detail, content: ReplayContent) -> list[rrb.Spatial2DView]:
@@ -237,12 +257,14 @@ def _row_shares(run_view: RunView, content: ReplayContent) -> list[int]:
     """Return the relative heights of the overviews above the events."""
     cameras = [5] * any("/image/" in topic for topic in content.topics)
     table = [min(12, 3 + len(run_view.specifications) // 3)] * _has_table(run_view)
-    return cameras + table + [3] * (len(_specifications(run_view)) + _has_risk(content) + (run_view.agent_count > 1))
+    table += [2 + len(run_view.specifications) // 3] * (bool(run_view.specifications) and not table)
+    curves = len(_specifications(run_view, content)) + _has_risk(content) + (run_view.agent_count > 1)
+    return cameras + table + [3] * curves
 
 
-def _specifications(run_view: RunView) -> list[tuple[str, Sequence[tuple[str, ...]]]]:
-    """Return the specifications that have a view of their curves: all if they are few, otherwise they are a table."""
-    return [] if _has_table(run_view) else list(run_view.specifications.items())
+def _specifications(run_view: RunView, content: ReplayContent) -> list[str]:
+    """Return the specifications that have a view of their curves: if they are few, those with one."""
+    return [] if _has_table(run_view) else [name for name in run_view.specifications if name in content.bounded]
 
 
 def _has_table(run_view: RunView) -> bool:
@@ -257,7 +279,8 @@ def _has_risk(content: ReplayContent) -> bool:
 def _curves(name: str, contents: list[str], *, legend: bool = True) -> rrb.TimeSeriesView:
     import rerun.blueprint as rrb
 
-    shown = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
+    # Bounds fall with time, and risks are rare, so that curves are seldom at the top on the right.
+    shown = rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=legend)
     return rrb.TimeSeriesView(origin="/", name=name, contents=contents, plot_legend=shown)
 
 
@@ -294,13 +317,48 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
             if len(places):
                 margin = group_view.radius + 0.5
                 corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
+    for group_view in run_view.group_views.values():
+        goals = [way for known in _knowledge(log, group_view, last) for way in known_ways(known, group_view)]
+        corners += [corner for way in goals if len(way) for corner in (way.min(axis=0) - 0.3, way.max(axis=0) + 0.3)]
     known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
     low, high = np.min(known, axis=0), np.max(known, axis=0)
     # A region far larger than the run would make everything in it too small to see.
     reach = float(np.max(high - low))
     shown = [np.clip(corner, low[:2] - reach, high[:2] + reach) for corner in _region_corners(run_view)]
     known += [np.append(corner, low[2]) for corner in shown]
-    return ReplayContent(np.min(known, axis=0), np.max(known, axis=0), topics)
+    return ReplayContent(
+        low=np.min(known, axis=0),
+        high=np.max(known, axis=0),
+        topics=topics,
+        bounded=_bounded(log, run_view, start, end),
+        modes=_has_modes(log, run_view, start, end),
+    )
+
+
+def _bounded(log: Log, run_view: RunView, start: int | None, end: int | None) -> frozenset[str]:
+    """Return the specifications with finite bounds at two instants at least: others have no curve to show."""
+    topics = {f"/specifications/{name}": name for name in run_view.specifications}
+    instants: dict[str, set[int]] = {name: set() for name in topics.values()}
+    for message in islice(log.messages({*topics} & log.topics.keys(), start=start, end=end), _READ):
+        name = topics[message.channel.topic]
+        if len(instants[name]) < 2 and np.isfinite(message.decode().upper).any():
+            instants[name].add(message.time)
+            if all(len(times) > 1 for times in instants.values()):
+                break
+    return frozenset(name for name, times in instants.items() if len(times) > 1)
+
+
+def _has_modes(log: Log, run_view: RunView, start: int | None, end: int | None) -> bool:
+    """Return whether an agent causes an event, or knows a text or a truth value."""
+    topics = {"/events", *(f"/agents/{name}/knowledge" for name in run_view.group_views)} & log.topics.keys()
+    for message in islice(log.messages(topics, start=start, end=end), _READ):
+        content = message.decode()
+        if message.channel.topic == "/events":
+            if content.source.startswith("agents."):
+                return True
+        elif any(isinstance(known, str | bool) for value in content.values for known in read_json(value).values()):
+            return True
+    return False
 
 
 def content_with(content: ReplayContent, other: ReplayContent) -> ReplayContent:
@@ -314,6 +372,13 @@ def _region_corners(run_view: RunView) -> Iterator[Array]:
         for outline in outlines(region_pieces(region, run_view.regions)) if region.around is None else ():
             yield outline.min(axis=0)
             yield outline.max(axis=0)
+
+
+def _knowledge(log: Log, group_view: GroupView, last: int) -> Iterator[Any]:
+    """Yield what the agents of a group know first."""
+    topic = f"/agents/{group_view.name}/knowledge"
+    for message in islice(log.messages({topic} & log.topics.keys(), end=last + 1), 1):
+        yield from (read_json(value) for value in message.decode().values)
 
 
 def _sample(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:

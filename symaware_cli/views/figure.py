@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import PurePosixPath
 
@@ -100,6 +100,13 @@ class Figure:
             own = 0.5 * (low + high) + (high - low) * _CORNERS
             corners.append(position + rotated(orientation, own))
         return np.concatenate(corners[1:] or corners)
+
+    def boxes(self, placed: Sequence[tuple[Array, Array]]) -> Iterator[Array]:
+        """Yield the corners of the box around each visual, (..., 8, 3) [m], at the poses that `places` returns."""
+        for (visual, _), (position, orientation) in zip(self.visuals, placed, strict=True):
+            low, high = self._box(visual)
+            own = 0.5 * (low + high) + (high - low) * _CORNERS
+            yield position[..., None, :] + rotated(orientation[..., None, :], own)
 
     @property
     def bounds(self) -> tuple[Array, Array]:

@@ -36,7 +36,7 @@ function movingMap(root, data) {
       context.globalAlpha = 1;
       if (area.region && area.name) {
         context.fillStyle = "#566072";
-        context.font = "11px system-ui";
+        context.font = "13px system-ui";
         context.textAlign = "center";
         context.fillText(area.name, ...look.place(area.x[k], area.y[k]));
       }
@@ -54,6 +54,10 @@ function movingMap(root, data) {
         context.stroke();
       }
       context.globalAlpha = 0.55;
+      for (const [wx, wy] of agent.waypoints) {
+        const [u, v] = look.place(wx, wy);
+        context.fillRect(u - 1, v - 1, 2, 2);
+      }
       context.beginPath();
       for (let k = frame; k >= 0 && times[k] >= since; k--) {
         if (agent.x[k] !== null) context.lineTo(...look.place(agent.x[k], agent.y[k]));
@@ -75,7 +79,7 @@ function movingMap(root, data) {
       }
       if (names.checked) {
         context.fillStyle = "#1d2430";
-        context.font = "11px system-ui";
+        context.font = "13px system-ui";
         context.textAlign = "left";
         context.fillText(agent.name, u + Math.max(6, agent.reach * look.scale + 3), v - 5);
       }

@@ -24,6 +24,9 @@ _POSES = 24_000
 #: How long a trail is [s].
 _TRAIL = 4.0
 
+#: How far regions are shown beyond what moves, relative to its extent.
+_REACH = 0.5
+
 #: The most contacts that are marked.
 _MARKS = 400
 
@@ -44,7 +47,7 @@ def moving_map(log: Log) -> dict[str, Any]:
     count, agents = motion.positions.shape[:2]
     stride = max(1, -(-count * agents // _POSES))
     chosen = np.unique(np.append(np.arange(0, count, stride), count - 1))
-    low, high = extent(panel)
+    low, high = _with_regions(panel, *extent(panel))
     # A thousandth of the picture, at most a millimetre: smaller than a pixel.
     digits = max(0, min(6, 3 - int(np.floor(np.log10(float((high - low).max()))))))
     lines = {line.name: line.colour for line in panel.chosen.lines}
@@ -62,6 +65,7 @@ def moving_map(log: Log) -> dict[str, Any]:
                 "reach": round(float(shape.radius), 4) if shape is not None else 0.0,
                 "nosed": bool(motion.nosed[number]),
                 "goals": [_rounded(goal[:2], digits) for goal in panel.goals.get(name, ())],
+                "waypoints": [_rounded(point[:2], digits) for point in panel.waypoints.get(name, ())],
                 "x": _rounded(motion.positions[chosen, number, 0], digits),
                 "y": _rounded(motion.positions[chosen, number, 1], digits),
                 "heading": _rounded(motion.headings[chosen, number], 2),
@@ -71,6 +75,24 @@ def moving_map(log: Log) -> dict[str, Any]:
         "solids": [*_regions(panel, digits), *_obstacles(panel, chosen, digits)],
         "marks": marks,
     }
+
+
+def _with_regions(panel: Trajectories, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the corners of the map so that no region in it is cut off, (2,) each [m].
+
+    A region that lies elsewhere, or is much larger than what moves, such as an arena, does not count.
+    """
+    inner_low, inner_high, reach = low, high, _REACH * float((high - low).max())
+    for area in panel.regions:
+        for outline in area.outlines:
+            corners = np.asarray(outline, float)[:, :2] + area.positions[0, :2]
+            if not len(corners) or not np.isfinite(corners).all():
+                continue
+            least, most = corners.min(axis=0), corners.max(axis=0)
+            touches = bool((least <= inner_high).all() and (most >= inner_low).all())
+            if touches and (least >= inner_low - reach).all() and (most <= inner_high + reach).all():
+                low, high = np.minimum(low, least), np.maximum(high, most)
+    return low, high
 
 
 def _regions(panel: Trajectories, digits: int) -> Iterator[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """Colours of agents, risks and events, shared by replays, plots and exports."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,13 +25,54 @@ AGENTS: tuple[Colour, ...] = (
 )
 
 BACKGROUND: Colour = (16, 18, 24)
+
+
+@dataclass(frozen=True)
+class ReplayTheme:
+    """The colours of what is around agents in a replay.
+
+    Attributes:
+        name: Its name.
+        background: Behind everything.
+        ground: The ground plane of spatial worlds.
+        ink: Words, and lines on bodies such as headings.
+        faint: Lines of grids, rings of perception, and words of less weight.
+    """
+
+    name: str
+    background: Colour
+    ground: Colour
+    ink: Colour
+    faint: Colour
+
+
+DARK = ReplayTheme("dark", BACKGROUND, (30, 33, 41), (240, 240, 240), (110, 115, 130))
+LIGHT = ReplayTheme("light", (250, 250, 252), (232, 235, 240), (31, 41, 51), (140, 146, 158))
+THEMES = {theme.name: theme for theme in (DARK, LIGHT)}
+
 RISK: Colour = (230, 40, 50)
 SCENERY: Colour = (128, 128, 136)
 GOAL: Colour = (120, 170, 90)
+#: Bodies that are moved by others, such as crates that are pushed, as opposed to what stays.
+MOVABLE: Colour = (196, 160, 112)
 CONTACT: Colour = (255, 60, 60)
+#: Verdicts of specifications: satisfied, undecided, and violated.
+SATISFIED: Colour = (64, 150, 92)
+UNDECIDED: Colour = (150, 156, 168)
+VIOLATED: Colour = (214, 58, 62)
 MESSAGE: Colour = (250, 220, 120)
 LOSS: Colour = (255, 80, 70)
-REGIONS: tuple[Colour, ...] = ((90, 120, 160), (90, 150, 90), (150, 120, 70), (140, 100, 150), (80, 140, 140))
+#: Of regions without a colour of their own; unlike those of agents they are dull, and none is red.
+REGIONS: tuple[Colour, ...] = (
+    (90, 120, 160),
+    (90, 150, 90),
+    (170, 130, 60),
+    (140, 100, 150),
+    (70, 150, 150),
+    (165, 105, 90),
+    (120, 125, 60),
+    (110, 110, 130),
+)
 
 #: Maximum number of agents with individual colours; with more, agents share the colour of their group.
 DISTINCT = 2 * len(AGENTS)
@@ -54,14 +96,15 @@ def agent_colours(sizes: Sequence[int]) -> list[NDArray[np.uint8]]:
     return colours
 
 
-def body_colours(names: Sequence[str]) -> dict[str, Colour]:
+def body_colours(names: Sequence[str], first: Colour) -> dict[str, Colour]:
     """Choose a colour for each moving entity; names that differ only in a number have the same colour.
 
     Args:
-        names: The names of the entities. The first kind is grey; others are paler than agents.
+        names: The names of the entities.
+        first: The colour of the first kind; others have colours that are paler than those of agents.
     """
     kinds = list(dict.fromkeys(_kind(name) for name in names))
-    tints = [SCENERY, *(_paler(AGENTS[number % len(AGENTS)]) for number in range(2, len(kinds) + 1))]
+    tints = [first, *(_paler(AGENTS[number % len(AGENTS)]) for number in range(2, len(kinds) + 1))]
     return {name: tints[kinds.index(_kind(name))] for name in names}
 
 
@@ -90,17 +133,18 @@ def tinted(colours: NDArray[np.uint8], risk: ArrayLike) -> NDArray[np.uint8]:
     return mixed
 
 
-def faded(colours: NDArray[np.uint8], share: ArrayLike) -> NDArray[np.uint8]:
+def faded(colours: NDArray[np.uint8], share: ArrayLike, background: Colour = BACKGROUND) -> NDArray[np.uint8]:
     """Mix colours with the background of replays, whose lines cannot be transparent.
 
     Args:
         colours: Shape (..., 3).
         share: Share of the background, from 0 to 1; shape (...).
+        background: The colour of the background.
 
     Returns:
         Shape (..., 3).
     """
-    mixed = colours + np.asarray(share, float)[..., None] * (np.array(BACKGROUND, float) - colours)
+    mixed = colours + np.asarray(share, float)[..., None] * (np.array(background, float) - colours)
     return np.round(mixed).astype(np.uint8)
 
 

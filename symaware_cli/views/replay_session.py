@@ -15,7 +15,7 @@ import numpy as np
 
 from symaware_cli.entry_points import Listing
 from symaware_cli.log import Log, LogError, LogMessage, OutputError, first_difference, reason, whole_file
-from symaware_cli.views.blueprint import blueprint, content_of, content_with
+from symaware_cli.views.blueprint import ReplayContent, blueprint, content_of, content_with
 from symaware_cli.views.chunk import Chunk, ChunkReader
 from symaware_cli.views.detail import Detail, detail_of
 from symaware_cli.views.palette import SCENERY
@@ -60,13 +60,21 @@ class OtherRun:
             start: The first instant to show [ns].
             end: The instant at which to stop, exclusive [ns].
         """
+        for marks in self.marks(detail, start, end):
+            for mark in marks:
+                output.show(mark)
+            output.flush()
+
+    def marks(self, detail: Detail, start: int | None, end: int | None) -> Iterator[list[Mark]]:
+        """Yield the marks of its bodies and trails, in grey, chunk by chunk; see `draw`."""
         if self.since is None:
             return
         scene = scene_of(self.run_view, replace(detail, labels=False, focus=()), "beside")
         begin = max(self.since, start or 0)
         for chunk in scene.chunk_reader().chunks(self.log.messages(self._topics, start=begin, end=end)):
-            scene.draw(chunk, lambda mark: output.show(_greyed(mark)))
-            output.flush()
+            found: list[Mark] = []
+            scene.draw(chunk, lambda mark: found.append(_greyed(mark)))  # noqa: B023 # called before the next chunk
+            yield found
 
     @property
     def _topics(self) -> list[str]:
@@ -143,13 +151,7 @@ class Replay:
             start: The time at which they begin [ns].
             earlier: The preceding messages; their last values are valid at the start.
         """
-        chunk_reader = self.chunk_reader()
-        for message in earlier:
-            if message.channel.topic == "/events":
-                chunk_reader.note(start, message.decode())  # only removals still matter
-            else:
-                chunk_reader.take(message.channel.topic, start, message.decode())
-        for chunk in chunk_reader.chunks(messages):
+        for chunk in chunks_after(self.chunk_reader(), messages, start, earlier):
             self.draw_chunk(chunk)
             if on_progress:
                 on_progress(chunk.end)
@@ -178,6 +180,18 @@ In the tab of an agent, rings are its beliefs of others' positions, fainter with
         self._output.document("about", text)
 
 
+def chunks_after(
+    chunk_reader: ChunkReader, messages: Iterable[LogMessage], start: int, earlier: Iterable[LogMessage]
+) -> Iterator[Chunk]:
+    """Group messages into chunks, in which the last values before them are valid at the start [ns]."""
+    for message in earlier:
+        if message.channel.topic == "/events":
+            chunk_reader.note(start, message.decode())  # only removals still matter
+        else:
+            chunk_reader.take(message.channel.topic, start, message.decode())
+    yield from chunk_reader.chunks(messages)
+
+
 @dataclass(frozen=True)
 class ReplaySession:
     """The part of a log to show, and its level of detail.
@@ -189,6 +203,7 @@ class ReplaySession:
         start: The first instant [ns]; None for the beginning.
         end: The instant at which to stop, exclusive [ns]; None for the end.
         beside: A second run to show beside it.
+        view: The name of the viewpoint of the scene; empty for the usual one.
     """
 
     log: Log
@@ -197,6 +212,7 @@ class ReplaySession:
     start: int | None = None
     end: int | None = None
     beside: OtherRun | None = None
+    view: str = ""
 
     @property
     def words(self) -> str:
@@ -273,15 +289,42 @@ class ReplaySession:
         except RuntimeError as error:
             raise OutputError(f"cannot write {path}: {_why(partial) or error}") from error
 
-    def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
+    @property
+    def span(self) -> tuple[int, int]:
+        """The first and the last instant that are shown [ns]."""
+        first, last = self.log.start_time or 0, self.log.end_time or 0
+        start = first if self.start is None else max(first, self.start)
+        return start, last if self.end is None else min(last, self.end - 1)
+
+    @cached_property
+    def content(self) -> ReplayContent:
+        """The extent and the topics of what is shown."""
+        content = content_of(self.log, self.run_view, self.start, self.end)
+        if self.beside is None:
+            return content
+        return content_with(content, content_of(self.beside.log, self.beside.run_view, self.start, self.end))
+
+    def marks_by_chunk(self) -> Iterator[tuple[int, list[Mark]]]:
+        """Yield all marks chunk by chunk, each time with the last instant of the chunk [ns]."""
+        if self.beside is not None:
+            for marks in self.beside.marks(self.detail, self.start, self.end):
+                yield self.span[0] - 1, marks
+        scene = Scene(self.run_view, self.detail, self._drawings)
+        messages = self.log.messages(start=self.start, end=self.end)
+        for chunk in chunks_after(scene.chunk_reader(), messages, self.start or 0, self._earlier()):
+            found: list[Mark] = []
+            scene.draw(chunk, found.append)
+            yield chunk.end, found
+
+    def _earlier(self) -> Iterable[LogMessage]:
+        """Return the messages before the interval whose values may still be valid."""
         # Measurements and beliefs about others are renewed continuously; earlier ones are not needed.
         held = [topic for topic in self.log.topics if topic.count("/") == 3 and not topic.endswith("/awareness")]
-        self._replay(recording).draw(
-            self.log.messages(start=self.start, end=self.end),
-            on_progress,
-            start=self.start or 0,
-            earlier=self.log.messages([*held, "/contacts", "/events"], end=self.start or 0),
-        )
+        return self.log.messages([*held, "/contacts", "/events"], end=self.start or 0)
+
+    def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
+        messages = self.log.messages(start=self.start, end=self.end)
+        self._replay(recording).draw(messages, on_progress, start=self.start or 0, earlier=self._earlier())
         if self.beside is not None:
             self.beside.draw(self.detail, RerunOutput(recording), self.start, self.end)
 
@@ -304,12 +347,8 @@ class ReplaySession:
         return recording
 
     def _blueprint(self) -> Any:
-        content = content_of(self.log, self.run_view, self.start, self.end)
-        if self.beside is not None:
-            other = content_of(self.beside.log, self.beside.run_view, self.start, self.end)
-            content = content_with(content, other)
         panels = [drawing.panel for drawing in self._drawings if drawing.panel]
-        return blueprint(self.run_view, self.detail, content, panels)
+        return blueprint(self.run_view, self.detail, self.content, panels, self.view)
 
     def _middle(self) -> int:
         first = self.log.start_time or 0 if self.start is None else self.start
@@ -323,6 +362,7 @@ def replay_session(
     start: int | None = None,
     end: int | None = None,
     against: Log | None = None,
+    view: str = "",
 ) -> ReplaySession:
     """Create a replay session of a log.
 
@@ -332,6 +372,7 @@ def replay_session(
         start: The first instant [ns].
         end: The instant at which to stop, exclusive [ns].
         against: The log of a second run, to show beside it; None for none.
+        view: The name of the viewpoint of the scene; empty for the usual one.
 
     Raises:
         LogError: A log is foreign, has no such agents, or has no messages in the interval.
@@ -343,7 +384,7 @@ def replay_session(
         lost = f"; {log.damage}" if log.damage and log.damage.lost else ""
         raise LogError(f"{log.path} has nothing to show{where}{lost}")
     beside = None if against is None else other_run(log, against)
-    return ReplaySession(log, run_view, detail, start, end, beside)
+    return ReplaySession(log, run_view, detail, start, end, beside, view)
 
 
 @contextmanager

@@ -27,7 +27,8 @@ from symaware_cli.log import (
     specification_span,
 )
 from symaware_cli.views.figure import Figure
-from symaware_cli.views.palette import SCENERY, Colour, agent_colours, body_colours
+from symaware_cli.views.outline import outlines, placed
+from symaware_cli.views.palette import MOVABLE, SCENERY, Colour, agent_colours, body_colours
 from symaware_cli.views.region_windows import Window, region_windows
 
 Array = NDArray[np.float64]
@@ -116,6 +117,7 @@ class ObstacleView:
         stands: Whether its position is on its bottom, as for a two-dimensional one; otherwise it is its centre.
         figure: Links and joints, if the log has them.
         colour: Its colour, by kind.
+        movable: Whether others move it, such as a crate that is pushed; an obstacle stays, or follows a path.
     """
 
     name: str
@@ -127,13 +129,14 @@ class ObstacleView:
     stands: bool = False
     figure: Figure | None = None
     colour: Colour = SCENERY
+    movable: bool = False
 
     @property
     def corners(self) -> Array:
-        """The corners of boxes around it, in its initial pose; (m, 3) [m]."""
+        """The corners of its outline, or of the boxes of its figure, in its initial pose; (m, 3) [m]."""
         if self.figure is None:
-            sides = self.shape.radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
-            return in_space(self.position[:2] + sides)
+            around = np.concatenate(outlines(self.shape.pieces))
+            return placed(around, in_space(self.position[:2]), self.heading)
         own = self.figure.corners
         return self.position + rotated(self.orientations(np.full(len(own), self.heading)), own)
 
@@ -240,7 +243,9 @@ def run_view_of(log: Log) -> RunView:
         figures = [Figure(number, each, log.attachments) for number, each in enumerate(geometry.articulations)]
         of = {name: figures[place] for name, place in geometry.bodies.items()}
         heights = geometry.heights
-        tints = body_colours([name for name, entity in manifest["entities"].items() if _moves(entity)])
+        moving = [(name, bool(entity.get("path"))) for name, entity in manifest["entities"].items() if _moves(entity)]
+        tints = body_colours([name for name, on_path in moving if not on_path], MOVABLE)
+        tints |= body_colours([name for name, on_path in moving if on_path], SCENERY)
         return RunView(
             name=manifest["name"],
             seed=manifest["seed"],
@@ -315,6 +320,7 @@ def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> O
         position=in_space(np.array(entity["position"], float), height),
         heading=float(entity["heading"]),
         moves=_moves(entity),
+        movable=_moves(entity) and not entity.get("path"),
         # A free entity records the height of its centre when it moves.
         stands=len(entity["position"]) == 2 and bool(entity.get("path") or not entity.get("moves")),
         **look,

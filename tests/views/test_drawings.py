@@ -17,7 +17,10 @@ from symaware_cli import AwarenessVector, Component, Log, Shape, TimeSeries
 from symaware_cli.engine.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log import wire
-from symaware_cli.views.palette import AGENTS, RISK, SCENERY
+from symaware_cli.views.palette import AGENTS, MOVABLE, RISK
+from symaware_cli.views.plotting.content import gather
+from symaware_cli.views.plotting.panels import Trajectories
+from symaware_cli.views.plotting.request import PlotRequest
 
 DISC = {"circle": {"radius": 0.5}}
 
@@ -58,6 +61,21 @@ def test_goals_and_waypoints_are_crosses_in_their_places(yard: tuple[Log, Record
     assert sorted({tuple(np.mean(stroke, axis=0).round(4)[:2].tolist()) for stroke in carts}) == [(-2, 0.3), (2, 0)]
     (guard,) = recording.values("/world/agents/guard/goal/way", "LineStrips3D:strips")
     assert [list(map(list, np.array(strip)[:, :2].tolist())) for strip in guard][-1] == [[-1, -1], [1, -1]]
+
+
+def test_of_many_waypoints_only_the_last_is_a_cross(tmp_path: Path) -> None:
+    way = "[[-1, -1], [1, -1], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2]]"
+    log = log_of(tmp_path, YARD.replace("[[-1, -1], [1, -1]]", way), "run.duration=0.2")
+    recording = saved(log, tmp_path)
+    (strokes,) = recording.values("/world/agents/guard/goal", "LineStrips3D:strips")
+    assert {tuple(np.mean(stroke, axis=0).round(4)[:2].tolist()) for stroke in strokes} == {(0, 2)}
+    (dots,) = recording.values("/world/agents/guard/goal/waypoints", "Points3D:positions")
+    assert np.array(dots)[:, :2].tolist() == [[-1, -1], [1, -1], [2, 0], [2, 1], [2, 2], [1, 2]]
+    assert "/world/agents/cart/goal/waypoints" not in recording.entities
+    plane = gather(log, PlotRequest()).panels[0]
+    assert isinstance(plane, Trajectories)
+    assert plane.goals["guard"].tolist() == [[0, 2]]
+    np.testing.assert_array_equal(plane.waypoints["guard"], np.array(dots)[:, :2])
 
 
 def test_a_gate_moves_and_a_pillar_stays(yard: tuple[Log, Recording]) -> None:
@@ -207,7 +225,7 @@ def test_a_body_of_another_kind_has_a_colour_of_its_own_and_what_stays_is_grey(t
         name: tuple(colour(recording.static(f"/world/scenery/{name}/0", "Mesh3D:albedo_factor")[0]))
         for name in obstacle_views
     }
-    assert shades["ball1"] == shades["ball2"] == SCENERY
+    assert shades["ball1"] == shades["ball2"] == MOVABLE
     assert np.ptp(shades["cue"]) > 50
     assert np.ptp(shades["rail"]) < 10
 

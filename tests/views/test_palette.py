@@ -47,8 +47,8 @@ def test_a_colour_is_written_as_the_web_does() -> None:
 
 
 def test_bodies_of_a_kind_look_alike_and_others_do_not() -> None:
-    colours = body_colours(["ball1", "ball2", "ball10", "cue", "door_1", "door_2", "7"])
+    colours = body_colours(["ball1", "ball2", "ball10", "cue", "door_1", "door_2", "7"], SCENERY)
     assert [colours[name] for name in ("ball1", "ball2", "ball10")] == [SCENERY] * 3
     assert colours["door_1"] == colours["door_2"]
     assert len({SCENERY, colours["cue"], colours["door_1"], colours["7"], *AGENTS}) == 4 + len(AGENTS)
-    assert len(set(body_colours([f"{letter}x" for letter in "abcdefghijklmnop"]).values())) > 8
+    assert len(set(body_colours([f"{letter}x" for letter in "abcdefghijklmnop"], SCENERY).values())) > 8

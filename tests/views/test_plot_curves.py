@@ -1,4 +1,4 @@
-"""Quantities over time, and who they belong to."""
+"""Quantities over time, and the agents that they belong to."""
 
 from pathlib import Path
 from typing import Any
@@ -104,7 +104,7 @@ def test_a_series_by_name_has_a_panel_for_each_column(yard: Log) -> None:
     assert list(panels(yard, series=["cart.0:world:2"])) == ["heading"]
 
 
-def test_series_that_measure_the_same_share_a_panel_and_are_told_apart(yard: Log) -> None:
+def test_series_of_one_quantity_share_a_panel_in_different_styles(yard: Log) -> None:
     shown = panels(yard, series=["cart.0:world:x", "cart.1:world:x", "gate:world:x"])
     assert [line.name for line in shown["x"].lines] == ["cart.0", "cart.1", "gate"]
     assert len({line.colour for line in shown["x"].lines}) == 3
@@ -113,7 +113,7 @@ def test_series_that_measure_the_same_share_a_panel_and_are_told_apart(yard: Log
     assert [line.dashed for line in both] == [False, False, True, True]
 
 
-def test_a_window_begins_with_what_held_before_it(yard: Log) -> None:
+def test_a_window_begins_with_the_values_before_it(yard: Log) -> None:
     times = panels(yard, series=["guard:applied_control:0"], start=1.01, end=1.52)["velocity_x"].times
     assert (times[0], times[-1]) == (1_010_000_000, 1_520_000_000)
     truth = panels(yard, show=("trajectories",), start=1.01, end=1.52)["trajectories"].motion.times
@@ -131,7 +131,7 @@ def test_a_window_begins_with_what_held_before_it(yard: Log) -> None:
     ],
     ids=str,
 )
-def test_what_the_log_does_not_have_is_told_with_what_there_is(
+def test_unknown_names_are_reported_with_the_known_ones(
     yard: Log, request_of: dict[str, Any], name: str, known: str
 ) -> None:
     with pytest.raises(UnknownNameError) as caught:
@@ -157,7 +157,7 @@ def test_what_the_log_does_not_have_is_told_with_what_there_is(
     ],
     ids=str,
 )
-def test_what_has_no_values_is_a_sentence(yard: Log, request_of: dict[str, Any]) -> None:
+def test_requests_without_values_are_refused_in_one_line(yard: Log, request_of: dict[str, Any]) -> None:
     with pytest.raises(LogError) as caught:
         panels(yard, **request_of)
     assert "\n" not in str(caught.value)
@@ -178,7 +178,7 @@ def test_colours_are_those_of_the_replay_and_nobody_has_those_of_another(tmp_pat
     assert len({(line.colour, line.dashed) for line in lines}) == 14
 
 
-def test_a_few_of_many_are_told_apart(tmp_path: Path) -> None:
+def test_a_few_chosen_agents_of_many_have_different_colours(tmp_path: Path) -> None:
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=40")
     everybody = choose(run_view_of(log))
     assert everybody.many

@@ -1,4 +1,4 @@
-"""A figure of two runs shows both, when and where they part, and how far apart they are."""
+"""Figures of two runs show both, the time and place at which they part, and their distance."""
 
 from pathlib import Path
 
@@ -43,7 +43,7 @@ def test_the_distance_is_that_of_the_recorded_states_and_ends_with_the_shorter_r
             steps = first.index(int(instant)), second.index(int(instant))
             difference = second.positions[steps[1]] - first.positions[steps[0]]
             assert np.allclose(row, np.sqrt((difference * difference).sum(axis=1)), atol=1e-12)
-    # The starts of the robots are where the two runs part.
+    # The two runs part at the starts of the robots.
     assert np.allclose(trajectories.departures["robot.0"], first.positions[0, 0, :2])
     assert "one.mcap (solid) and moved.mcap (dashed)" in (tmp_path / "apart.svg").read_text()
 

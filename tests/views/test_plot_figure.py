@@ -1,4 +1,4 @@
-"""Figures: the same bytes for the same log, whatever the user's style, and legible whoever is in it."""
+"""Figures: the same bytes for the same log with any style of the user, and legible for any number of agents."""
 
 import re
 from pathlib import Path
@@ -14,6 +14,7 @@ from symaware_cli import Log
 from symaware_cli.log.error import LogError, OutputError, UnknownNameError
 from symaware_cli.views.plotting.content import gather
 from symaware_cli.views.plotting.figure import _Layout, prepared
+from symaware_cli.views.plotting.paper_preset import GREY_SAFE, PRESETS
 from symaware_cli.views.plotting.plane import extent, round_interval
 from symaware_cli.views.plotting.plot import plot
 from symaware_cli.views.plotting.request import PlotRequest, SeriesName
@@ -34,10 +35,8 @@ def titles(figure: Figure) -> list[str]:
     return [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
 
 
-@pytest.mark.parametrize("suffix", [".PNG", ".svg", ".pdf"])
-def test_the_same_log_gives_the_same_bytes_whatever_the_style_of_the_user(
-    suffix: str, yard: Log, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("suffix", [".PNG", ".svg", ".pdf", ".pgf"])
+def test_the_same_log_gives_the_same_bytes_with_any_style_of_the_user(suffix: str, yard: Log, tmp_path: Path) -> None:
     request = PlotRequest(show=("trajectories", "risk"), dpi=50)
     plot(yard, tmp_path / f"one{suffix}", request)
     with mpl.rc_context({"font.size": 20, "axes.facecolor": "red", "svg.hashsalt": "other"}):
@@ -46,7 +45,7 @@ def test_the_same_log_gives_the_same_bytes_whatever_the_style_of_the_user(
         assert dict(mpl.rcParams) == mine
     one = (tmp_path / f"one{suffix}").read_bytes()
     assert one == (tmp_path / f"other{suffix}").read_bytes()
-    starts = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+    starts = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".pgf": b"% A figure"}
     assert one.startswith(starts[suffix.lower()])
     assert not re.search(rb"matplotlib v|CreationDate|<dc:date>", one)
 
@@ -63,7 +62,7 @@ def test_panels_that_do_not_fit_are_refused_before_anything_is_written(yard: Log
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_named_is_written_as_it_is(yard: Log) -> None:
+def test_names_are_written_literally(yard: Log) -> None:
     figure = drawn(yard, PlotRequest(title=r"a $\frac{1 of _b_", show=("risk",)))
     assert figure.get_suptitle() == r"a $\frac{1 of _b_"
 
@@ -99,13 +98,15 @@ def test_bodies_and_intents_are_shown_at_the_time_that_is_asked_for(yard: Log) -
     assert untyped(gather(yard, PlotRequest()).panels[0]).intents == {}
 
 
-def test_goals_are_those_that_are_known(yard: Log) -> None:
+def test_known_goals_are_drawn(yard: Log) -> None:
     goals = untyped(gather(yard, PlotRequest()).panels[0]).goals
     assert goals["cart.0"].tolist() == [[2, 0]]
     assert goals["guard"].tolist() == [[-1, -1], [1, -1]]
 
 
-def test_the_plane_shows_everybody_and_what_is_around_but_not_the_end_of_a_long_wall(tmp_path: Path, yard: Log) -> None:
+def test_the_plane_shows_agents_and_their_surroundings_but_not_the_end_of_a_long_wall(
+    tmp_path: Path, yard: Log
+) -> None:
     low, high = extent(untyped(gather(yard, PlotRequest()).panels[0]))
     assert (low < [-3.1, -2.1]).all()
     assert (high > [3.1, 2.5]).all()
@@ -114,7 +115,7 @@ def test_the_plane_shows_everybody_and_what_is_around_but_not_the_end_of_a_long_
     assert high[1] < 10
 
 
-def test_who_stands_still_in_one_place_has_a_plane_of_some_size(tmp_path: Path) -> None:
+def test_a_standing_agent_has_a_plane_of_some_size(tmp_path: Path) -> None:
     still = log_of(
         tmp_path,
         "hello.yaml",
@@ -152,7 +153,7 @@ def test_many_agents_of_two_groups_have_the_colours_of_their_groups(tmp_path: Pa
     assert {"cart", "guard"} <= set(legends)
 
 
-def test_what_is_seen_from_above_says_so(tmp_path: Path) -> None:
+def test_a_view_from_above_of_space_is_labelled(tmp_path: Path) -> None:
     log = log_of(tmp_path, AIRCRAFT, "run.duration=0.5")
     assert titles(drawn(log))[0].startswith("trajectories from above")
 
@@ -187,7 +188,7 @@ def test_intervals_are_round(span: float, interval: float) -> None:
 def test_a_name_that_cannot_be_drawn_leaves_nothing(yard: Log, tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError) as caught:
         plot(yard, tmp_path / "a.pgn")
-    assert caught.value.known == (".png", ".svg", ".pdf")
+    assert caught.value.known == (".png", ".svg", ".pdf", ".pgf")
     with pytest.raises(UnknownNameError, match="a name without a suffix"):
         plot(yard, tmp_path / "a")
     for request in (PlotRequest(size=(1.0, 1.0)), PlotRequest(size=(60.0, 60.0), dpi=1200)):
@@ -198,3 +199,19 @@ def test_a_name_that_cannot_be_drawn_leaves_nothing(yard: Log, tmp_path: Path) -
     with pytest.raises(LogError):
         plot(yard, yard.path.with_suffix(".mcap"))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_preset_has_the_width_and_the_type_of_a_column_and_colours_that_differ_in_grey(
+    yard: Log, tmp_path: Path
+) -> None:
+    request = PlotRequest(show=("trajectories", "risk"), preset=PRESETS["ieee-column"])
+    plot(yard, tmp_path / "a.svg", request)
+    text = (tmp_path / "a.svg").read_text()
+    assert re.search(r'<svg[^>]*width="252pt"', text)
+    assert "STIXGeneral" in text
+    assert {line.colour for line in gather(yard, request).chosen.lines} <= {*GREY_SAFE}
+
+
+def test_text_in_an_svg_stays_text(yard: Log, tmp_path: Path) -> None:
+    plot(yard, tmp_path / "a.svg", PlotRequest(show=("separation",)))
+    assert "simulated time [s]</text>" in (tmp_path / "a.svg").read_text()

@@ -1,4 +1,4 @@
-"""A plot shows what was offered: when it was open, who bid on it and held it, and how that ended."""
+"""Plots of offers: the time for which each is open, its bids, holders and outcome."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def timeline(path: Path, **request: object) -> OfferTimeline:
     return panel
 
 
-def test_each_offer_has_a_row_with_its_holders_as_the_events_tell(errands: Path) -> None:
+def test_each_offer_has_a_row_with_its_holders_from_the_events(errands: Path) -> None:
     offers = {each.name: each for each in timeline(errands).offers}
     assert list(offers) == ["painting", "parcel", "flowers", "letter", "piano"]
     changes = [each for each in open_log(errands).events() if each.source == "specifications.flowers"]
@@ -54,14 +54,14 @@ def test_bids_are_those_with_a_cost(tmp_path: Path) -> None:
     assert sum(len(each.bids) for each in found.offers) == made > 0
 
 
-def test_what_is_not_decided_by_the_end_of_the_plot_has_no_outcome(errands: Path) -> None:
+def test_offers_undecided_at_the_end_of_the_plot_have_no_outcome(errands: Path) -> None:
     offers = {each.name: each for each in timeline(errands, end=4.5).offers}
     assert "flowers" in offers
     assert offers["flowers"].outcome == ""
     assert offers["flowers"].phases[-1].end <= 4.5 * SECOND
 
 
-def test_the_panel_is_there_where_a_log_has_offers(errands: Path, tmp_path: Path) -> None:
+def test_a_log_with_offers_has_the_panel(errands: Path, tmp_path: Path) -> None:
     drawn = plot(open_log(errands), tmp_path / "errands.png")
     assert "offers" in [panel.name for panel in drawn.panels]
     execute(build(SCENARIOS / "shortcut.yaml", ["run.duration=1"]), tmp_path / "log.mcap")

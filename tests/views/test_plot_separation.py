@@ -1,4 +1,4 @@
-"""How far bodies were apart, against Shapely, all pairs, and the contacts of the world."""
+"""Separation of bodies, compared with Shapely, with all pairs, and with the contacts of the world."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -48,7 +48,8 @@ def test_the_least_separation_is_that_of_all_pairs_of_outlines(seed: int, count:
     random = np.random.default_rng(seed)
     kinds = [random_shape(random) for _ in range(3)]
     shapes = [kinds[number] for number in random.integers(3, size=count)]
-    # Some crowded, some scattered: those of many corners have the nearest centre but not the nearest outline.
+    # Some are crowded, some scattered: of bodies with many corners, the nearest centre may not have the nearest
+    # outline.
     positions = random.uniform(-1, 1, (3, count, 2)) * random.choice([2.0, 8.0, 30.0])
     headings = random.uniform(-3, 3, (3, count))
     found = closeness.among(motion(positions, shapes, headings))
@@ -95,7 +96,7 @@ def test_the_least_separation_from_obstacles_is_that_of_all_their_pieces(seed: i
         assert gaps[tuple(found.pair[step])] == pytest.approx(gaps.min(), abs=1e-9)
 
 
-def test_whoever_is_nearest_is_found_among_many_of_different_size() -> None:
+def test_the_nearest_body_is_found_among_many_of_different_size() -> None:
     random = np.random.default_rng(7)
     radii = random.choice([0.1, 0.5, 3.0], 400)
     positions = random.uniform(0, 100, (400, 2))
@@ -115,7 +116,7 @@ def test_points_are_as_far_apart_as_their_centres_and_balls_as_in_space() -> Non
     assert (found.least[0], found.centres[0]) == (13.0, 13.0)
     ball = Shape(circle=Circle(radius=1.0))
     assert present(closeness.among(motion([[[0, 0, 0], [3, 4, 12]]], [ball, ball]))).least[0] == 11.0
-    # What has corners counts as seen from above, but only once the balls around it meet.
+    # Bodies with corners are compared from above, but only once their bounding balls meet.
     flat = Shape(polygon=Polygon(vertices=[(-1, -1), (1, -1), (1, 1), (-1, 1)]))
     above = closeness.among(motion([[[0, 0, 0], [0, 0, 12]]], [flat, flat]))
     assert above is not None
@@ -128,7 +129,7 @@ def test_agents_in_one_place_overlap_by_the_whole_of_their_radii() -> None:
     assert present(closeness.among(motion(np.zeros((2, 5, 2)), [disc] * 5))).least.tolist() == [-1.0, -1.0]
 
 
-def test_whoever_is_not_there_yet_is_not_looked_at() -> None:
+def test_absent_agents_are_ignored() -> None:
     positions = np.array([[[0.0, 0.0], [np.nan, np.nan], [4.0, 0.0]], [[0.0, 0.0], [1.0, 0.0], [4.0, 0.0]]])
     found = closeness.among(motion(positions, [None] * 3))
     assert found is not None
@@ -139,7 +140,7 @@ def test_whoever_is_not_there_yet_is_not_looked_at() -> None:
     assert closeness.among(motion(alone[:, :1], [None])) is None
 
 
-def test_where_there_is_too_much_to_look_at_instants_are_left_out_but_not_the_last(
+def test_with_too_much_work_instants_are_left_out_but_not_the_last(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(closeness, "_WORK", 100)
@@ -168,11 +169,11 @@ def test_bodies_overlap_exactly_while_the_world_reports_a_contact(tmp_path: Path
 
 
 @pytest.mark.parametrize("shape", ["circle: {radius: 0.3}", "box: {length: 0.9, width: 0.3}"])
-def test_summary_plot_and_replay_tell_the_same_least_separation(tmp_path: Path, shape: str) -> None:
+def test_summary_plot_and_replay_have_the_same_least_separation(tmp_path: Path, shape: str) -> None:
     from symaware_cli.language.build import build
     from symaware_cli.language.execution import execute
 
-    text = (SCENARIOS / "hello.yaml").read_text()
+    text = (SCENARIOS / "head-on.yaml").read_text()
     assert "circle: {radius: 0.3}" in text
     (tmp_path / "a.yaml").write_text(text.replace("circle: {radius: 0.3}", shape))
     summary = execute(build(tmp_path / "a.yaml"), tmp_path / "a.mcap").minimum_separation
@@ -187,11 +188,11 @@ def test_summary_plot_and_replay_tell_the_same_least_separation(tmp_path: Path, 
     np.testing.assert_allclose(np.array(drawn)[:, 0], present(distances.agents).least, atol=1e-12)
 
 
-def test_a_plot_of_a_sampled_log_says_so(tmp_path: Path) -> None:
+def test_a_plot_of_a_sampled_log_has_a_note(tmp_path: Path) -> None:
     from symaware_cli.language.build import build
     from symaware_cli.language.execution import execute
 
-    text = (SCENARIOS / "hello.yaml").read_text() + "\nrecording: {interval: 0.5}\n"
+    text = (SCENARIOS / "head-on.yaml").read_text() + "\nrecording: {interval: 0.5}\n"
     (tmp_path / "a.yaml").write_text(text)
     execute(build(tmp_path / "a.yaml"), tmp_path / "a.mcap")
     distances = separation(open_log(tmp_path / "a.mcap"))

@@ -1,4 +1,4 @@
-"""Labels of regions stand in their own region, not in another one, and not on one another."""
+"""Labels of regions are in their own regions, outside of others, and do not overlap."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_label_avoids_a_region_within_its_own() -> None:
     np.testing.assert_array_equal(inner, pond.preferred)
 
 
-def test_a_label_stays_where_it_is_preferred_if_nothing_is_there() -> None:
+def test_a_label_stays_at_its_preferred_place_if_it_is_free() -> None:
     regions = [box(0, 4, 0, 6), disc(7, 3, 2)]
     for place, region in zip(label_places(regions, LOW, HIGH), regions, strict=True):
         np.testing.assert_array_equal(place, region.preferred)
@@ -62,7 +62,7 @@ def test_equal_regions_have_their_labels_beside_each_other() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_labels_are_in_their_regions_and_apart_whatever_the_regions_are(seed: int) -> None:
+def test_labels_of_random_regions_are_in_their_regions_and_apart(seed: int) -> None:
     chance = np.random.default_rng(seed)
     regions = [
         disc(*chance.uniform([0, 0, 1.0], [10, 6, 2.5]))
@@ -78,3 +78,11 @@ def test_labels_are_in_their_regions_and_apart_whatever_the_regions_are(seed: in
         for other in places[:number]:
             assert other is not None
             assert (np.abs(place - other) >= SIZE).any()
+
+
+def test_a_label_keeps_off_points_to_be_avoided() -> None:
+    hall, avoided = box(0, 10, 0, 6), np.array([[5.0, 3.0], [5.5, 3.2]])
+    (place,) = label_places([hall], LOW, HIGH, avoided)
+    assert place is not None
+    assert holds(hall, place)
+    assert (np.abs(avoided - place) >= SIZE / 2.0).any(axis=1).all()

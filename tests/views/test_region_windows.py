@@ -1,4 +1,4 @@
-"""Regions are drawn by when specifications about them count, and links as arrows from agent to agent."""
+"""Regions are drawn by the time windows of specifications about them, and links as arrows between agents."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -96,6 +96,6 @@ def test_links_are_arrows_from_an_agent_to_those_that_a_component_records(tmp_pa
     np.testing.assert_allclose(first + (tip - first) * 0.5, found[0].points[3])  # straight, from one to the other
 
 
-def test_links_need_a_column_that_says_to_whom() -> None:
+def test_links_need_a_column_with_the_other_agent() -> None:
     with pytest.raises(ValueError, match="drawn as links, which takes a column `agent`"):
         Signal("tows", "table", [Quantity("other", "1")], drawn="links")

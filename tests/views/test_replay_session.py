@@ -129,7 +129,7 @@ def test_the_viewer_shows_it_without_complaint(scenario: str, agents: Sequence[s
     assert [report for view in views for report in view.reports] == []
     names = [view.name for view in views]
     assert "Scene" in names
-    assert {"Events", "Separation"} <= set(names)
+    assert {"Events", "Closest two agents [m]; they touch at 0"} <= set(names)
     assert all(f"as {agent} believes" in names for agent in shown.detail.focus)
     picture = pixels((tmp_path / "a.png").read_bytes())
     assert picture.shape[:2] == (600, 900)

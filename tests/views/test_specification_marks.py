@@ -49,7 +49,7 @@ def test_each_specification_has_a_curve_for_each_row_and_a_line_at_zero(marks: S
     curves = {mark.path: mark for mark in marks if isinstance(mark, Curves)}
     apart = curves["curves/specifications/apart"]
     assert list(apart.names) == ["robot.0 and robot.1", "robot.0 and robot.2", "robot.1 and robot.2"]
-    assert apart.level == ("zero", 0.0)
+    assert apart.level == ("violated below", 0.0)
     assert apart.values[0, 0] > 0 > apart.values[-1, 0]
     assert list(curves["curves/specifications/safe"].names) == ["robot.0", "robot.1", "robot.2"]
 

@@ -19,18 +19,25 @@ from symaware_cli.views.palette import DISTINCT, SCENERY, agent_colours, hexadec
 from symaware_cli.views.plotting import curves, separation
 from symaware_cli.views.plotting.curves import PlottedCurves
 from symaware_cli.views.plotting.line_styles import Chosen, LineStyle
+from symaware_cli.views.plotting.mode_timeline import mode_timeline, strips_of
 from symaware_cli.views.plotting.motion import Motion, Obstacles, motion_of, obstacles_of
 from symaware_cli.views.plotting.offer_timeline import offer_timeline
 from symaware_cli.views.plotting.panels import Content, Distances, Panel, Trajectories
+from symaware_cli.views.plotting.paper_preset import GREY_SAFE
 from symaware_cli.views.plotting.request import PlotRequest, SeriesName, Window
 from symaware_cli.views.scene.drawing import Drawing
-from symaware_cli.views.scene.marks import Bodies, Crosses, Curves, Lines, Mark, Numbers, Points, Solid, joined
+from symaware_cli.views.scene.marks import Bodies, Crosses, Curves, Lines, Mark, Modes, Numbers, Points, Solid, joined
 from symaware_cli.views.scene.scene import Scene, installed_drawings
 from symaware_cli.views.views import RunView, run_view_of
 
 
-def choose(run_view: RunView, names: Sequence[str] = ()) -> Chosen:
+def choose(run_view: RunView, names: Sequence[str] = (), hues: Sequence[str] = ()) -> Chosen:
     """Choose agents and groups by name, or all agents if no names are given.
+
+    Args:
+        run_view: The run.
+        names: The names.
+        hues: The colours of agents, in order, as ``#rrggbb``; empty for those of a replay.
 
     Raises:
         UnknownNameError: An agent or group does not exist.
@@ -57,9 +64,11 @@ def choose(run_view: RunView, names: Sequence[str] = ()) -> Chosen:
         colours = agent_colours([len(some) for some in rows.values()])
     taken: set[str] = set()
     members: dict[str, list[LineStyle]] = {}
+    number = 0
     for (name, some), colour in zip(rows.items(), colours, strict=True):
         for row, each in zip(some, colour, strict=True):
-            hue = hexadecimal(each)
+            hue = hues[number % len(hues)] if hues and count <= DISTINCT else hexadecimal(each)
+            number += 1
             style = LineStyle(run_view.group_views[name].agents[row], hue, count <= DISTINCT and hue in taken)
             members.setdefault(name, []).append(style)
             taken.add(hue)
@@ -89,7 +98,7 @@ def gather(log: Log, request: PlotRequest) -> Content:
     own = [drawing.panel for drawing in drawings if drawing.panel]
     signals = [name for group_view in run_view.group_views.values() for name in group_view.signals]
     request.require_known([*signals, *own])
-    # A panel of a drawing is shown only on request, so that a plot does not depend on what else is installed.
+    # A panel of a drawing is shown only on request, so that a plot does not depend on installed plugins.
     wanted = {drawing: each for drawing, each in drawings.items() if not drawing.panel or drawing.panel in request.show}
     gathering = _Gathering(log, run_view, request, wanted)
     panels = gathering.panels()
@@ -108,7 +117,7 @@ def gather(log: Log, request: PlotRequest) -> Content:
     )
 
 
-#: The field of a panel that is called otherwise.
+#: The fields of panels with other names than theirs.
 _FIELD_OF = {"control": "applied_control"}
 
 
@@ -121,7 +130,7 @@ class _Gathering:
         self._log = log
         self._run_view = run_view
         self._request = request
-        self.chosen = choose(run_view, request.agents)
+        self.chosen = choose(run_view, request.agents, GREY_SAFE if request.preset else ())
         self.window = Window.of(log, request)
         self._own_panels = [drawing.panel for drawing in drawings if drawing.panel]
         self._names = request.show or (() if request.series else (*_DEFAULT, *self._further))
@@ -174,8 +183,10 @@ class _Gathering:
                 return places
             case "offers":
                 return []
-            case "specifications":
+            case "specifications" | "verdicts":
                 return [f"/specifications/{each}" for each in self._run_view.specifications]
+            case "modes":
+                return ["/events", *(f"/agents/{view.name}/knowledge" for view in views)]
             case own if own in self._own_panels:
                 return []
             case field:
@@ -235,6 +246,10 @@ class _Gathering:
                 return self._separation(motion) if motion else []
             case "specifications":
                 return self._specifications()
+            case "verdicts":
+                return self._modes("verdicts", "verdicts of specifications")
+            case "modes":
+                return self._modes("modes", "modes: the last event, and what is known")
             case "offers":
                 timeline = offer_timeline(self._log.events(), self._run_view, self.chosen, self.window)
                 return [timeline] if timeline else []
@@ -245,7 +260,8 @@ class _Gathering:
             case own if own in self._own_panels:
                 return self._drawn(own)
             case field:
-                return self._shares(field) or self._recorded(field)
+                recorded = self._shares(field) or self._recorded(field)
+                return [strips_of(each, self.window) or each for each in recorded]
 
     @cached_property
     def _motion(self) -> Motion | None:
@@ -265,6 +281,10 @@ class _Gathering:
         goals: dict[str, list[Array]] = {}
         for name, position in _standing([mark for mark in marks if isinstance(mark, Crosses)], at):
             goals.setdefault(name, []).append(position)
+        waypoints: dict[str, list[Array]] = {}
+        dots = [mark for mark in marks if isinstance(mark, Points) and mark.layer.startswith("goals/")]
+        for name, position in _standing(dots, at):
+            waypoints.setdefault(name, []).append(position)
         intents: dict[str, Array] = {}
         for name, way in _standing([mark for mark in marks if isinstance(mark, Lines)], at):
             if name in self.chosen.agents:
@@ -282,6 +302,7 @@ class _Gathering:
             chosen=self.chosen,
             obstacles=self._obstacles(motion),
             goals={name: np.concatenate(points) for name, points in goals.items() if name in shown},
+            waypoints={name: np.concatenate(points) for name, points in waypoints.items() if name in shown},
             intents=intents,
             contacts=np.array([position[:2] for pair, position in begun if {*pair} <= shown]).reshape(-1, 2),
             regions=[mark for mark in self._solids if mark.layer == "regions"],
@@ -320,11 +341,23 @@ class _Gathering:
                     [each for each in concerned if {*each[1]} <= agents], self.chosen.lines
                 )
                 shown = curves.marked(mark, f"specification {name}", styles, self.window)
-                found.append(shown and replace(shown, stepwise=True, note="robustness at most"))
+                found.append(shown and replace(shown, stepwise=True, note="upper bound of robustness", named=True))
         return [each for each in found if each is not None]
 
+    def _modes(self, name: str, title: str) -> list[Panel]:
+        """Build a panel of the modes at the paths that begin with the name."""
+        marks: list[tuple[str, Modes]] = []
+        for path, parts in self._marks.items():
+            if path.startswith(f"{name}/") and isinstance(parts[0], Modes):
+                mark: Modes = joined(parts)
+                # Verdicts are shown even if they never change, modes of agents only if they do.
+                if name == "verdicts" or len({*mark.modes}) > 1:
+                    marks.append((path.removeprefix(f"{name}/"), mark))
+        timeline = mode_timeline(name, title, marks, self.window)
+        return [timeline] if timeline else []
+
     def _drawn(self, panel: str) -> list[PlottedCurves]:
-        """Build a panel for each path of curves that a drawing draws for a panel of its own."""
+        """Build a panel for each path of curves that a drawing draws for its own panel."""
         agents, found = {line.name: line for line in self.chosen.lines}, []
         for path, marks in self._marks.items():
             if path.startswith(f"curves/{panel}/") and isinstance(marks[0], Curves):
@@ -388,7 +421,7 @@ class _Gathering:
         )
         return joined(marks) if marks else None
 
-    # ---- what the log has
+    # ---- series of the log
 
     @property
     def _shows_intents(self) -> bool:
@@ -407,7 +440,7 @@ class _Gathering:
         """Return the styles of the curves of a series.
 
         Raises:
-            LogError: It belongs to a group without a chosen agent.
+            LogError: The series belongs to a group without a chosen agent.
             UnknownNameError: The agent, group or entity does not exist.
         """
         owner, run_view = name.owner, self._run_view
@@ -418,7 +451,7 @@ class _Gathering:
                 raise LogError(f"no agent of {owner!r} was chosen")
             return self.chosen.members[owner]
         if owner in run_view.place:
-            # A requested agent is shown even if it was not chosen; in its own colour where it has one.
+            # A requested agent is shown even if it was not chosen, in its own colour if it has one.
             single = [each.owner for each in self._request.series if each.owner in run_view.place]
             known = self.chosen if owner in self.chosen.agents and not self.chosen.many else choose(run_view, single)
             return (known.lines[known.agents.index(owner)],)
@@ -427,15 +460,15 @@ class _Gathering:
         raise UnknownNameError(message, owner, [*run_view.group_views, *run_view.place, *run_view.obstacle_views])
 
 
-def _standing(marks: Sequence[Crosses | Lines], at: int) -> Iterable[tuple[str, Array]]:
-    """Yield the name and the points (m, 2) of each cross or line that is shown at an instant [ns]."""
+def _standing(marks: Sequence[Crosses | Points | Lines], at: int) -> Iterable[tuple[str, Array]]:
+    """Yield the name and the points (m, 2) of each cross, dot or line that is shown at an instant [ns]."""
     up = {mark.path: mark for mark in marks if mark.times[0] <= at}
     for mark in up.values():
         instant = int(np.searchsorted(mark.times, at, side="right")) - 1
         counts = np.asarray(mark.counts)
         first = int(counts[:instant].sum())
-        lengths = np.ones(int(counts.sum()), np.intp) if isinstance(mark, Crosses) else np.asarray(mark.lengths)
-        points = mark.positions if isinstance(mark, Crosses) else mark.points
+        lengths = np.asarray(mark.lengths) if isinstance(mark, Lines) else np.ones(int(counts.sum()), np.intp)
+        points = mark.points if isinstance(mark, Lines) else mark.positions
         ends = np.cumsum(lengths)
         for item in range(first, first + int(counts[instant])):
             if mark.who is not None:
@@ -458,10 +491,12 @@ def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurve
 
 
 #: The default panels.
-_DEFAULT = ("trajectories", "separation", "specifications", "offers", "risk", "speed", "altitude")
+_DEFAULT = ("trajectories", "separation", "verdicts", "specifications", "offers", "risk", "speed", "altitude")
 
 _REASONS = {
-    "specifications": "its scenario has none for these agents, or without intervals",
+    "specifications": "its scenario has none for these agents, or their robustness has no finite upper bound",
+    "verdicts": "its scenario has no specifications, or more than fit",
+    "modes": "nothing that happened to these agents changes",
     "offers": "its scenario offers no specifications, or none was offered by then",
     "trajectories": "no states were recorded",
     "separation": "it requires two agents, or an agent and an obstacle, with recorded states",

@@ -27,19 +27,20 @@ _AROUND = 250_000_000
 
 @dataclass(frozen=True)
 class PlottedCurves:
-    """One quantity over time.
+    """The curves of a quantity over time.
 
     Attributes:
         name: The quantity.
-        unit: Its unit; empty if unknown.
+        unit: The unit of the quantity; empty if unknown.
         times: (k,) simulated time [ns].
         values: (k, n); NaN where unknown.
         lines: (n,) the style of each curve.
-        stepwise: Whether values are constant until the next one, as inputs are.
-        note: How it was derived, if it was not recorded directly.
-        dots: Whether values are separate points, as the entries of a table are; times may then repeat.
+        stepwise: Whether values are constant until the next one, like inputs.
+        note: The derivation of the quantity, if it was not recorded directly.
+        dots: Whether values are separate points, like the entries of a table; times may then repeat.
         level: The height of a reference line; None for none.
         stacked: Whether values are shares of a whole, such as probabilities, which are stacked.
+        named: Whether the names are written at the curves, rather than in a legend.
     """
 
     name: str
@@ -52,11 +53,20 @@ class PlottedCurves:
     dots: bool = False
     level: float | None = None
     stacked: bool = False
+    named: bool = False
 
     @property
     def many(self) -> bool:
         """Whether there are too many curves to tell them apart."""
         return len(self.lines) > DISTINCT
+
+    @property
+    def infinities_count(self) -> bool:
+        """Whether infinite values are extremes: a specification that can never be satisfied has the robustness -inf.
+
+        In other quantities infinity stands for none, as for the distance to an obstacle that is not seen.
+        """
+        return self.named or self.name == "risk"
 
     def facts(self) -> dict[str, Any]:
         """Return the extremes, or mean and maximum of each share, as plain data."""
@@ -81,10 +91,12 @@ class PlottedCurves:
 
     def extreme(self, sign: int = 1) -> tuple[float, float, str] | None:
         """Return the greatest value (the least for -1), its first time [s] and its agent; None without values."""
-        values = sign * self.values
-        if not (np.isfinite(values)).any():
+        values = sign * (
+            self.values if self.infinities_count else np.where(np.isfinite(self.values), self.values, np.nan)
+        )
+        if np.isnan(values).all():
             return None
-        row, column = np.unravel_index(int(np.argmax(np.where(np.isfinite(values), values, -np.inf))), values.shape)
+        row, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
         return float(self.values[row, column]), seconds(int(self.times[row])), self.lines[column].name
 
 
@@ -110,11 +122,11 @@ def altitude(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None
 
 
 def marked(mark: Curves, name: str, styles: Mapping[str, LineStyle], window: Window) -> PlottedCurves | None:
-    """Return the curves of a mark that have a style; None if they have no values in the window."""
+    """Return the curves of a mark that have a style; None if they have no values in the window before its end."""
     rows = [number for number, name in enumerate(mark.names) if name in styles]
     some = (mark.times >= window.start) & (mark.times <= window.end)
     values = mark.values[some][:, rows]
-    if not np.isfinite(values).any():
+    if not np.isfinite(values[mark.times[some] < window.end]).any():
         return None
     return PlottedCurves(
         name=name,

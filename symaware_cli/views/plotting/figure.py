@@ -18,17 +18,22 @@ from symaware_cli.views.plotting.curves import PlottedCurves
 from symaware_cli.views.plotting.figure_sheet import FigureSheet, Fill, Handles
 from symaware_cli.views.plotting.figure_style import FAINT
 from symaware_cli.views.plotting.line_styles import LineStyle
+from symaware_cli.views.plotting.mode_timeline import ModeTimeline
 from symaware_cli.views.plotting.offer_timeline import OfferTimeline
 from symaware_cli.views.plotting.panels import Content, Distances, Trajectories
+from symaware_cli.views.plotting.paper_preset import PaperPreset
 from symaware_cli.views.plotting.plane import draw_trajectories, extent
 from symaware_cli.views.plotting.request import PlotRequest
-from symaware_cli.views.plotting.time import DASHES, draw_curves, draw_offers, draw_separation
+from symaware_cli.views.plotting.time import DASHES, draw_curves, draw_modes, draw_offers, draw_separation
 
 #: Sizes in inches: maximum of the plane, and a panel over time.
 _PLANE, _PANEL = (6.2, 7.0), (5.6, 2.1)
 
 #: Sizes in inches: the space around a plane, for title and labels, and around all panels.
 _AROUND, _MARGINS = 0.6, 1.2
+
+#: Height of a panel in a column of a paper [inch].
+_LOW = 1.25
 
 #: Aspect ratio of the plane above which it is placed above the other panels.
 _WIDE = 2.2
@@ -46,14 +51,15 @@ def draw(content: Content, request: PlotRequest, path: Path) -> None:
         LogError: The font does not have the characters of the title, or the panels do not fit.
         OSError: The file cannot be written.
     """
-    sheet, fill = prepared(content, request.title)
-    sheet.draw(path, request.size, request.dpi, fill)
+    sheet, fill = prepared(content, request.title, request.preset)
+    sheet.draw(path, request.size, request.dpi, fill, request.preset)
 
 
-def prepared(content: Content, title: str | None = None) -> tuple[FigureSheet, Fill]:
+def prepared(content: Content, title: str | None = None, preset: PaperPreset | None = None) -> tuple[FigureSheet, Fill]:
     """Arrange the panels, and return the sheet for them and the function that draws them."""
     plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
-    layout = _Layout.of(_ratio(plane) if plane else None, len(content.panels) - (plane is not None))
+    ratio, count = _ratio(plane) if plane else None, len(content.panels) - (plane is not None)
+    layout = _Layout.of(ratio, count) if preset is None else _Layout.printed(ratio, count, preset)
     sheet = FigureSheet(layout.size, _title(content, title), len(content.panels))
     return sheet, partial(_fill, content, layout)
 
@@ -80,7 +86,7 @@ def _fill(
             axes.axvline(seconds(content.window.at), color=FAINT, linewidth=1.0, linestyle=":")
         if content.since is not None:
             axes.axvline(seconds(content.since), color=FAINT, linewidth=1.0, linestyle="--")
-        lowest = layout.above or place.is_last_row() or panel is others[-1]
+        lowest = (layout.above and layout.width is None) or place.is_last_row() or panel is others[-1]
         axes.tick_params(labelbottom=lowest)
         axes.set_xlabel("simulated time [s]" if lowest else "")
     if first and content.window.start < content.window.end:
@@ -88,13 +94,17 @@ def _fill(
     return (handles, _owners(content)), said + content.notes
 
 
-def _drawn(axes: Axes, panel: Distances | OfferTimeline | PlottedCurves) -> tuple[list[Line2D | Patch], list[str]]:
+def _drawn(
+    axes: Axes, panel: Distances | OfferTimeline | ModeTimeline | PlottedCurves
+) -> tuple[list[Line2D | Patch], list[str]]:
     """Draw a panel over time; return the entries of the legend, and the sentences of the caption."""
     match panel:
         case Distances():
             return draw_separation(axes, panel)
         case OfferTimeline():
             return draw_offers(axes, panel)
+        case ModeTimeline():
+            return draw_modes(axes, panel)
     return draw_curves(axes, panel)
 
 
@@ -108,6 +118,7 @@ class _Layout:
         above: Whether the plane is above.
         columns: Number of columns of panels over time.
         rows: Number of rows of panels over time.
+        width: The width of the figure, if it is given [inch].
     """
 
     plane: tuple[float, float]
@@ -115,6 +126,7 @@ class _Layout:
     above: bool
     columns: int
     rows: int
+    width: float | None = None
 
     @classmethod
     def of(cls, ratio: float | None, count: int) -> _Layout:
@@ -129,11 +141,27 @@ class _Layout:
             plane = (width, min(width / ratio, _PLANE[1]) + _AROUND)
         return cls(plane, panels, above, columns, rows)
 
+    @classmethod
+    def printed(cls, ratio: float | None, count: int, preset: PaperPreset) -> _Layout:
+        """Arrange the panels for a paper: one below the other in a column; otherwise as usual, but smaller."""
+        usual, width = cls.of(ratio, count), preset.width
+        if not preset.narrow:
+            share = width / usual.size[0]
+            (wide, high), (across, down) = usual.plane, usual.panels
+            plane, panels = (share * wide, share * high), (share * across, share * down)
+            return cls(plane, panels, usual.above, usual.columns, usual.rows, width)
+        plane = (0.0, 0.0) if ratio is None else (width, min(0.88 * width / ratio, width) + 0.75 * _AROUND)
+        return cls(
+            plane, (width, _LOW * count) if count else (0.0, 0.0), ratio is not None, min(count, 1), count, width
+        )
+
     @property
     def size(self) -> tuple[float, float]:
         """Width and height of the figure [inch]."""
         (width, height), (across, down) = self.plane, self.panels
         both = (max(width, across), height + down) if self.above else (width + across, max(height, down))
+        if self.width is not None:
+            return self.width, both[1] + 0.9 * _MARGINS
         return max(both[0], 1.3 * _PANEL[0]), both[1] + _MARGINS
 
     def places(self, whole: SubplotSpec, count: int) -> list[SubplotSpec]:
@@ -147,10 +175,17 @@ class _Layout:
         elif self.plane[0]:
             outer = whole.subgridspec(1, 2, width_ratios=(self.plane[0], self.panels[0]))
             plane, whole = [outer[0]], outer[1]
-        grid = whole.subgridspec(self.rows, self.columns)
         if self.above:
+            grid = whole.subgridspec(self.rows, self.columns)
             return plane + [grid[divmod(number, self.columns)] for number in range(count)]
-        return plane + [grid[number % self.rows, number // self.rows] for number in range(count)]
+        # Each column is divided independently, so that all of them end at the bottom.
+        columns = whole.subgridspec(1, self.columns)
+        found = list(plane)
+        for number in range(self.columns):
+            own = min(self.rows, count - number * self.rows)
+            column = columns[number].subgridspec(own, 1)
+            found += [column[row] for row in range(own)]
+        return found
 
 
 def _ratio(plane: Trajectories) -> float:
@@ -172,11 +207,14 @@ def _owners(content: Content) -> list[Line2D | Patch]:
     """Return the legend of line colours: agents if they can be told apart, otherwise groups."""
     lines: dict[LineStyle, None] = {}
     for panel in content.panels:
-        if isinstance(panel, Distances) or (isinstance(panel, PlottedCurves) and panel.stacked):
+        if isinstance(panel, Distances | ModeTimeline) or (isinstance(panel, PlottedCurves) and panel.stacked):
             continue
         each = panel.chosen if isinstance(panel, Trajectories) else panel
         groups = content.chosen.groups if len(content.chosen.groups) > 1 else ()
-        lines.update(dict.fromkeys(groups if each.many else each.lines))
+        shown = groups if each.many else each.lines
+        if isinstance(panel, PlottedCurves) and panel.named:
+            shown = tuple(line for line in shown if line in content.chosen.lines)
+        lines.update(dict.fromkeys(shown))
     return [
         Line2D([], [], color=line.colour, linestyle=DASHES if line.dashed else "solid", label=line.name)
         for line in lines

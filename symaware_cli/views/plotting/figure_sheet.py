@@ -30,6 +30,7 @@ from symaware_cli.views.plotting.figure_style import (
     styled,
     type_scale,
 )
+from symaware_cli.views.plotting.paper_preset import PaperPreset
 
 Handles: TypeAlias = Sequence[Line2D | Patch]
 
@@ -58,7 +59,14 @@ class FigureSheet:
     title: str
     count: int
 
-    def draw(self, path: Path, size: tuple[float, float] | None, dpi: int, fill: Fill) -> None:
+    def draw(
+        self,
+        path: Path,
+        size: tuple[float, float] | None,
+        dpi: int,
+        fill: Fill,
+        preset: PaperPreset | None = None,
+    ) -> None:
         """Draw a figure into a file; the same content and versions give the same bytes.
 
         Args:
@@ -66,21 +74,24 @@ class FigureSheet:
             size: Width and height [inch]; None for the natural ones.
             dpi: Dots per inch.
             fill: Draws the panels.
+            preset: Type and colours for a paper; None for the usual ones.
 
         Raises:
             LogError: The font does not have the characters of the title, or the panels do not fit.
             OSError: The file cannot be written.
         """
-        with self.drawn(size, fill) as figure:
+        with self.drawn(size, fill, preset) as figure:
             save(figure, path, dpi)
 
     @contextmanager
-    def drawn(self, size: tuple[float, float] | None, fill: Fill) -> Iterator[Figure]:
+    def drawn(
+        self, size: tuple[float, float] | None, fill: Fill, preset: PaperPreset | None = None
+    ) -> Iterator[Figure]:
         """Draw a figure, and return it with its style in force; see `draw`."""
         require_writable(self.title)
         width, height = size or self.size
         scale = max(LEAST_TYPE, min(1.0, width / self.size[0], height / self.size[1]))
-        with styled(scale), warnings.catch_warnings():
+        with styled(scale, preset), warnings.catch_warnings():
             warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
             try:
                 figure = self._figure((width, height), fill)

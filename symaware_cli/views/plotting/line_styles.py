@@ -41,7 +41,7 @@ class Chosen:
 
     @cached_property
     def agents(self) -> tuple[str, ...]:
-        """Their ids, in the same order."""
+        """The ids of the chosen agents, in the order of `lines`."""
         return tuple(line.name for line in self.lines)
 
     @property

@@ -76,6 +76,7 @@ class Obstacles:
         colours: (m,) as ``#rrggbb``.
         positions: (k, m, 3) [m].
         headings: (k, m) [rad].
+        movable: (m,) whether other bodies move the obstacle, such as a crate that is pushed.
     """
 
     names: tuple[str, ...]
@@ -83,9 +84,10 @@ class Obstacles:
     colours: Sequence[str]
     positions: Array
     headings: Array
+    movable: tuple[bool, ...] = ()
 
     def moves(self, number: int) -> bool:
-        """Return whether the pose of one of them changes."""
+        """Return whether the pose of an obstacle changes."""
         return bool(np.ptp(self.positions[:, number], axis=0).any() or np.ptp(self.headings[:, number]))
 
 
@@ -100,6 +102,7 @@ def obstacles_of(marks: Sequence[Solid], times: Times) -> Obstacles:
         colours=[hexadecimal(mark.colour) for mark in marks],
         positions=np.stack(positions, axis=1) if marks else np.empty((*shape, 3)),
         headings=np.stack(headings, axis=1) if marks else np.empty(shape),
+        movable=tuple(mark.movable for mark in marks),
     )
 
 

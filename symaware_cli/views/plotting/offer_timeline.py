@@ -1,4 +1,4 @@
-"""The history of specifications that are offered: when each is open, who bids, who holds it, and how it ends."""
+"""The history of offered specifications: the time for which each is open, its bids, holders and outcome."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from symaware_cli.views.plotting.line_styles import Chosen, LineStyle
 from symaware_cli.views.plotting.request import Window
 from symaware_cli.views.views import RunView
 
-#: How an offer may end, and the events that begin and end its phases.
+#: The possible outcomes of an offer, and the events that begin and end its phases.
 ENDS = ("satisfied", "violated", "rejected")
 _CHANGES = ("offered", "accepted", "released", *ENDS)
 
@@ -22,9 +22,9 @@ class OfferPhase:
     """An interval in which an offer is open, or an agent holds it.
 
     Attributes:
-        start: Its beginning [ns].
-        end: Its end [ns].
-        agent: The agent that holds it; empty while it is open.
+        start: The beginning of the phase [ns].
+        end: The end of the phase [ns].
+        agent: The agent that holds the specification; empty while it is open.
     """
 
     start: int
@@ -37,12 +37,12 @@ class OfferHistory:
     """The history of an offered specification.
 
     Attributes:
-        name: Its name.
-        counts: The first and the last instant that count [ns].
-        phases: When it was open, and who held it, in order.
-        bids: When agents bid on it [ns], and which; they have an offer to make.
+        name: The name of the specification.
+        counts: The first and the last instant of the specification's time [ns].
+        phases: The phases in which it was open or held by an agent, in order.
+        bids: The times of bids [ns], and the bidding agents.
         outcome: One of `ENDS`; empty if it was undecided at the end.
-        time: When that was [ns].
+        time: The time of the outcome, or the end of the plot if it is undecided [ns].
     """
 
     name: str
@@ -55,11 +55,11 @@ class OfferHistory:
 
 @dataclass(frozen=True)
 class OfferTimeline:
-    """What was offered during a run, as a panel.
+    """The specifications offered during a run, as a panel.
 
     Attributes:
         offers: The offered specifications, in the order of the scenario.
-        lines: The styles of the agents that are named.
+        lines: The styles of the named agents.
     """
 
     offers: tuple[OfferHistory, ...]
@@ -76,7 +76,7 @@ class OfferTimeline:
 def offer_timeline(
     events: Iterable[LoggedEvent], run_view: RunView, chosen: Chosen, window: Window
 ) -> OfferTimeline | None:
-    """Return the history of what was offered up to the end of a window; None if nothing was.
+    """Return the history of the specifications that were offered up to the end of a window; None if there are none.
 
     Args:
         events: The events of the log, in order.

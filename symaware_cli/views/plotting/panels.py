@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import seconds
 from symaware_cli.views.plotting.curves import PlottedCurves
 from symaware_cli.views.plotting.line_styles import Chosen
+from symaware_cli.views.plotting.mode_timeline import ModeTimeline
 from symaware_cli.views.plotting.motion import Motion, Obstacles
 from symaware_cli.views.plotting.offer_timeline import OfferTimeline
 from symaware_cli.views.plotting.request import Window
@@ -31,9 +32,10 @@ class Trajectories:
 
     Attributes:
         motion: The motion of the chosen agents.
-        chosen: Their styles, in the same order.
+        chosen: The styles of the agents, in the same order.
         obstacles: The motion of the obstacles.
-        goals: The goals of each agent (m, 2) [m].
+        goals: The goals of each agent (m, 2) [m], with its waypoints if they are few.
+        waypoints: The other waypoints of each agent (m, 2) [m].
         intents: The intended path of each agent at the instant shown (m, 2) [m].
         contacts: (m, 2) the points where contacts began [m]; NaN where unknown.
         regions: Areas of the ground.
@@ -41,13 +43,14 @@ class Trajectories:
         spatial: Whether bodies move in space.
         believed: Groups whose true states were not recorded, so that their beliefs are shown.
         compared: The motion of the same agents in another run, if two are compared.
-        departures: Where agents are when they are first elsewhere in that run (1, 2) [m].
+        departures: The positions at which agents first deviate from that run (1, 2) [m].
     """
 
     motion: Motion
     chosen: Chosen
     obstacles: Obstacles
     goals: Mapping[str, Array]
+    waypoints: Mapping[str, Array]
     intents: Mapping[str, Array]
     contacts: Array
     regions: Sequence[Solid]
@@ -97,8 +100,8 @@ class Distances:
     """The separation of bodies.
 
     Attributes:
-        agents: Between two agents; None if there is only one.
-        obstacles: Between an agent and an obstacle; None if there are none.
+        agents: The separation between two agents; None if there is only one.
+        obstacles: The separation between an agent and an obstacle; None if there are no obstacles.
         names: The names of the agents and of the obstacles, by index.
         sampled: The time between two records, if the world made steps in between [s]; None if each step was recorded.
     """
@@ -117,7 +120,7 @@ class Distances:
 
     @cached_property
     def closest(self) -> LeastSeparation:
-        """The one of the two with the least separation."""
+        """The least of both separations: between agents, or from obstacles."""
         found = [each for each in (self.agents, self.obstacles) if each is not None]
         return min(found, key=lambda each: float(each.least[each.lowest]))
 
@@ -148,7 +151,7 @@ class Distances:
         return notes
 
 
-Panel: TypeAlias = Trajectories | Distances | OfferTimeline | PlottedCurves
+Panel: TypeAlias = Trajectories | Distances | OfferTimeline | ModeTimeline | PlottedCurves
 
 
 @dataclass(frozen=True)

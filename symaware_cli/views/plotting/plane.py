@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import Shape
 from symaware_cli.geometry import Pieces, yaws
 from symaware_cli.views.outline import Piece, outlines, placed
-from symaware_cli.views.palette import CONTACT, GOAL, SCENERY, hexadecimal
+from symaware_cli.views.palette import CONTACT, GOAL, MOVABLE, SCENERY, hexadecimal
 from symaware_cli.views.plotting.line_styles import LineStyle
 from symaware_cli.views.plotting.panels import Trajectories
 from symaware_cli.views.plotting.region_labels import LabelledRegion, label_places
@@ -29,7 +30,7 @@ from symaware_cli.views.scene.marks import ACTIVE, PAST, TO_COME
 
 Array = NDArray[np.float64]
 
-#: How areas are drawn: interrupted outlines of those to come, faint ones of those that are past.
+#: The styles of areas: dashed outlines before their time, faint ones after it.
 _PHASES: Mapping[int, Mapping[str, Any]] = {
     TO_COME: {"alpha": 0.7, "linewidth": 0.8, "linestyle": (0, (3, 3))},
     ACTIVE: {"alpha": 0.18, "linewidth": 0.8},
@@ -48,8 +49,11 @@ _AROUND = 0.5
 #: Number of agents above which paths get thinner.
 _CROWD = 20
 
-#: The room of the label of an area, relative to the extent of its letters.
+#: The space for the label of an area, relative to the extent of its letters.
 _ROOM = np.array([1.2, 1.6])
+
+#: Contacts within this part of the extent of a panel share a ring.
+_TOGETHER = 0.02
 
 #: Number of points above which paths are rasterised even in vector formats, whose files would be too large otherwise.
 _PIXELS = 20_000
@@ -105,7 +109,7 @@ def draw_surroundings(axes: Axes, content: Trajectories, low: Array, high: Array
 
 
 def extent(content: Trajectories, further: Array | None = None) -> tuple[Array, Array]:
-    """Return the corners of the area shown, (2,) each [m]: the paths, the goals, and the obstacles near them.
+    """Return the corners of the area shown, (2,) each [m]: paths, goals, regions, and the obstacles near the paths.
 
     Args:
         content: The content of the panel.
@@ -115,7 +119,8 @@ def extent(content: Trajectories, further: Array | None = None) -> tuple[Array, 
     positions = content.motion.positions[..., :2].reshape(-1, 2)
     others = () if content.compared is None else (content.compared.positions[..., :2].reshape(-1, 2),)
     positions = np.concatenate([positions, *others, *(() if further is None else (further,))])
-    points = np.concatenate([positions[~np.isnan(positions[:, 0])], *content.goals.values()])
+    known = (*content.goals.values(), *content.waypoints.values())
+    points = np.concatenate([positions[~np.isnan(positions[:, 0])], *known])
     low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
     room = max(_AROUND * float((high - low).max()), 1e-3)
     for number in range(len(content.obstacles.names)):
@@ -124,8 +129,19 @@ def extent(content: Trajectories, further: Array | None = None) -> tuple[Array, 
                 box = piece.get_path().get_extents(piece.get_patch_transform())
                 low = np.minimum(low, np.maximum(box.min, points.min(axis=0) - room))
                 high = np.maximum(high, np.minimum(box.max, points.max(axis=0) + room))
+    # A region far larger than the run would make everything in it too small to see.
+    reach = max(float((high - low).max()), 1e-3)
+    west, east = low - reach, high + reach
+    for mark in content.regions:
+        index = max(0, int(np.searchsorted(mark.times, content.time, "right")) - 1)
+        heading = float(yaws(mark.orientations[index : index + 1])[0])
+        for outline in mark.outlines:
+            corners = placed(outline, mark.positions[index], heading)[:, :2]
+            if np.isfinite(corners).all():
+                low = np.minimum(low, np.maximum(corners.min(axis=0), west))
+                high = np.maximum(high, np.minimum(corners.max(axis=0), east))
     margin = 0.04 * float((high - low).max()) or 1.0
-    # A straight path still has a panel of some height.
+    # A straight path still needs a panel with some height.
     thin = np.maximum(0.12 * float((high - low).max()) - (high - low), 0.0) / 2
     return low - margin - thin, high + margin + thin
 
@@ -162,7 +178,7 @@ def _obstacle(content: Trajectories, number: int, step: int) -> list[Circle | Po
 def _draw_regions(axes: Axes, content: Trajectories, low: Array, high: Array) -> None:
     """Draw areas with their labels, clipped to the panel."""
     size = FontProperties(size="x-small")
-    axes.apply_aspect()  # the size of the panel, as far as it is known before its surroundings are drawn
+    axes.apply_aspect()  # the approximate size of the panel, before its surroundings are drawn
     metres = float((high - low)[0]) / axes.get_window_extent().width * axes.figure.dpi / 72.0
     regions, labels = [], []
     for mark in content.regions:
@@ -172,20 +188,24 @@ def _draw_regions(axes: Axes, content: Trajectories, low: Array, high: Array) ->
         for piece in _body(_outlined(mark.pieces), position, heading):
             piece.set(facecolor=colour if phase == ACTIVE else "none", edgecolor=colour, zorder=0, **_PHASES[phase])
             axes.add_patch(piece)
-        if phase == PAST:
+        if phase == PAST or not mark.label:
             continue
         words = TextPath((0.0, 0.0), mark.label, prop=size).get_extents()
-        room = np.array([words.width, words.height]) * metres * _ROOM if mark.label else np.zeros(2)
+        room = np.array([words.width, words.height]) * metres * _ROOM
         ((x, y, _),) = placed(np.array([mark.label_at]), position, heading)
-        # One that counts for some time has its label at its upper edge, as agents come to its middle.
+        # The label of an area with a time window is at its upper edge, since agents go to its middle.
         preferred = np.array([x, y - (0.0 if mark.phases is None else 0.6 * room[1])])
         outlined = [placed(outline, position, heading)[:, :2] for outline in mark.outlines]
         regions.append(LabelledRegion(outlined, room, preferred))
         labels.append((mark.label, colour))
-    for (label, colour), place in zip(labels, label_places(regions, low, high), strict=True):
+    bodies = content.motion.positions[content.at, :, :2]
+    avoided = np.concatenate([bodies[np.isfinite(bodies).all(axis=1)], *content.goals.values()])
+    for (label, colour), place in zip(labels, label_places(regions, low, high, avoided), strict=True):
         if place is not None:
             style: dict[str, Any] = {"color": colour, "fontproperties": size, "ha": "center", "va": "center"}
-            axes.text(float(place[0]), float(place[1]), label, clip_on=True, zorder=1, **style)
+            # Labels are above the paths, whose lines would cross the letters.
+            back = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.6}
+            axes.text(float(place[0]), float(place[1]), label, clip_on=True, zorder=4.3, bbox=back, **style)
 
 
 def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
@@ -200,10 +220,14 @@ def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
             way = obstacles.positions[:, number, :2]
             axes.plot(way[:, 0], way[:, 1], color=own, linewidth=1.0, linestyle=":", zorder=1)
     handles: list[Line2D | Patch] = []
-    if obstacles.names:
+    fixed = [number for number in range(len(obstacles.names)) if not obstacles.movable[number]]
+    if fixed:
         handles.append(Patch(facecolor=_faded(colour, 0.45), label="obstacle"))
+    if len(fixed) < len(obstacles.names):
+        handles.append(Patch(facecolor=_faded(hexadecimal(MOVABLE), 0.45), label="movable body"))
     if moved:
-        handles.append(Line2D([], [], color=colour, linewidth=1.0, linestyle=":", label="path of an obstacle"))
+        what = "a movable body" if any(obstacles.movable) else "an obstacle"
+        handles.append(Line2D([], [], color=colour, linewidth=1.0, linestyle=":", label=f"path of {what}"))
     return handles
 
 
@@ -215,7 +239,7 @@ def _draw_paths(axes: Axes, content: Trajectories) -> list[str]:
     strokes: list[Array] = []
     shades: list[tuple[float, float, float]] = []
     styles: list[object] = []
-    # Shade by shade, so that later parts are drawn above earlier ones of any agent.
+    # A loop over shades, so that later parts of all paths are drawn above earlier parts.
     for number, (first, last) in enumerate(pairwise(bounds)):
         for agent, line in enumerate(lines):
             points = _known(positions[steps[first : last + 1], agent])
@@ -253,7 +277,7 @@ def _draw_paths(axes: Axes, content: Trajectories) -> list[str]:
 
 
 def _draw_compared(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
-    """Draw the paths of another run dashed, where they end, and where the agents part from them."""
+    """Draw the paths of another run dashed, with their ends and the points of departure."""
     compared = content.compared
     if compared is None:
         return []
@@ -299,8 +323,12 @@ def draw_goals(axes: Axes, content: Trajectories, above: bool = False) -> list[L
     for colour, points in _by_colour(content.chosen.lines, content.goals).items():
         mark = _mark("+", hexadecimal(GOAL) if many else colour, 3.0 if many else 12.0)
         axes.plot(*points.T, zorder=4.2 if above else 2.5, **mark)
-    label = "waypoint" if all(len(points) > 1 for points in content.goals.values()) else "goal"
-    return [Line2D([], [], label=label, **_mark("+", hexadecimal(GOAL) if many else INK, 8.0))]
+    for colour, points in _by_colour(content.chosen.lines, content.waypoints).items():
+        axes.plot(*points.T, zorder=2.4, alpha=0.6, **_mark(".", hexadecimal(GOAL) if many else colour, 2.0))
+    ink, dotted = hexadecimal(GOAL) if many else INK, bool(content.waypoints)
+    label = "waypoint" if not dotted and all(len(points) > 1 for points in content.goals.values()) else "goal"
+    handles: list[Line2D | Patch] = [Line2D([], [], label=label, **_mark("+", ink, 8.0))]
+    return handles + [Line2D([], [], label="waypoint", alpha=0.6, **_mark(".", ink, 4.0))] * dotted
 
 
 def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D | Patch]:
@@ -359,12 +387,36 @@ def _inner_radius(shape: Shape) -> float:
 
 
 def _draw_contacts(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
+    """Draw a ring for each place of contacts, with their number if there are several."""
     points = content.contacts[np.isfinite(content.contacts).all(axis=1)]
     if not len(points):
         return []
-    mark = _mark("x", hexadecimal(CONTACT), 6.0)
-    axes.plot(*points.T, zorder=7, **mark)
-    return [Line2D([], [], label=f"contact ({len(content.contacts)})", **mark)]
+    colour = hexadecimal(CONTACT)
+    reach = _TOGETHER * float(max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())))
+    places = _clusters(points, reach)
+    for place, count in places:
+        axes.plot(*place, zorder=7, markerfacecolor="none", **_mark("o", colour, 6.0 + 2.0 * np.log2(count)))
+        if count > 1:
+            size = 0.75 * float(mpl.rcParams["font.size"])
+            given: dict[str, Any] = {"fontsize": size, "color": colour, "zorder": 7.1, "clip_on": True}
+            axes.annotate(f"{count}", place, (4 + np.log2(count), 3), textcoords="offset points", **given)
+    label = f"contacts ({len(content.contacts)})" + (
+        "; where several: their number" if len(places) < len(points) else ""
+    )
+    return [Line2D([], [], label=label, markerfacecolor="none", **_mark("o", colour, 6.0))]
+
+
+def _clusters(points: Array, reach: float) -> list[tuple[tuple[float, float], int]]:
+    """Group points (m, 2) that are within reach of the first of a group [m]: the centre and the size of each group."""
+    groups: list[list[Array]] = []
+    for point in points:
+        near = next((group for group in groups if float(np.hypot(*(group[0] - point))) <= reach), None)
+        if near is None:
+            groups.append([point])
+        else:
+            near.append(point)
+    middles = [np.mean(group, axis=0).tolist() for group in groups]
+    return [((x, y), len(group)) for (x, y), group in zip(middles, groups, strict=True)]
 
 
 def _mark(marker: str, colour: str, size: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Plots a log, or two logs and how far their states are apart, as one figure in a file."""
+"""Plots a log, or two logs and the difference of their states, as one figure in a file."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def plot(log: Log, path: str | os.PathLike[str], request: PlotRequest | None = N
 
 @contextmanager
 def matplotlib_required() -> Iterator[None]:
-    """Say how to install matplotlib where it is missing.
+    """Check that matplotlib is installed within the block; the error names the command that installs it.
 
     Raises:
-        LogError: It is.
+        LogError: matplotlib is missing.
     """
     try:
         yield
@@ -68,10 +68,10 @@ Array = NDArray[np.float64]
 #: Elements of the state that the map and the distance show.
 _POSITION = ("x", "y", "z")
 
-#: The most panels of elements of the state.
+#: Maximum number of panels of elements of the state.
 _MOST = 3
 
-#: Differences up to this are rounding, for which there is no panel.
+#: Differences up to this are rounding errors, which get no panel.
 _ROUNDING = 1e-9
 
 
@@ -80,7 +80,7 @@ def plot_logs(one: Log, other: Log, path: str | os.PathLike[str], since: int | N
 
     Args:
         one: A log.
-        other: Another one, with some of the same agents.
+        other: Another log, with some of the same agents.
         path: The file; its suffix, one of `FORMATS`, determines the format.
         since: The instant that is marked, from which on the logs differ [ns]; None for none.
 
@@ -88,7 +88,7 @@ def plot_logs(one: Log, other: Log, path: str | os.PathLike[str], since: int | N
         The content that was drawn.
 
     Raises:
-        LogError: A log has no motion, they have no agent in common, or matplotlib is not installed.
+        LogError: A log has no motion, the logs have no agent in common, or matplotlib is not installed.
         OutputError: The file cannot be written.
     """
     path = Path(path)
@@ -136,7 +136,7 @@ def _positions(motion: Motion, names: Sequence[str], times: NDArray[np.int64]) -
 
 
 def _departure(motion: Motion, name: str, times: NDArray[np.int64], apart: Array) -> Array | None:
-    """Return where an agent is when it is first elsewhere (1, 2); None if it never is."""
+    """Return the position at which an agent first deviates from another run (1, 2); None if it never does."""
     (differing,) = np.nonzero(apart > 0)
     if not len(differing):
         return None

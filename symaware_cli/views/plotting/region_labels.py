@@ -1,4 +1,4 @@
-"""Places of the labels of regions: each within its own region, not in another one, and not on another label."""
+"""Places of the labels of regions: each within its region, outside of other regions, and clear of other labels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LabelledRegion(NamedTuple):
     Attributes:
         outlines: The corners of its convex pieces, each (m, 2) counter-clockwise [m].
         size: The width and the height of the label (2,) [m]; zeros for a region without one.
-        preferred: Where its centre should be, if that is possible (2,) [m].
+        preferred: The preferred centre of the label (2,) [m].
     """
 
     outlines: Sequence[Array]
@@ -31,26 +31,30 @@ class LabelledRegion(NamedTuple):
     preferred: Array
 
 
-def label_places(regions: Sequence[LabelledRegion], low: Array, high: Array) -> list[Array | None]:
+def label_places(
+    regions: Sequence[LabelledRegion], low: Array, high: Array, avoided: Array | None = None
+) -> list[Array | None]:
     """Find a place for the label of each region.
 
-    A region that lies wholly in another one is labelled there; otherwise a label avoids other regions. If a label is
-    larger than the space that is left, its centre at least is in its region.
+    A region within another one is labelled inside both; otherwise a label avoids other regions. If a label is larger
+    than the available space, at least its centre is in its region.
 
     Args:
         regions: The regions.
         low: The corner of the visible area with the least coordinates (2,) [m].
         high: The opposite corner.
+        avoided: Points that labels should not cover, such as bodies (m, 2) [m]; None for none.
 
     Returns:
-        The centre of each label (2,) [m]; None where there is no label, or nothing of the region is visible.
+        The centre of each label (2,) [m]; None if there is no label, or no part of the region is visible.
     """
     taken: list[tuple[Array, Array]] = []
     found: list[Array | None] = []
     for number, region in enumerate(regions):
         place = None
         if region.size.any():
-            place = _place(region, [each for other, each in enumerate(regions) if other != number], taken, low, high)
+            others = [each for other, each in enumerate(regions) if other != number]
+            place = _place(region, others, taken, low, high, np.empty((0, 2)) if avoided is None else avoided)
         if place is not None:
             taken.append((place, region.size))
         found.append(place)
@@ -63,8 +67,9 @@ def _place(
     taken: Sequence[tuple[Array, Array]],
     low: Array,
     high: Array,
+    avoided: Array,
 ) -> Array | None:
-    """Return the best place for the label of a region, given those that are taken; None if there is none."""
+    """Return the best place for the label of a region, given the places that are taken; None if there is none."""
     corners = np.concatenate(region.outlines)
     first, last = np.maximum(low, corners.min(axis=0)), np.minimum(high, corners.max(axis=0))
     grid = np.meshgrid(*(np.linspace(first[axis], last[axis], _PLACES) for axis in range(2)))
@@ -77,16 +82,19 @@ def _place(
     on_labels = np.zeros(len(places))
     for centre, size in taken:
         on_labels += (np.abs(places - centre) < (region.size + size) / 2.0).all(axis=1)
+    # At the distance of a label from a point, its body or goal stays visible as well.
+    apart = np.abs(places[:, None] - avoided)
+    covered = (apart < region.size * np.array([1.1, 2.0])).all(axis=2).sum(axis=1)
     in_others = sum((_inside(points, other.outlines).sum(axis=1) for other in others), np.zeros(len(places)))
     kept = _inside(points, region.outlines) & ((points >= low) & (points <= high)).all(axis=2)
     away = np.linalg.norm(places - region.preferred, axis=1)
-    best = np.lexsort((away, len(_POINTS) - kept.sum(axis=1), in_others, on_labels))[0]
+    best = np.lexsort((away, len(_POINTS) - kept.sum(axis=1), covered, in_others, on_labels))[0]
     place: Array = places[best]
     return place
 
 
 def _inside(points: Array, outlines: Sequence[Array]) -> NDArray[np.bool_]:
-    """Return which of some points (..., 2) are in any of the convex pieces of a region, edges included."""
+    """Return whether each of some points (..., 2) is in a convex piece of a region, edges included."""
     found = np.zeros(points.shape[:-1], bool)
     for outline in outlines:
         edges = np.roll(outline, -1, axis=0) - outline

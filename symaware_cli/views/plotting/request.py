@@ -8,12 +8,24 @@ from pathlib import Path
 
 from symaware_cli.core import nanoseconds, seconds
 from symaware_cli.log import Log, LogError, UnknownNameError
+from symaware_cli.views.plotting.paper_preset import PaperPreset
 
 #: The panels that can be requested by name, besides parts of awareness, in order.
-PANELS = ("trajectories", "separation", "specifications", "offers", "risk", "speed", "altitude", "control")
+PANELS = (
+    "trajectories",
+    "separation",
+    "verdicts",
+    "specifications",
+    "modes",
+    "offers",
+    "risk",
+    "speed",
+    "altitude",
+    "control",
+)
 
 #: The output formats, by suffix.
-FORMATS = (".png", ".svg", ".pdf")
+FORMATS = (".png", ".svg", ".pdf", ".pgf")
 
 #: Minimum and maximum size [inch].
 _LEAST, _MOST = 1.5, 60.0
@@ -67,6 +79,7 @@ class PlotRequest:
         title: The title; None for the scenario's name.
         size: Width and height [inch]; None for the natural size.
         dpi: Dots per inch.
+        preset: Width, type and colours for a paper; None for the usual ones.
     """
 
     show: tuple[str, ...] = ()
@@ -78,6 +91,7 @@ class PlotRequest:
     title: str | None = None
     size: tuple[float, float] | None = None
     dpi: int = 150
+    preset: PaperPreset | None = None
 
     def require_known(self, parts: Iterable[str]) -> None:
         """Check that the requested panels exist.
@@ -134,13 +148,13 @@ class Window:
         at = end if request.at is None else nanoseconds(request.at)
         if not start <= at <= end:
             raise LogError(
-                f"{request.at:g} s lies outside of what is plotted, {seconds(start):g} to {seconds(end):g} s"
+                f"{request.at:g} s lies outside of the plotted time, {seconds(start):g} to {seconds(end):g} s"
             )
         return cls(start, end, at)
 
 
 def check_format(path: Path) -> None:
-    """Check that a figure can be written in the format that the suffix of its file names.
+    """Check that a figure can be written in the format of the file's suffix.
 
     Raises:
         UnknownNameError: The suffix is not one of `FORMATS`.

@@ -1,7 +1,7 @@
 """Separation of bodies over time: the least distance between two outlines at each instant.
 
-It is 0 where two bodies touch, and negative where they overlap. As in the world, round agents are balls, and agents
-with corners are compared from above once their bounding balls meet; obstacles are compared from above.
+The separation is 0 if two bodies touch, and negative if they overlap. As in the world, round agents are balls, and
+agents with corners are compared from above once their bounding balls meet; obstacles are compared from above.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class LeastSeparation:
 
     Attributes:
         times: (m,) simulated time [ns].
-        least: (m,) the minimum over all pairs, between outlines; negative where they overlap [m].
+        least: (m,) the minimum over all pairs, between outlines; negative if they overlap [m].
         pair: (m, 2) the indices of that pair: an agent, and another agent or an obstacle.
         centres: (m,) the distance between the centres of that pair [m]; NaN for obstacles.
         typical: (m,) the median over agents of the separation from the nearest other agent [m]; NaN for obstacles.
@@ -99,7 +99,7 @@ def from_obstacles(motion: Motion, obstacles: Obstacles) -> LeastSeparation | No
         bound = np.hypot(outside[..., 0], outside[..., 1]) - inside - bodies.radii[present, None]
         one, piece = (np.array([place]) for place in divmod(int(bound.argmin()), len(owner)))
         first = separation(bodies.placed(present[one], everywhere, headings), placed.take(piece)).distance
-        one, piece = np.nonzero(bound <= first[0] + 1e-9)  # so that at least that pair is kept despite rounding
+        one, piece = np.nonzero(bound <= first[0] + 1e-9)  # keeps at least that pair despite rounding
         gaps = separation(bodies.placed(present[one], everywhere, headings), placed.take(piece)).distance
         best = int(gaps.argmin())
         least[row], pair[row] = gaps[best], (present[one[best]], owner[piece[best]])

@@ -162,17 +162,39 @@ def _show_curves(output: RerunOutput, mark: marks.Curves) -> None:
         policy = rr.components.AggregationPolicy
         kept = {"greatest": policy.Max, "least": policy.Min, "both": policy.MinMax}[mark.keep]
         widths = [mark.width] * len(mark.names)
-        lines = rr.SeriesLines(names=list(mark.names), colors=mark.colours, widths=widths, aggregation_policy=kept)
+        course = rr.components.InterpolationMode
+        lines = rr.SeriesLines(
+            names=list(mark.names),
+            colors=mark.colours,
+            widths=widths,
+            aggregation_policy=kept,
+            interpolation_mode=course.StepAfter if mark.stepwise else course.Linear,
+        )
         output.static(mark.path, lines)
     if mark.level is not None:
         name, height = mark.level
         given: dict[str, Any] = {"path": f"{mark.path}/level", "times": mark.times, "names": [name]}
         values = np.full((len(mark.times), 1), height)
         _show_curves(output, marks.Curves(values=values, colours=[_LEVEL], width=1.0, **given))
+        _show_bottomless(output, mark, height)
     # Infinite values leave a gap, since no axis extends that far.
     shown = np.where(np.isfinite(mark.values), mark.values, np.nan)
     counts = [mark.values.shape[1]] * len(mark.values)
     output.send(mark.path, mark.times, rr.Scalars.columns(scalars=shown.ravel()), counts)
+
+
+def _show_bottomless(output: RerunOutput, mark: marks.Curves, height: float) -> None:
+    """Show values of -inf as triangles that point down from a level: they are below it, and no axis reaches them."""
+    import rerun as rr
+
+    colours = None if mark.colours is None else np.broadcast_to(np.asarray(mark.colours), (len(mark.names), 3))
+    for number, column in enumerate(mark.values.T):
+        times = mark.times[column == -np.inf]
+        path = f"{mark.path}/bottomless/{number}"
+        if len(times) and output.is_new(path):
+            look: dict[str, Any] = {"names": [f"{mark.names[number]}: -inf"], "markers": "down", "marker_sizes": [4.0]}
+            output.static(path, rr.SeriesPoints(colors=None if colours is None else [colours[number]], **look))
+        output.send(path, times, rr.Scalars.columns(scalars=np.full(len(times), height)))
 
 
 def _show_journal(output: RerunOutput, mark: marks.Journal) -> None:
@@ -187,6 +209,9 @@ def _show_journal(output: RerunOutput, mark: marks.Journal) -> None:
 def _show_modes(output: RerunOutput, mark: marks.Modes) -> None:
     import rerun as rr
 
+    if mark.tints and output.is_new(mark.path):
+        values, tints = list(mark.tints), [tuple(tint) for tint in mark.tints.values()]
+        output.static(mark.path, rr.StateConfiguration(values=values, labels=values, colors=tints))
     output.send(mark.path, mark.times, rr.StateChange.columns(state=list(mark.modes)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,43 @@ from symaware_cli.views.views import GroupView
 
 Array = NDArray[np.float64]
 
-#: How transparent areas are that are free, and those that are occupied.
-_TRANSPARENCY = (0.8, 0.25)
 #: Offset below a planar world, between the regions and the bodies, so that both coincide in a view in perspective [m].
 _BELOW = (-0.35, -0.3)
+
+
+class Shade(NamedTuple):
+    """Areas that are drawn alike.
+
+    Attributes:
+        name: Its part of the path.
+        least: The least value of their column.
+        below: What their value is below.
+        transparency: How transparent they are.
+        is_light: Whether they have a lighter colour.
+        height: Their offset below a planar world [m].
+    """
+
+    name: str
+    least: float
+    below: float
+    transparency: float
+    is_light: bool
+    height: float
+
+
+#: The shades of areas, by the column that determines them: free or occupied, or a probability in classes.
+_SHADES = {
+    "occupied": (
+        Shade("free", -np.inf, 0.5, 0.8, True, _BELOW[0]),
+        Shade("occupied", 0.5, np.inf, 0.25, False, _BELOW[1]),
+    ),
+    "level": (
+        Shade("below-0.05", 0.0, 0.05, 0.9, False, _BELOW[1]),
+        Shade("below-0.2", 0.05, 0.2, 0.75, False, _BELOW[1]),
+        Shade("below-0.5", 0.2, 0.5, 0.5, False, _BELOW[1]),
+        Shade("above", 0.5, np.inf, 0.25, False, _BELOW[1]),
+    ),
+}
 
 
 #: In the scene itself, the areas of more agents would cover each other.
@@ -42,7 +75,8 @@ class Areas(Drawing):
                         tables.setdefault(row, []).append((time, table))
                 for row, said in sorted(tables.items()):
                     for path in self._paths(group_view, name, row):
-                        yield from (_mark(group_view, name, row, said, occupied, path) for occupied in (0, 1))
+                        column = _column(group_view, name)
+                        yield from (_mark(group_view, name, row, said, each, path) for each in _SHADES[column])
 
     def _paths(self, group_view: GroupView, name: str, row: int) -> Iterator[str]:
         """Yield the paths under which the areas of an agent are drawn."""
@@ -58,13 +92,19 @@ class Areas(Drawing):
             yield "light and dark areas on the ground", f"{name}: {meaning}"
 
 
-def _mark(
-    group_view: GroupView, name: str, row: int, said: Sequence[tuple[int, Array]], occupied: int, path: str
-) -> Lines:
-    """Return the free or the occupied areas of one agent by instant [ns]: lines as wide as the narrowest of them."""
+def _column(group_view: GroupView, name: str) -> str:
+    """Return the column of a signal that determines the shades of its areas."""
     names = group_view.signals[name].column_names
-    places, of = [names.index(each) for each in BOX_COLUMNS], names.index("occupied")
-    tables = [table[(table[:, of] >= 0.5) == bool(occupied)][:, places] for _, table in said]
+    return next(each for each in _SHADES if each in names)
+
+
+def _mark(
+    group_view: GroupView, name: str, row: int, said: Sequence[tuple[int, Array]], shade: Shade, path: str
+) -> Lines:
+    """Return the areas of one agent and shade by instant [ns]: lines as wide as the narrowest of them."""
+    names = group_view.signals[name].column_names
+    places, of = [names.index(each) for each in BOX_COLUMNS], names.index(_column(group_view, name))
+    tables = [table[(table[:, of] >= shade.least) & (table[:, of] < shade.below)][:, places] for _, table in said]
     every = np.concatenate(tables)
     sides = np.stack([every[:, 1] - every[:, 0], every[:, 3] - every[:, 2]])
     side = float(sides.min(initial=np.inf)) if len(every) else 1.0
@@ -74,17 +114,17 @@ def _mark(
         points.append(found)
         counts.append(len(found))
     joined = np.concatenate(points)
-    heights = np.full((*joined.shape[:2], 1), _BELOW[occupied])
+    heights = np.full((*joined.shape[:2], 1), shade.height)
     colour = group_view.colours[row]
     return Lines(
-        path=f"{path}/{('free', 'occupied')[occupied]}",
+        path=f"{path}/{shade.name}",
         layer=f"{name}/{group_view.name}",
         times=np.array([time for time, _ in said], np.int64),
         counts=counts,
         points=np.concatenate([joined, heights], axis=2).reshape(-1, 3),
         lengths=np.full(len(joined), 2),
-        colours=colour if occupied else lighter(colour),
-        transparency=_TRANSPARENCY[occupied],
+        colours=lighter(colour) if shade.is_light else colour,
+        transparency=shade.transparency,
         names=[f"{group_view.agents[row]} {name}"],
         who=np.zeros(len(joined), np.intp),
         thickness=side,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,10 +63,10 @@ class SeparationCurve(Drawing):
             path="curves/separation/smallest",
             times=times,
             values=smallest[:, None],
-            names=["least between two outlines [m]"],
+            names=["closest two agents [m]"],
             colours=[AGENTS[3]],
             keep="least",
-            level=("touching", 0.0),
+            level=("bodies touch", 0.0),
         )
 
     def _smallest(self, places: Array, headings: Array) -> float:
@@ -123,7 +123,10 @@ def _curves(path: str, times: NDArray[np.int64], names: Sequence[str], values: A
     if names:
         colours = [AGENTS[number % len(AGENTS)] for number in range(len(names))]
         keep: Literal["greatest", "both"] = "greatest" if path.endswith("/risk") else "both"
-        yield Curves(path=path, times=times, values=values, names=names, colours=colours, keep=keep)
+        # A control input holds until the next one, as does a risk; a state and its uncertainty change gradually.
+        holds = path.rpartition("/")[2] in ("control", "risk")
+        given: dict[str, Any] = {"keep": keep, "stepwise": holds}
+        yield Curves(path=path, times=times, values=values, names=names, colours=colours, **given)
 
 
 class NumberTables(Drawing):

@@ -12,7 +12,7 @@ from symaware_cli.log import read_json
 from symaware_cli.views.chunk import Chunk
 from symaware_cli.views.detail import FEW, Detail
 from symaware_cli.views.scene.drawing import Drawing
-from symaware_cli.views.scene.marks import Crosses, Lines
+from symaware_cli.views.scene.marks import Crosses, Lines, Points
 from symaware_cli.views.views import GroupView, RunView, in_space
 
 Array = NDArray[np.float64]
@@ -21,11 +21,18 @@ Array = NDArray[np.float64]
 #: Names of goals and waypoints in knowledge databases.
 _NAMES = ("goal", "target", "waypoint", "waypoints")
 
+#: Number of waypoints of a way above which all but the last are dots, as crosses would cover each other.
+_CROSSES = 6
+
+#: Size of such a dot [pixels].
+_DOT = 2.0
+
 
 class Goals(Drawing):
     """Draws goals as crosses, and waypoints as crosses joined by lines, in the colours of the agents.
 
-    They are the knowledge entries ``goal``, ``target``, ``waypoint`` and ``waypoints``.
+    They are the knowledge entries ``goal``, ``target``, ``waypoint`` and ``waypoints``. Of many waypoints, as of a
+    planned path, only the last is a cross, and the others are dots.
     """
 
     outputs: ClassVar = frozenset({"replay", "foxglove", "plot"})
@@ -36,8 +43,10 @@ class Goals(Drawing):
         self._known: dict[str, list[list[Array]]] = {
             group_view.name: [[] for _ in group_view.agents] for group_view in run_view.group_views.values()
         }
+        #: Groups with dots.
+        self._dotted: set[str] = set()
 
-    def marks(self, chunk: Chunk) -> Iterator[Crosses | Lines]:
+    def marks(self, chunk: Chunk) -> Iterator[Crosses | Points | Lines]:
         """Yield the goals, each time that any changed."""
         for group_view in self.run_view.group_views.values():
             told = chunk.entries.get(f"/agents/{group_view.name}/knowledge", ())
@@ -50,9 +59,9 @@ class Goals(Drawing):
 
     def legend(self) -> Iterator[tuple[str, str]]:
         """Yield what is seen, and what it means."""
-        yield "crosses", "goals and waypoints"
+        yield "crosses", "goals and waypoints; of many waypoints all but the last are dots"
 
-    def _goals(self, group_view: GroupView, time: int) -> Iterator[Crosses | Lines]:
+    def _goals(self, group_view: GroupView, time: int) -> Iterator[Crosses | Points | Lines]:
         known = [(row, way) for row, ways in enumerate(self._known[group_view.name]) for way in ways if len(way)]
         if not known:
             return
@@ -60,19 +69,35 @@ class Goals(Drawing):
         rows, lengths = np.array([row for row, _ in known]), np.array([len(way) for _, way in known])
         points, of = np.concatenate([way for _, way in known]), np.repeat(rows, lengths)
         path, layer, times = f"world/agents/{group_view.name}/goal", f"goals/{group_view.name}", np.array([time])
-        look: dict[str, Any] = {"transparency": 0.35 if few else 0.7, "width": 1.5 if few else 0.75}
+        transparency = 0.35 if few else 0.7
+        look: dict[str, Any] = {"transparency": transparency, "width": 1.5 if few else 0.75}
+        dots = np.concatenate([(np.arange(size) < size - 1) & (size > _CROSSES) for size in lengths.tolist()])
         yield Crosses(
             path=path,
             layer=layer,
             times=times,
-            counts=[len(points)],
-            positions=points,
+            counts=[(~dots).sum()],
+            positions=points[~dots],
             size=0.8 * group_view.radius or 0.2,
-            colours=group_view.colours[of],
+            colours=group_view.colours[of[~dots]],
             names=group_view.agents,
-            who=of,
+            who=of[~dots],
             **look,
         )
+        if dots.any() or group_view.name in self._dotted:
+            self._dotted.add(group_view.name)
+            yield Points(
+                path=f"{path}/waypoints",
+                layer=layer,
+                times=times,
+                counts=[dots.sum()],
+                positions=points[dots],
+                size=_DOT,
+                colours=group_view.colours[of[dots]],
+                names=group_view.agents,
+                who=of[dots],
+                transparency=transparency,
+            )
         far = lengths > 1
         yield Lines(
             path=f"{path}/way",

@@ -19,6 +19,7 @@ from symaware_cli.views.views import RunView
 class Events(Drawing):
     """Draws events as a text log, and the last event of each agent in focus as its mode."""
 
+    outputs: ClassVar = frozenset({"replay", "foxglove", "plot"})
     order: ClassVar = 200
 
     def marks(self, chunk: Chunk) -> Iterator[Journal | Modes]:
@@ -42,6 +43,7 @@ class Events(Drawing):
 class Knowledge(Drawing):
     """Draws texts and truth values in the knowledge of agents as modes over time."""
 
+    outputs: ClassVar = frozenset({"replay", "foxglove", "plot"})
     order: ClassVar = 210
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:

@@ -9,7 +9,7 @@ Reasons: docs/decisions/0029-scene-of-marks.md
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -196,6 +196,7 @@ class Solid(_Mark):
             filled while it counts (ACTIVE), as a faint outline afterwards (PAST). None to fill it always.
         label: Its label; shown while it is filled.
         label_at: Position of the label, relative to its position [m].
+        movable: Whether it is a body that others move, such as a crate that is pushed.
         positions: (k, 3) [m].
         orientations: (k, 4) quaternions x, y, z, w.
     """
@@ -212,6 +213,7 @@ class Solid(_Mark):
     phases: NDArray[np.int8] | None = None
     label: str = ""
     label_at: tuple[float, float] = (0.0, 0.0)
+    movable: bool = False
 
     @property
     def outlines(self) -> Sequence[Array]:
@@ -322,6 +324,7 @@ class Curves(_Mark):
         width: Width of the lines [pixels].
         keep: The extremes to keep if there are more instants than pixels; a mean would hide short peaks.
         level: Name and height of a reference line; None for none.
+        stepwise: Whether a value holds until the next one, as inputs and bounds do, rather than changing gradually.
     """
 
     values: Array
@@ -330,6 +333,7 @@ class Curves(_Mark):
     width: float = 1.5
     level: tuple[str, float] | None = None
     keep: Literal["greatest", "least", "both"] = "both"
+    stepwise: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,9 +377,11 @@ class Modes(_Mark):
 
     Attributes:
         modes: (k,) names of modes.
+        tints: Colours of modes by name; others have default colours.
     """
 
     modes: Sequence[str]
+    tints: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -423,7 +429,7 @@ def mark_fault(mark: object) -> str | None:
     return None
 
 
-Joinable = TypeVar("Joinable", Bodies, Solid, Curves, Numbers)
+Joinable = TypeVar("Joinable", Bodies, Solid, Curves, Numbers, Modes)
 
 
 def joined(parts: Sequence[Joinable]) -> Joinable:
@@ -434,4 +440,6 @@ def joined(parts: Sequence[Joinable]) -> Joinable:
     if getattr(parts[0], "phases", None) is not None:
         names.append("phases")
     whole: Any = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    if isinstance(parts[0], Modes):
+        whole["modes"] = [mode for part in parts for mode in getattr(part, "modes")]  # noqa: B009 # of the first's type
     return replace(parts[0], **whole)

@@ -38,7 +38,15 @@ class RiskCurves(Drawing):
                 names = tuple(f"{group_view.name}: {name}" for name, _ in _QUANTILES)
                 colours = np.array(_SHADES, np.uint8)
             path = f"curves/risk/{group_view.name}"
-            yield Curves(path=path, times=series.times, values=risks, names=names, colours=colours, keep="greatest")
+            yield Curves(
+                path=path,
+                times=series.times,
+                values=risks,
+                names=names,
+                colours=colours,
+                keep="greatest",
+                stepwise=True,
+            )
 
 
 def tinted_by_risk(group_view: GroupView, times: NDArray[np.int64], chunk: Chunk) -> NDArray[np.uint8]:

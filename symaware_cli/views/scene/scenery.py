@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.geometry import Region, RegionShape, about
+from symaware_cli.geometry import REGION_COLOURS, Region, RegionShape, about
 from symaware_cli.views.chunk import Chunk
 from symaware_cli.views.detail import Detail
 from symaware_cli.views.outline import Piece, outlines
@@ -66,6 +66,7 @@ class SceneryDrawing(Drawing):
             faded=0.0 if obstacle_view.moves else _FADED,
             positions=positions,
             orientations=about((0.0, 0.0, 1.0), headings),
+            movable=obstacle_view.movable,
         )
 
     def _extent(self, obstacle_view: ObstacleView) -> tuple[float, float]:
@@ -119,6 +120,12 @@ class RegionsDrawing(Drawing):
         # The largest is drawn lowest, so that all are visible.
         drawn = sorted((name for name in found if found[name]), key=lambda name: _size(found[name]), reverse=True)
         self._found = {name: found[name] for name in drawn}
+        self._colours = {
+            name: REGIONS[number % len(REGIONS)]
+            if (said := run_view.regions[name].colour) is None
+            else REGION_COLOURS[said]
+            for number, name in enumerate(drawn)
+        }
         self._begun, self._end = False, 0
 
     def marks(self, chunk: Chunk) -> Iterator[Solid]:
@@ -169,7 +176,7 @@ class RegionsDrawing(Drawing):
             pieces=pieces,
             low=level,
             high=level,
-            colour=REGIONS[number % len(REGIONS)],
+            colour=self._colours[name],
             transparency=_TRANSPARENCY,
             phases=phases(self.run_view.windows[name], times) if name in self.run_view.windows else None,
             label=name,

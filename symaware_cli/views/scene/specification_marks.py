@@ -15,9 +15,9 @@ from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log.logged_events import LoggedEvent
 from symaware_cli.views.chunk import Chunk
 from symaware_cli.views.detail import Detail
-from symaware_cli.views.palette import RISK
+from symaware_cli.views.palette import AGENTS, RISK, SATISFIED, UNDECIDED, VIOLATED, Colour
 from symaware_cli.views.scene.drawing import Drawing
-from symaware_cli.views.scene.marks import Curves, Documents, Rings, Times
+from symaware_cli.views.scene.marks import Curves, Documents, Modes, Rings, Times
 from symaware_cli.views.views import RunView
 
 Array = NDArray[np.float64]
@@ -30,7 +30,8 @@ class SpecificationCurves(Drawing):
     """Draws a curve for each agent or pair: the upper bound of the robustness, and finally the robustness.
 
     Attributes:
-        most: Maximum number of rows with a curve each; with more, only the least is drawn.
+        most: Maximum number of rows with a curve each; with more, only the least is drawn: how many are violated is
+            among the verdicts.
     """
 
     outputs: ClassVar = frozenset({"replay"})
@@ -52,18 +53,81 @@ class SpecificationCurves(Drawing):
             for number, (_, content) in enumerate(told):
                 known = self._upper[name] = self._upper[name].copy()
                 known[list(content.rows) or slice(None)] = content.upper
-                values[number] = np.where(np.isfinite(known), known, np.nan)
-            names = [" and ".join(agents) or name for agents in rows]
+                values[number] = np.where(known == np.inf, np.nan, known)  # what has no bound yet
+            names, colours = [" and ".join(agents) or name for agents in rows], self._colours(rows)
             if len(rows) > self.most:
-                values, names = np.fmin.reduce(values, axis=1)[:, None], ["least"]
+                values, names, colours = np.fmin.reduce(values, axis=1)[:, None], [f"least of {len(rows)}"], [AGENTS[0]]
             yield Curves(
                 path=f"curves/specifications/{name}",
                 times=np.array([time for time, _ in told], np.int64),
                 values=values,
                 names=names,
+                colours=colours,
                 keep="least",
-                level=("zero", 0.0),
+                level=("violated below", 0.0),
+                stepwise=True,
             )
+
+    def _colours(self, rows: Sequence[tuple[str, ...]]) -> list[Colour]:
+        """Return a colour for each row: that of its agent, if it concerns only one."""
+        found: list[Colour] = []
+        for number, agents in enumerate(rows):
+            own = AGENTS[number % len(AGENTS)]
+            if len(agents) == 1 and agents[0] in self.run_view.place:
+                group, row = self.run_view.place[agents[0]]
+                red, green, blue = self.run_view.group_views[group].colours[row].tolist()
+                own = red, green, blue
+            found.append(own)
+        return found
+
+
+class VerdictStrips(Drawing):
+    """Draws the verdict of each specification as its mode: undecided, satisfied or violated, or by how many agents."""
+
+    outputs: ClassVar = frozenset({"replay", "plot"})
+    order: ClassVar = 215
+
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
+        self._verdicts = {name: np.zeros(len(rows), np.int8) for name, rows in run_view.specifications.items()}
+        self._told: dict[str, str] = {}
+
+    def marks(self, chunk: Chunk) -> Iterator[Modes]:
+        """Yield the changes of the verdict of each specification."""
+        for name in self.run_view.specifications:
+            changes: list[tuple[int, str]] = []
+            for time, content in chunk.entries.get(f"/specifications/{name}", ()):
+                rows, verdicts, _ = verdicts_of(content)
+                if verdicts:
+                    self._verdicts[name][slice(None) if rows is None else rows] = verdicts
+                told = verdict_in_words(self._verdicts[name])
+                if told != self._told.get(name):
+                    self._told[name] = told
+                    changes.append((time, told))
+            if changes:
+                yield Modes(
+                    path=f"verdicts/{name}",
+                    times=np.array([time for time, _ in changes], np.int64),
+                    modes=[told for _, told in changes],
+                    tints=_verdict_tints(len(self._verdicts[name])),
+                )
+
+
+def verdict_in_words(verdicts: NDArray[np.int8]) -> str:
+    """Return the verdict on all rows (n,): violated if one is, and by how many; otherwise how many are satisfied."""
+    violated, satisfied, count = int((verdicts < 0).sum()), int((verdicts > 0).sum()), len(verdicts)
+    if count == 1:
+        return "violated" if violated else "satisfied" if satisfied else "undecided"
+    if violated:
+        return f"{violated} of {count} violated"
+    return "undecided" if not satisfied else "satisfied" if satisfied == count else f"{satisfied} of {count} satisfied"
+
+
+def _verdict_tints(count: int) -> dict[str, Colour]:
+    tints = {"undecided": UNDECIDED, "satisfied": SATISFIED, "violated": VIOLATED}
+    for number in range(1, count + 1) if 1 < count <= _MOST else ():
+        tints |= {f"{number} of {count} satisfied": SATISFIED, f"{number} of {count} violated": VIOLATED}
+    return tints
 
 
 class EverySpecificationCurve(SpecificationCurves):
@@ -224,7 +288,7 @@ class SpecificationTable(Drawing):
     def _table(self, recorded: Mapping[str, Array]) -> str:
         least = [np.fmin.reduce(self._upper[name][self._begun[name]], initial=np.inf) for name in self._names]
         columns = {"robustness": np.array(least, float), **recorded}
-        bars = [_bars(np.where(np.isfinite(values), values, np.nan)) for values in columns.values()]
+        bars = [_bars(np.where(values == np.inf, np.nan, values)) for values in columns.values()]
         held = bool(self._holders)
         lines = [
             f"| specification |{' held by |' * held} | until [s] | {' | | '.join(columns)} | |",
