@@ -1,0 +1,32 @@
+"""What Sphinx is told about the site; `build.py` stages the pages and calls it."""
+
+from symaware_cli import __version__
+
+project = "SymAware"
+author = "The SymAware maintainers"
+project_copyright = "The SymAware maintainers, Apache-2.0"
+version = release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+html_theme = "furo"
+html_title = f"SymAware {__version__}"
+html_show_sphinx = False
+html_copy_source = False
+html_static_path: list[str] = ["_static"]
+html_css_files = ["gallery.css"]
+html_permalinks_icon = "#"
+
+# Headings have the anchors that they have in a repository's viewer, so that the same links work in both.
+myst_heading_anchors = 5
+# A page's address is no address of a machine: what looks like one in the text stays text.
+myst_linkify_fuzzy_links = False
+
+default_role = "py:obj"
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_class_signature = "separated"
+python_use_unqualified_type_names = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+# Types of other packages, and of modules that are not public, have no page here. Links between pages are all checked.
+nitpick_ignore_regex = [(r"py:.*", r".*")]
