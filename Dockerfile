@@ -1,4 +1,5 @@
-# `docker build --target runtime .` runs the first command of the README; a development container, the second one.
+# `docker build --target runtime .` runs the first command of the README and adds all extras; a development container,
+# the second one.
 FROM python:3.11-slim AS base
 # A graphics driver in software, for `symaware replay --screenshot`; git, for development.
 RUN apt-get update && apt-get install -y --no-install-recommends git mesa-vulkan-drivers && rm -rf /var/lib/apt/lists/*
@@ -6,7 +7,8 @@ WORKDIR /symaware
 
 FROM base AS runtime
 COPY . .
-RUN python3 -m venv .venv && .venv/bin/pip install -c constraints.txt '.[all]' ./plugins/symaware-mujoco && .venv/bin/symaware run scenarios/hello.yaml
+RUN python3 -m venv .venv && .venv/bin/pip install -c constraints.txt '.[plot]' && .venv/bin/symaware run scenarios/hello.yaml && .venv/bin/symaware plot hello.mcap
+RUN .venv/bin/pip install -c constraints.txt '.[all]' ./plugins/symaware-mujoco
 ENV PATH="/symaware/.venv/bin:$PATH"
 WORKDIR /work
 ENTRYPOINT ["symaware"]

@@ -17,19 +17,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 TOP = Path(__file__).parents[1]
-FEATURES = (
-    "evidence",
-    "studies",
-    "views",
-    "processes",
-    "planning",
-    "knowledge",
-    "maps",
-    "bags",
-    "fmi",
-    "worlds",
-    "learning",
-)
+sys.path.insert(0, str(TOP / "tests"))
+
+from features import FEATURES  # noqa: E402
+
 #: Two worlds, an export, a fault, a verb.
 SINGLE = ("worlds/planar", "worlds/spatial", "views/exporting/text", "engine/faults/push", "cli/export")
 FOLDERS = ("core", "awareness", "world", "geometry", "specification", "engine", "language", "log")
@@ -68,8 +59,8 @@ def main(arguments: Sequence[str]) -> int:
     before, _, options = " ".join(arguments).partition("--") if "--" in arguments else (" ".join(arguments), "", "")
     names = [each for each in before.split() if each != "--each"]
     if "--each" in arguments:
-        return max(tested([name], options.split()) for name in names or (*FEATURES, *SINGLE))
-    return tested(names or FEATURES, options.split())
+        return max(tested([name], options.split()) for name in names or (*sorted(FEATURES), *SINGLE))
+    return tested(names or sorted(FEATURES), options.split())
 
 
 if __name__ == "__main__":

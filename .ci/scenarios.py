@@ -1,11 +1,12 @@
 """Runs every scenario and checks what became of it, on this processor and on emulated ones.
 
-    .venv/bin/python .ci/scenarios.py [--quick] [--python INTERPRETER]... FOLDER...
+    .venv/bin/python .ci/scenarios.py [--quick] [--python INTERPRETER]... [--keep FOLDER] FOLDER...
 
 Each scenario must be sound, run to its end with updates in its log and no failures, and give the same digest as on an
 emulated processor of level x86-64-v3, and as with other interpreters; those that need PyBullet run with this one alone.
 On a processor of level x86-64-v2, of which less is promised, true positions of some of them must agree within a
 tolerance, at least until the motion amplifies rounding (docs/repeatability.md). With --quick nothing is emulated.
+--keep keeps the logs, of which docs/website/build.py makes a gallery.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -53,15 +55,18 @@ def main() -> None:
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--python", action="append", default=[], metavar="INTERPRETER")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER")
     arguments = parser.parse_args()
+    if arguments.keep is not None:
+        arguments.keep.mkdir(parents=True, exist_ok=True)
     found = [path for folder in arguments.folders for path in folder.rglob("*") if path.suffix in (".yaml", ".toml")]
     # A name with an underscore before it belongs to a base that others extend.
     scenarios = sorted(path for path in found if not path.name.startswith("_"))
     failures = 0
-    # As many at a time as there are cores: most of a short run is Python that starts.
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    # As many at a time as there are cores, each in a process of its own: logs are read and compared in Python.
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
         for scenario, attempt in [
-            (each, pool.submit(tried, each, arguments.quick, arguments.python)) for each in scenarios
+            (each, pool.submit(tried, each, arguments.quick, arguments.python, arguments.keep)) for each in scenarios
         ]:
             try:
                 print(f"{scenario}: {attempt.result()}", flush=True)
@@ -72,7 +77,7 @@ def main() -> None:
     sys.exit(bool(failures) or not scenarios)
 
 
-def tried(scenario: Path, quick: bool, interpreters: Sequence[str]) -> str:
+def tried(scenario: Path, quick: bool, interpreters: Sequence[str], keep: Path | None = None) -> str:
     """Run a scenario and say what came of it."""
     with tempfile.TemporaryDirectory() as folder:
         here, other = (Path(folder) / f"{name}.mcap" for name in ("here", "other"))
@@ -80,6 +85,8 @@ def tried(scenario: Path, quick: bool, interpreters: Sequence[str]) -> str:
         summary = ran(scenario, here, {"PYTHONHASHSEED": "1"})
         if summary["steps"] != steps and not ends_itself(here):
             raise FailedError(f"made {summary['steps']} of {steps} steps")
+        if keep is not None:
+            shutil.copyfile(here, keep / "-".join(scenario.with_suffix(".mcap").parts))
         said = f"{summary['steps']} steps, {summary['updates']} updates"
         if quick:
             return said
@@ -87,11 +94,12 @@ def tried(scenario: Path, quick: bool, interpreters: Sequence[str]) -> str:
             interpreters = ()
         # The order of sets and the addresses of objects differ as well.
         emulated = {"PYTHONHASHSEED": "2", "PYTHONMALLOC": "malloc", **processor.emulated("x86-64-v3")}
+        found = digest(open_log(here))
         for number, interpreter in enumerate(interpreters or [sys.executable]):
             alike = Path(folder) / f"alike-{number}.mcap"
             # One of them as on such a processor.
             ran(scenario, alike, {"PYTHONHASHSEED": "3"} if number else emulated, interpreter)
-            if differing := digest(open_log(here)).differences(digest(open_log(alike))):
+            if differing := found.differences(digest(open_log(alike))):
                 where = f"with {interpreter}" if number else f"on a processor of level x86-64-v3, with {interpreter}"
                 raise FailedError(f"differs {where} in {', '.join(differing)}")
         said += "; the same on x86-64-v3"

@@ -29,7 +29,7 @@ import symaware_cli
 from symaware_cli.studies import SweepFolder, SweepRequest, conduct, read_sweep
 
 HERE = Path(__file__).parent
-HELLO = HERE.parent / "scenarios" / "hello.yaml"
+HEAD_ON = HERE.parent / "scenarios" / "head-on.yaml"
 RUNS, ALONE, PEER_STEPS, EACH = 1000, 4, 200, 100
 
 SEEING = {"use": "perception.omniscient"}
@@ -101,8 +101,8 @@ def _cases(folder: Path) -> Mapping[str, tuple[Path, Mapping[str, str], int, int
     ten = _written(folder, "ten", TEN)
     drawn = _written(folder, "drawn", _ten_with(**DRAWN, components={**_steering(MEASURING)}))
     return {
-        "hello": (HELLO, {}, 4, 240),
-        "hello with risk": (HELLO, risk, 4, 240),
+        "head-on": (HEAD_ON, {}, 4, 240),
+        "head-on with risk": (HEAD_ON, risk, 4, 240),
         "ten": (ten, {}, 10, 240),
         "ten, drawn starts and goals, noise of states and motion": (drawn, {}, 10, 240),
         "ten, four draws an agent in each step": (drawn, senses, 10, 240),
@@ -240,17 +240,17 @@ def _print_memory(folder: Path, runs: int) -> None:
 
 def _print_overhead(folder: Path, rounds: int) -> None:
     """Alternate bare runs and whole sweeps, with their journals and tables."""
-    scenario = symaware_cli.Scenario(HELLO)
+    scenario = symaware_cli.Scenario(HEAD_ON)
     for _ in range(rounds):
         began = time.process_time()
         for seed in range(EACH):
             scenario.run(seed=seed, record=False)
         bare = time.process_time() - began
-        sweep = _sweep(folder, HELLO, {}, EACH)
+        sweep = _sweep(folder, HEAD_ON, {}, EACH)
         began = time.process_time()
         conduct(sweep, 0, batch=1)
         whole = time.process_time() - began
-        print(f"hello: {1e3 * bare / EACH:.1f} ms of CPU time a bare run, {1e3 * whole / EACH:.1f} a run of a sweep")
+        print(f"head-on: {1e3 * bare / EACH:.1f} ms of CPU time a bare run, {1e3 * whole / EACH:.1f} a run of a sweep")
 
 
 if __name__ == "__main__":

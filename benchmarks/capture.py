@@ -1,6 +1,6 @@
 """Checks captured states of shipped scenarios at random instants: continuations must equal the uninterrupted run.
 
-    python benchmarks/capture.py [--pairs 50] [--seed 1] [--further 10] [--table docs/capture.md]
+    python benchmarks/capture.py [--pairs 50] [--seed 1] [--further 10] [--table benchmarks/RESULTS.md]
 
 Scenarios are processed in random order, which, like the instants, is drawn with the seed. The messages of the log after
 the instant, including sequence numbers, must be equal: in a run that continued, was restored and continued again, and

@@ -1,4 +1,4 @@
-"""Benchmark of a run in two processes: CPU time per step of `hello.yaml`, compared with the same run in one process.
+"""Benchmark of a run in two processes: CPU time per step of `head-on.yaml`, compared with the same run in one process.
 
 ``python processes.py`` prints microseconds as JSON. Each process reads its own CPU time, user and system, during the
 run; its figure is the least over windows of a quarter of the steps, so that start-up and end do not count. The overhead
@@ -15,7 +15,7 @@ import sys
 import time
 from pathlib import Path
 
-SCENARIO = Path(__file__).parent.parent / "scenarios" / "hello.yaml"
+SCENARIO = Path(__file__).parent.parent / "scenarios" / "head-on.yaml"
 
 #: The agents that the host and the member run; nothing stands for what is left.
 WAYS = {"member runs all": ("", "robot"), "half each": ("robot.[23]", "robot.[01]")}

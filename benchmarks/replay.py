@@ -137,7 +137,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log, updates = recorded(arguments.case, folder)
-        warm, _ = recorded("hello", folder)
+        warm, _ = recorded("head-on", folder)
         convert(warm, folder / "warm.rrd")
         if arguments.row_by_row:
             convert_row_by_row(open_log(warm), folder / "warm.rrd")

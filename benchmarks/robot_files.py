@@ -6,7 +6,8 @@ outcome (refused, crashed or timed out) and the reason, which names the place in
 number of loaded files of each engine.
 
 The scenarios are in the topmost folders below FOLDER, in which ``package://`` finds packages. ``--json`` prints all
-outcomes; ``--free`` gives entities a mass, so that their bases move.
+outcomes; ``--free`` gives entities a mass, so that their bases move; ``--leave-out`` loads robots without the shapes
+whose meshes are missing, as ``missing: leave-out`` asks for.
 """
 
 import argparse
@@ -43,9 +44,10 @@ class Outcome(NamedTuple):
     seconds: float
 
 
-def scenario(engine: str, file: str | None, free: bool) -> dict[str, Any]:
+def scenario(engine: str, file: str | None, free: bool, missing: str) -> dict[str, Any]:
     """Return a scenario with a robot from a file, or with a ball."""
-    shape: dict[str, Any] = {"urdf": {"file": file, "radius": 1.0}} if file else {"circle": {"radius": 1.0}}
+    urdf = {"file": file, "radius": 1.0, "missing": missing}
+    shape: dict[str, Any] = {"urdf": urdf} if file else {"circle": {"radius": 1.0}}
     robot: dict[str, Any] = {"shape": shape, "position": [0, 0, 2]}
     if free:
         robot["mass"] = 1.0
@@ -57,22 +59,23 @@ def scenario(engine: str, file: str | None, free: bool) -> dict[str, Any]:
     }
 
 
-def load(folder: Path, file: str, engine: str, free: bool, answer: Connection) -> None:
+def load(folder: Path, file: str, engine: str, free: bool, missing: str, answer: Connection) -> None:
     """Load a file and send the outcome and the reason; in a process of its own."""
     try:
         os.chdir(folder)
-        sa.scenario(scenario(engine, file, free))
+        sa.scenario(scenario(engine, file, free, missing))
     except sa.ScenarioError as error:
         answer.send(("refused", " ".join(problem.message for problem in error.problems)))
     else:
         answer.send(("loaded", ""))
 
 
-def outcome(folder: Path, file: str, engine: str, free: bool, limit: float) -> Outcome:
+def outcome(folder: Path, file: str, engine: str, free: bool, missing: str, limit: float) -> Outcome:
     """Load a file in a process of its own, which is ended after a time limit [s]."""
     ours, theirs = multiprocessing.Pipe(duplex=False)
     started = time.monotonic()
-    process = multiprocessing.get_context("fork").Process(target=load, args=(folder, file, engine, free, theirs))
+    what = (folder, file, engine, free, missing, theirs)
+    process = multiprocessing.get_context("fork").Process(target=load, args=what)
     process.start()
     theirs.close()
     found, reason = "timed out", f"not loaded after {limit:g} s"
@@ -93,13 +96,15 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--engines", nargs="+", default=list(ENGINES), choices=ENGINES)
     parser.add_argument("--free", action="store_true", help="give each entity a mass")
+    parser.add_argument("--leave-out", action="store_true", help="load robots without the meshes that are missing")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for each file")
     parser.add_argument("--json", action="store_true", help="print all outcomes")
     arguments = parser.parse_args()
     folder = arguments.folder.resolve()
+    missing = "leave-out" if arguments.leave_out else "refuse"
     for engine in arguments.engines:
         # The processes of the files begin with all modules loaded.
-        sa.scenario(scenario(engine, None, False))
+        sa.scenario(scenario(engine, None, False, missing))
     files = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.suffix.lower() == ".urdf")
     found = []
     if not arguments.json:
@@ -107,7 +112,7 @@ def main() -> None:
     for number, file in enumerate(files):
         home, inner = (folder / file.parts[0], Path(*file.parts[1:])) if len(file.parts) > 1 else (folder, file)
         for engine in arguments.engines:
-            each = outcome(home, inner.as_posix(), engine, arguments.free, arguments.limit)
+            each = outcome(home, inner.as_posix(), engine, arguments.free, missing, arguments.limit)
             each = each._replace(file=file.as_posix())
             found.append(each)
             if not arguments.json and each.outcome != "loaded":

@@ -22,6 +22,17 @@ from importlib.metadata import version
 from pathlib import Path
 
 HERE = Path(__file__).parent
+
+#: The sections of the results that this program does not write.
+KEPT = (
+    "Worlds of IR-SIM",
+    "Robots from files",
+    "Bags of ROS 2",
+    "Worlds of BARN",
+    "Twenty minutes in a warehouse",
+    "Captured states",
+    "What awareness is worth",
+)
 PEERS = HERE / ".peers"
 
 
@@ -54,7 +65,7 @@ COMPARISONS = [
     Comparison("10 unicycles, stock components, beside IR-SIM `dash`", "stock-dash 10", "IR-SIM 10", ">= 12"),
     Comparison("the same, recorded", "stock-dash 10 recorded", "IR-SIM 10"),
     Comparison("100 unicycles, stock components, beside IR-SIM `dash`", "stock-dash 100", "IR-SIM 100"),
-    Comparison("a short recorded run as a whole process, beside IR-SIM", "hello", "IR-SIM hello"),
+    Comparison("a short recorded run as a whole process, beside IR-SIM", "head-on", "IR-SIM head-on"),
     Comparison("10 agents, dictionary of all, beside the original", "dictionary 10", "original aware 10", ">= 2"),
     Comparison("100 agents", "dictionary 100", "original aware 100", ">= 6"),
     Comparison("1,000 agents", "dictionary 1000", "original aware 1000", ">= 8"),
@@ -114,8 +125,8 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
         if recorded:
             found[f"{case} {agents} recorded"] = Case([*command, "--record"])
     program = Path(sys.executable).with_name("symaware")
-    hello = HERE.parent / "scenarios" / "hello.yaml"
-    found["hello"] = Case([str(program), "run", str(hello), "-o", str(folder / "hello.mcap")], whole=True)
+    scenario = HERE.parent / "scenarios" / "head-on.yaml"
+    found["head-on"] = Case([str(program), "run", str(scenario), "-o", str(folder / "head-on.mcap")], whole=True)
     found["drones 10"] = Case([*ours, "drones", "10", "300"])
     found["drones-mujoco 10"] = Case([*ours, "drones-mujoco", "10", "300"])
     if peers:
@@ -126,7 +137,7 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
             ("VMAS 10", "vmas_navigation.py", ["10", "50"]),
         ):
             found[name] = Case([_python(PEERS), str(HERE / "peers" / peer), *arguments])
-        found["IR-SIM hello"] = Case([_python(PEERS), str(HERE / "peers" / "irsim_dash.py"), "4", "240"], whole=True)
+        found["IR-SIM head-on"] = Case([_python(PEERS), str(HERE / "peers" / "irsim_dash.py"), "4", "240"], whole=True)
     if original:
         script = str(HERE / "peers" / "original_symaware.py")
         for count, turns in (("10", "1000"), ("100", "100"), ("1000", "10")):
@@ -252,6 +263,12 @@ def measure_learning(rounds: int) -> str:
     return "\n".join(["## Learning", "", about, "", printed])
 
 
+def kept(before: str) -> str:
+    """Return the sections of earlier results that other programs measured, for hours or on data that are not here."""
+    sections = before.split("\n## ")[1:]
+    return "".join(f"\n## {each.rstrip()}\n" for each in sections if each.startswith(KEPT))
+
+
 def experiments() -> str:
     """Run the experiments in physics worlds, and format the results."""
     _show_progress("experiments in physics worlds")
@@ -326,7 +343,9 @@ def main() -> None:
     print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
     print(text)
     if not arguments.no_write:
-        (HERE / "RESULTS.md").write_text(text)
+        results = HERE / "RESULTS.md"
+        before = results.read_text(encoding="utf-8") if results.is_file() else ""
+        results.write_text(text + kept(before), encoding="utf-8")
 
 
 def _processor() -> str:
@@ -358,7 +377,7 @@ def report(rates: dict[str, list[float]], memory: dict[str, float], shares: dict
         "each perception fills a dictionary of all agents and each controller reads it; *mixed* has the built-in",
         "perception; *stock* only built-in components; *dash* and *stock-dash* are unicycles with limits that never",
         "arrive, as those of IR-SIM; *risk* unicycles with the time to collision with their neighbours; *numpy* the",
-        "same mathematics with nothing around it; *hello* a whole process, start-up and recording included.",
+        "same mathematics with nothing around it; *head-on* a whole process, start-up and recording included.",
         "*original* is the SymAware framework, *aware* where its controllers read what they believe of others.",
         "",
         f"{datetime.datetime.now(datetime.UTC).date()}, {_processor()} with {os.cpu_count()} cores; {software}.",

@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-SCENARIO = Path(__file__).parent.parent / "scenarios" / "hello.yaml"
+SCENARIO = Path(__file__).parent.parent / "scenarios" / "head-on.yaml"
 PROGRAM = [sys.executable, "-P", "-m", "symaware_cli"]
 VERSIONS = """
 import time, symaware_cli.core
@@ -42,16 +42,16 @@ def main() -> None:
     # Bytecode is cached by default; without the cache, each process would compile the modules again.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     with tempfile.TemporaryDirectory() as folder:
-        log = str(Path(folder) / "hello.mcap")
+        log = str(Path(folder) / "head-on.mcap")
         commands = {
             "python -c pass": [sys.executable, "-c", "pass"],
             "import numpy": [sys.executable, "-c", "import numpy"],
             "import numpy, pydantic, typer, rich": [sys.executable, "-c", "import numpy, pydantic, typer, rich"],
             "--version": [*PROGRAM, "--version"],
             "--help": [*PROGRAM, "--help"],
-            "validate hello": [*PROGRAM, "validate", str(SCENARIO)],
-            "run hello --no-record": [*PROGRAM, "run", "-q", "--no-record", str(SCENARIO)],
-            "run hello": [*PROGRAM, "run", "-q", str(SCENARIO), "--output", log],
+            "validate head-on": [*PROGRAM, "validate", str(SCENARIO)],
+            "run head-on --no-record": [*PROGRAM, "run", "-q", "--no-record", str(SCENARIO)],
+            "run head-on": [*PROGRAM, "run", "-q", str(SCENARIO), "--output", log],
         }
         for line in commands.values():
             cpu_time(line)

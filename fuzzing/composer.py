@@ -138,7 +138,8 @@ class Composer:
     def _add_fault(self) -> None:
         chance, fault = self._draft.chance, {}
         properties = self._draft.definitions["FaultUse"]["properties"]
-        kind = chance.choice([name for name in properties if name not in ("at", "on", "for")])
+        # Promises are hardly ever valid here, so that none could be kept.
+        kind = chance.choice([name for name in properties if name not in ("at", "on", "for", "keep")])
         fault[kind] = self._values.value(properties[kind], kind, "FaultUse")
         if kind in ("reconfigure", "replace"):
             self._aim(kind, fault[kind])

@@ -26,7 +26,7 @@ _OF_THE_CLOCK: Mapping[str, Sequence[float]] = {
 _ALTERNATIVES: Mapping[str, Sequence[str]] = {
     "Shape": (),
     "RegionShape": (),
-    "Region": ("around", "turns"),
+    "Region": ("around", "turns", "colour"),
 }
 
 #: Lists with one number for each element of the state.

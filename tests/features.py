@@ -21,7 +21,21 @@ import symaware_cli
 
 #: The rooms that nothing below them imports.
 FEATURES = frozenset(
-    {"evidence", "studies", "views", "processes", "planning", "knowledge", "maps", "bags", "fmi", "worlds", "learning"}
+    {
+        "evidence",
+        "studies",
+        "views",
+        "processes",
+        "planning",
+        "knowledge",
+        "maps",
+        "promises",
+        "roads",
+        "bags",
+        "fmi",
+        "worlds",
+        "learning",
+    }
 )
 
 #: The verbs that do without: what they import of a feature is for an option of it.

@@ -72,7 +72,7 @@ class Recording:
 
 
 def saved(
-    log: Log | Path, folder: Path, agents: Sequence[str] = (), against: Log | None = None, **window: int
+    log: Log | Path, folder: Path, agents: Sequence[str] = (), against: Log | None = None, **window: Any
 ) -> Recording:
     """Convert a log, and read what comes of it."""
     opened = log if isinstance(log, Log) else open_log(log)

@@ -58,6 +58,7 @@ COMPONENTS = {
     "doubles.keeper": "Keeper",
     "doubles.napper": "Napper",
     "doubles.odd": "Odd",
+    "doubles.outsider": "Outsider",
     "doubles.unruly": "Unruly",
     "doubles.kernels": "Kernels",
 }
@@ -528,3 +529,21 @@ class Unruly(GroupComponent):
 
     def _update(self, value: Any) -> None:
         pass
+
+
+class Outsider(Controller):
+    """Drives as fast as something outside of the run says: a file, if there is one, or chance that has no seed."""
+
+    class Parameters(Parameters):
+        """Where the speeds come from."""
+
+        file: str = Field("", description="A file with a speed, read at each turn.")
+
+    def _compute(self) -> tuple[list[float], TimeSeries]:
+        speed = self.external_input(self._ask)["speed"]
+        return [speed, 0.0], TimeSeries()
+
+    def _ask(self) -> dict[str, float]:
+        if not self.parameters.file:
+            return {"speed": struct.unpack("<Q", os.urandom(8))[0] / 2**64}
+        return {"speed": float(Path(self.parameters.file).read_text())}

@@ -13,6 +13,7 @@ ELSEWHERE = {
     39: "a plugin",
     43: "a plugin",
     52: "a program in benchmarks",
+    105: "docs/website",
 }
 
 

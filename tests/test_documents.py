@@ -29,7 +29,7 @@ VOLATILE = (
     r"and \d+ more \(--json\)",
     r"/timing .*",
     r"SHA-256 \S+",
-    r"the centres of .* at",  # several pairs are equally near in hello.yaml; rounding chooses
+    r"the centres of .* at",  # several pairs are equally near in head-on.yaml; rounding chooses
 )
 
 #: What a snippet that is no scenario by itself is added to.

@@ -24,7 +24,7 @@ _SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 #: What is recorded: small logs that have a bit of everything.
 _RUNS = {
-    "hello": ["run.duration=4"],
+    "head-on": ["run.duration=4"],
     "crossing": ["run.duration=0.5"],
     "rumour": ["run.duration=2"],
     "drones": ["run.duration=0.2"],

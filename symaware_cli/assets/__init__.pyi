@@ -25,3 +25,4 @@ from .urdf import RobotDescription as RobotDescription
 from .urdf import material_colour as material_colour
 from .vehicle import Vehicle as Vehicle
 from .vehicle import VehicleBodies as VehicleBodies
+from .xml_tree import XmlElement as XmlElement

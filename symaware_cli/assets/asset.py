@@ -1,6 +1,6 @@
 """Assets: finds and checks the files of meshes and robots that a scenario refers to.
 
-Their readers are imported only for scenarios that refer to such files.
+The readers of these files are imported only for scenarios that refer to such files.
 
 Reasons: docs/decisions/0061-packages-of-robots.md
 """
@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.core import WorldError
@@ -26,23 +26,26 @@ if TYPE_CHECKING:
 
 _PACKAGE = "pybullet_data"
 
-#: How the names of files of robots end: URDF and MJCF.
+#: Suffixes of robot files: URDF and MJCF.
 ROBOTS = (".urdf", ".xml")
 
-#: How URDF files name a file of a package, as ROS and as Gazebo write it.
+#: How collision shapes with missing meshes are handled.
+Missing = Literal["refuse", "leave-out"]
+
+#: Prefixes with which URDF files refer to a file of a package: those of ROS and of Gazebo.
 _IN_PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.+)")
 
-#: The greatest part of a package.xml that is read for the name [bytes].
+#: How much of a package.xml is read to find its name [bytes].
 _MOST_OF_MANIFEST = 1 << 16
 
 
 @dataclass(frozen=True)
 class AssetFolders:
-    """Where the files of a scenario are.
+    """The folders with the files of a scenario.
 
     Attributes:
         home: The scenario's folder.
-        further: Further folders that the scenario names, which are searched after it, in this order.
+        further: Further folders that the scenario names, searched in this order after `home`.
     """
 
     home: Path
@@ -56,16 +59,16 @@ class AssetFolders:
 
 @dataclass(frozen=True)
 class Robot:
-    """A description with the files of its meshes.
+    """A robot description with the files of its meshes.
 
     Attributes:
         description: The description.
-        paths: The files of its meshes, by the names that it uses.
+        paths: The files of the meshes, by the names that the description uses.
         stored: The names of these files in a log, relative to its folder, by the names that the description uses; also
             those of the files that it includes.
-        includes: The files that it includes, by the names that it uses.
-        left_out: Why shapes are left out, in sentences with their places: what is only seen and missing, and what has
-            the size 0.
+        includes: The files that the description includes, by the names that it uses.
+        left_out: The reasons for leaving out shapes, as sentences with their places in the file: a visual mesh is
+            missing, a collision mesh is missing and may be left out, or a collision shape has the size 0.
     """
 
     description: RobotDescription | MjcfDescription
@@ -79,12 +82,12 @@ def find(file: str, folders: AssetFolders, *where: str) -> Path:
     """Return the path of a file.
 
     Args:
-        file: Its path, relative to one of the folders; or to the package pybullet_data if it begins with that name.
+        file: The path relative to one of the folders, or below the package pybullet_data if it begins with that name.
         folders: The folders of the scenario.
         where: Path in the scenario, for messages.
 
     Raises:
-        WorldError: It does not exist, or a link leads out of the folder.
+        WorldError: The file does not exist, or a symbolic link leads out of the folder.
     """
     return _located(file, folders, *where)[0]
 
@@ -129,7 +132,7 @@ def needed(file: str, folders: AssetFolders) -> dict[str, bytes]:
     found = {str(PurePosixPath(file)): path}
     if path.suffix.lower() in ROBOTS:
         try:
-            robot = described(file, folders)
+            robot = described(file, folders, missing="leave-out")
         except WorldError:
             pass
         else:
@@ -147,13 +150,14 @@ def needed(file: str, folders: AssetFolders) -> dict[str, bytes]:
     }
 
 
-def check(file: str, folders: AssetFolders, *where: str) -> None:
+def check(file: str, folders: AssetFolders, *where: str, missing: Missing = "refuse") -> None:
     """Check that the file of a mesh or a robot can be used, with everything that it refers to.
 
     Args:
         file: Its name in the scenario.
         folders: The folders of the scenario.
         where: Path in the scenario, for messages.
+        missing: How to handle a robot's collision shapes whose meshes are missing.
 
     Raises:
         WorldError: It is damaged, or refers to a file that is missing, damaged, or outside of the folders.
@@ -162,7 +166,7 @@ def check(file: str, folders: AssetFolders, *where: str) -> None:
 
     path, home = _located(file, folders, *where)
     if path.suffix.lower() in ROBOTS:
-        described(file, folders, *where)
+        described(file, folders, *where, missing=missing)
         return
     try:
         check_mesh(path, encloses=True)
@@ -171,13 +175,14 @@ def check(file: str, folders: AssetFolders, *where: str) -> None:
         raise WorldError(error.located(file), *where) from error
 
 
-def described(file: str, folders: AssetFolders, *where: str) -> Robot:
+def described(file: str, folders: AssetFolders, *where: str, missing: Missing = "refuse") -> Robot:
     """Read the file of a robot, URDF or MJCF, and find and check all its meshes.
 
     Args:
         file: Its name in the scenario.
         folders: The folders of the scenario.
         where: Path in the scenario, for messages.
+        missing: How to handle the collision shapes of a URDF file whose meshes are missing.
 
     Raises:
         WorldError: It is damaged, or refers to a file that is missing, damaged, or outside of the folders.
@@ -188,7 +193,7 @@ def described(file: str, folders: AssetFolders, *where: str) -> Robot:
     path, home = _located(file, folders, *where)
     description: RobotDescription | MjcfDescription
     try:
-        search = _Search(path, home, (home, *(each for each in folders.roots if each != home)))
+        search = _Search(path, home, (home, *(each for each in folders.roots if each != home)), missing)
         if path.suffix.lower() == ".urdf":
             description = RobotDescription.read(path)
         else:
@@ -214,7 +219,7 @@ def installed(path: Path, *where: str) -> Robot:
         where: Path in the scenario, for messages.
 
     Raises:
-        WorldError: It is damaged, or refers to a file that is missing or damaged.
+        WorldError: The file is damaged, or refers to a file that is missing or damaged.
     """
     folder = path.parent
     return described(f"{folder.name}/{path.name}", AssetFolders(folder.parent), *where)
@@ -223,18 +228,18 @@ def installed(path: Path, *where: str) -> Robot:
 class _Search:
     """Finds the meshes of one description."""
 
-    def __init__(self, path: Path, home: Path, roots: tuple[Path, ...]) -> None:
+    def __init__(self, path: Path, home: Path, roots: tuple[Path, ...], missing: Missing) -> None:
         self.paths: dict[str, Path] = {}
         self.stored: dict[str, str] = {}
         self.includes: dict[str, Path] = {}
         self.left_out: list[AssetError] = []
-        self._path, self._home, self._roots = path, home, roots
+        self._path, self._home, self._roots, self._missing = path, home, roots, missing
 
     def find(self, reference: MeshReference) -> bool:
-        """Find a mesh, and check it; False if it is missing, and does not collide.
+        """Find and check a mesh; return False if it is missing, and is only visual or may be left out.
 
         Raises:
-            AssetError: It is damaged, outside of the folders, or missing and needed.
+            AssetError: The mesh is damaged, outside of the folders, or missing and needed.
         """
         from symaware_cli.assets.mesh_file import SUFFIXES, check_mesh
 
@@ -245,8 +250,10 @@ class _Search:
             if found is None:
                 looked = ", ".join(dict.fromkeys(self._shown(at) for at, _ in places))
                 said = f"it names the mesh `{name}`, which is not there; looked for {looked}"
-                if reference.collides or self._path.suffix.lower() != ".urdf":
+                if self._path.suffix.lower() != ".urdf":
                     element.refuse(said)
+                if reference.collides and self._missing == "refuse":
+                    element.refuse(f"{said}; `missing: leave-out` beside `file` loads the robot without it")
                 self.left_out.append(AssetError(said, element.line, element.column))
                 return False
             at, stored = found
@@ -256,7 +263,7 @@ class _Search:
         at = self.paths[name]
         if at.suffix.lower() not in SUFFIXES:
             if reference.collides:
-                element.refuse(f"it names the mesh `{name}`; what collides is an .obj, .stl or .dae file")
+                element.refuse(f"it names the mesh `{name}`; a collision mesh is an .obj, .stl or .dae file")
             return True
         try:
             check_mesh(at, reference.collides)
@@ -266,10 +273,10 @@ class _Search:
         return True
 
     def included(self, element: XmlElement, name: str) -> Path:
-        """Return the path of a file that the description includes, relative to it.
+        """Return the path of a file that the description includes by a path relative to its own.
 
         Raises:
-            AssetError: It is missing, or outside of the folders.
+            AssetError: The file is missing, or outside of the folders.
         """
         if "\\" in name or "\0" in name or len(name) > 1_000 or "://" in name or name.startswith("/"):
             element.refuse(f"it includes `{name[:60]}`, which is no relative path with `/` between plain names")
@@ -317,7 +324,8 @@ class _Search:
             if root.name == package or _package_name(root) == package:
                 yield root / rest, alone
             yield root / package / rest, alone
-        # Collections of robots often keep a package in a folder of another name. A bare file name would say too little.
+        # Collections of robots often keep a package in a folder of another name. A file name without a folder would
+        # match too many files.
         for each in above[: above.index(self._home) + 1] if "/" in rest else ():
             yield each / rest, str(PurePosixPath(each.relative_to(self._home), rest))
 

@@ -9,7 +9,7 @@ class AssetError(ValueError):
     Attributes:
         line: The line in the file, from 1; 0 if the problem has no place, as in binary files.
         column: The column, from 1; 0 if it is not known.
-        file: The file, if it is another one than the shape names: one that this includes.
+        file: The file with the problem, if the shape's file includes it; empty for the shape's file itself.
     """
 
     def __init__(self, message: str, line: int = 0, column: int = 0, file: str = "") -> None:

@@ -24,10 +24,10 @@ def triangles(data: bytes, most: int) -> Array:
         most: The greatest number of triangles, counting those of a geometry as often as it is placed.
 
     Returns:
-        The three corners of each [m]; shape (t, 3, 3).
+        The three corners of each triangle [m]; shape (t, 3, 3).
 
     Raises:
-        AssetError: It is no valid Collada file, or has more triangles.
+        AssetError: The data is no valid Collada file, or has more triangles.
     """
     root = xml_tree(data)
     for element in root.iter():

@@ -1,4 +1,4 @@
-"""Convexity of meshes: whether the convex hull of a surface, which collides in place of it, is the surface."""
+"""Convexity of meshes: whether a surface equals its convex hull, by which engines replace it in collisions."""
 
 from __future__ import annotations
 

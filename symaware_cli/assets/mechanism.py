@@ -21,7 +21,7 @@ class Motor:
 
     Attributes:
         joint: The name of the joint.
-        drive: What it is given: a velocity, a position or a torque (a force for a joint that slides).
+        drive: The kind of its command: a velocity, a position or a torque (a force for a joint that slides).
         effort: Its greatest torque [N m] or force [N].
         velocity: The greatest velocity with which it approaches a position [rad/s] or [m/s].
         gain: The velocity for each radian or metre that is left to a position [1/s].
@@ -35,16 +35,16 @@ class Motor:
 
 
 class Posture(NamedTuple):
-    """Where a robot and its joints are at the start.
+    """The pose, velocity and joint positions of a robot at the start.
 
     Attributes:
-        position: The origin of its base [m]; shape (3,). The height is that at which it stands on the ground where
-            `Mechanism.stands`.
-        orientation: That of its base, a quaternion (x, y, z, w).
-        velocity: Of the origin of its base [m/s]; shape (3,).
-        rate: Its angular velocity in the world's coordinates [rad/s]; shape (3,).
+        position: The origin of the base [m]; shape (3,). With `Mechanism.stands` the height is that at which the robot
+            stands on the ground.
+        orientation: The orientation of the base, a quaternion (x, y, z, w).
+        velocity: The velocity of the base's origin [m/s]; shape (3,).
+        rate: The angular velocity of the base in the world's coordinates [rad/s]; shape (3,).
         joints: The positions of the joints, in the order of `Mechanism.joints` [rad] or [m].
-        joint_velocities: [rad/s] or [m/s].
+        joint_velocities: The velocities of the joints [rad/s] or [m/s].
     """
 
     position: Sequence[float]
@@ -56,7 +56,7 @@ class Posture(NamedTuple):
 
 
 class Postures(NamedTuple):
-    """Where the robots of a group and their joints are, a row for each; see `Posture`.
+    """The postures of a group's robots, a row for each; see `Posture`.
 
     Attributes:
         positions: Shape (n, 3).
@@ -76,13 +76,13 @@ class Postures(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Where the robots of agents are as their states say, a row for each; see `Posture`.
+    """The poses of robots that follow from the states of their agents, a row for each; see `Posture`.
 
     Attributes:
-        positions: Of the origins of their bases [m]; shape (n, 3). The height has no meaning for
-            robots that stand on the ground.
-        orientations: Of their bases; shape (n, 4).
-        joints: The positions of the joints [rad] or [m], any of those that are not known; shape (n, joints).
+        positions: The origins of the bases [m]; shape (n, 3). The height has no meaning for robots that stand on the
+            ground.
+        orientations: The orientations of the bases; shape (n, 4).
+        joints: The positions of the joints [rad] or [m], arbitrary where unknown; shape (n, joints).
     """
 
     positions: Array
@@ -94,14 +94,14 @@ class Mechanism(ABC):
     """Connects the states and control inputs of a model with the base, joints and motors of a robot.
 
     `Model.mechanism` creates one for a group. A world with ``mechanisms`` loads a robot for each agent, with the file
-    of its body, in the posture of its state; gives the motors what `commands` returns at the beginning of each time
-    step; and calls `states` at its end. Motors give a joint its velocity in each physics step, within their effort.
-    Those with a position approach it at a velocity in proportion to what is left of the way.
+    of its body, in the posture of its state; commands the motors with the values of `commands` at the beginning of each
+    time step; and calls `states` at its end. Motors give a joint its velocity in each physics step, within their
+    effort. Motors that are given a position approach it at a velocity in proportion to the remaining distance.
 
     Attributes:
-        joints: The joints that it reads and sets.
+        joints: The joints that the mechanism reads and sets.
         motors: The motors.
-        known: Those of `joints` whose positions a state tells; None for all of them.
+        known: Those of `joints` whose positions follow from a state; None if all do.
         is_fixed: Whether the base cannot move.
         stands: Whether the robot stands on the ground at the start; a world without one is refused.
     """
@@ -117,9 +117,9 @@ class Mechanism(ABC):
         """Return the posture in which an agent begins, from its state; shape (nx,)."""
 
     def placed(self, states: Array) -> Placed:
-        """Return where robots are, from the states of their agents; shape (n, nx).
+        """Return the poses of robots, from the states of their agents; shape (n, nx).
 
-        By default `posture` is asked for one after the other; a mechanism that computes all at once returns the same.
+        By default `posture` is called for each agent; a mechanism that computes all at once must return the same.
         """
         postures = [self.posture(state) for state in states]
         return Placed(
@@ -130,7 +130,7 @@ class Mechanism(ABC):
 
     @abstractmethod
     def commands(self, control_input: Array) -> Array:
-        """Return what each motor is given [rad/s, rad, N m or m/s, m, N] for saturated control inputs.
+        """Return the command of each motor [rad/s, rad, N m or m/s, m, N] for saturated control inputs.
 
         Args:
             control_input: Shape (n, nu).
@@ -144,8 +144,8 @@ class Mechanism(ABC):
         """Return the states of agents.
 
         Args:
-            postures: Of their robots.
-            before: The states before the step, for what counts turns; shape (n, nx).
+            postures: The postures of their robots.
+            before: The states before the step, needed for elements that count turns; shape (n, nx).
 
         Returns:
             Shape (n, nx).

@@ -1,6 +1,6 @@
 """Mesh files: reads STL, OBJ and Collada strictly and within bounds, and writes STL.
 
-What an engine or a viewer gets is read here first, because engines skip, misread or crash on what is damaged.
+Files are read here before an engine or a viewer gets them, because engines skip, misread or crash on damaged ones.
 
 Reasons: docs/decisions/0060-files-of-robots.md
 """
@@ -22,7 +22,7 @@ from symaware_cli.geometry import Array, Indices
 #: Mesh formats that viewers can read, and their media types.
 MEDIA_TYPES = {".obj": "model/obj", ".stl": "model/stl", ".glb": "model/gltf-binary"}
 
-#: Mesh formats that are read here, which are those that may be the shape of a body.
+#: Mesh formats that are read here; only these may be the shape of a body.
 SUFFIXES = (".obj", ".stl", ".dae")
 
 #: The greatest size of a mesh file [bytes], and the most triangles and vertices in one; all are checked before the
@@ -58,7 +58,7 @@ _STL_GRAMMAR = {
 
 @dataclass(frozen=True)
 class MeshSurface:
-    """The surface of a mesh file, in units of the file; of Collada in metres.
+    """The surface of a mesh file, in units of the file; in metres for Collada.
 
     Attributes:
         vertices: Shape (v, 3).
@@ -93,16 +93,16 @@ def read_mesh(path: Path) -> MeshSurface:
     """Read a mesh file.
 
     Raises:
-        AssetError: It cannot be read, is too large, or is damaged.
+        AssetError: The file cannot be read, is too large, or is damaged.
     """
     return parse_mesh(content(path, LARGEST_FILE), path.suffix)
 
 
 def content(path: Path, largest: int) -> bytes:
-    """Return the content of a file of at most so many bytes.
+    """Return the content of a file of at most `largest` bytes.
 
     Raises:
-        AssetError: It cannot be read, or is larger.
+        AssetError: The file cannot be read, or is larger.
     """
     try:
         with open(path, "rb") as file:
@@ -122,7 +122,7 @@ def parse_mesh(data: bytes, suffix: str) -> MeshSurface:
         suffix: The suffix of its name, such as ``.obj``.
 
     Raises:
-        AssetError: It is damaged, has too many triangles, or is of another format.
+        AssetError: The mesh is damaged, has too many triangles, or is of another format.
     """
     match suffix.lower():
         case ".stl":
@@ -152,14 +152,14 @@ def _checked(path: Path, modified: int, size: int, encloses: bool) -> AssetError
 
 
 def check_mesh(path: Path, encloses: bool) -> None:
-    """Check a mesh file; a file that did not change is read once in a process.
+    """Check a mesh file; a file that has not changed is read only once in a process.
 
     Args:
         path: The file.
-        encloses: Whether it is the shape of a body, which must enclose a volume.
+        encloses: Whether the mesh is the shape of a body, which must enclose a volume.
 
     Raises:
-        AssetError: It cannot be used.
+        AssetError: The file cannot be used.
     """
     try:
         state = path.stat()

@@ -24,10 +24,10 @@ _MOST_FILES = 100
 
 _MOST_LINKS = 1_000
 
-#: Sections that say how a simulation or a picture is made, which the scenario says instead.
+#: Sections with settings of the simulation and of pictures, which the scenario has instead.
 _OF_OTHERS = {"option", "size", "visual", "statistic", "custom", "sensor", "keyframe", "contact"}
 
-#: What has a meaning for the compiler of a robot, and names no folder.
+#: Settings of the compiler that matter for a robot and name no folder.
 _COMPILER = (
     *("angle", "eulerseq", "autolimits", "inertiafromgeom", "inertiagrouprange"),
     *("boundmass", "boundinertia", "balanceinertia", "settotalmass"),
@@ -43,7 +43,7 @@ _SIZES = {"sphere": (1, 1), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": 
 #: The kinds of actuators, which share their defaults.
 _ACTUATORS = {"general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"}
 
-#: Attributes that hold finite numbers, wherever they are, besides those that are read.
+#: Attributes that hold finite numbers in any element, besides the attributes that are read.
 _NUMBERS = frozenset(
     [
         "pos",
@@ -88,7 +88,7 @@ _NUMBERS = frozenset(
     ]
 )
 
-#: The greatest of these numbers.
+#: The largest magnitude of such a number.
 _GREATEST = 1e9
 
 #: Ways to write an orientation, and the number of values of each.
@@ -100,14 +100,15 @@ _Pose = tuple[Array, Array]
 class MjcfDescription:
     """A robot of MJCF: one body with its descendants, without the scene around it.
 
-    Lights, cameras, sensors, actuators, key frames, options and planes are left out: the scenario has its own. What no
-    world could move as the file says is refused.
+    Lights, cameras, sensors, actuators, key frames, options and planes are left out: the scenario has its own. Features
+    that no world could simulate as the file says are refused.
 
     Attributes:
-        root: The root, with what is needed of the file and of those that it includes; bodies and joints have names.
+        root: The root element, with the needed parts of the file and of the files that it includes; bodies and joints
+            have names.
         name: The name of the model.
         meshes: The meshes of its links, in the order of the file.
-        includes: The files that it includes, by their names relative to it.
+        includes: The files that it includes, by their paths relative to it.
     """
 
     def __init__(self, data: bytes, find: Callable[[XmlElement, str], Path] | None = None) -> None:
@@ -115,10 +116,10 @@ class MjcfDescription:
 
         Args:
             data: The file.
-            find: Returns the path of a file that an element includes; by default any is refused.
+            find: Returns the path of a file that an element includes; by default all inclusions are refused.
 
         Raises:
-            AssetError: It is no XML, describes no robot, or one that cannot be loaded as it is written.
+            AssetError: The file is no XML, describes no robot, or describes one that cannot be loaded as written.
         """
         self.includes: dict[str, Path] = {}
         self._find, self._left = find, _LARGEST_FILES - len(data)
@@ -153,7 +154,7 @@ class MjcfDescription:
         """Read a file.
 
         Raises:
-            AssetError: It cannot be read, is too long, or is no valid description.
+            AssetError: The file cannot be read, is too long, or is no valid description.
         """
         return cls(content(path, _LARGEST_FILES), find)
 
@@ -162,7 +163,7 @@ class MjcfDescription:
         return None
 
     def followers(self) -> dict[str, MimicJoint]:
-        """Return none: how joints are coupled is what an engine of these files knows."""
+        """Return an empty mapping: couplings of joints are left to the engine that loads the file."""
         return {}
 
     # -- files
@@ -229,7 +230,7 @@ class MjcfDescription:
             self.root.append(_kept_defaults(section))
 
     def _with_defaults(self, element: XmlElement, around: str) -> dict[str, str]:
-        """Return the attributes of an element and the defaults for what it does not have."""
+        """Return the attributes of an element, with defaults for those that it does not have."""
         name = element.get("class") or around
         if name not in self._defaults:
             element.refuse(f"there are no defaults of the class `{name}`")
@@ -270,7 +271,7 @@ class MjcfDescription:
             mesh.refuse("a mesh has a `file`, or a `vertex`")
 
     def mesh_file(self, name: str) -> str | None:
-        """Return the file of a mesh as `meshes` names it; None for one whose corners are written in the robot's."""
+        """Return the name of a mesh's file in `meshes`; None for a mesh whose vertices are in the robot's own file."""
         return self._mesh_files.get(name)
 
     # -- bodies
@@ -308,7 +309,7 @@ class MjcfDescription:
         kept = _kept(body)
         into.append(kept)
         if parent < 0:
-            # Where the robot is, is said by the scenario.
+            # The scenario says where the robot is.
             for key in ("pos", *_ORIENTATIONS):
                 kept.attrib.pop(key, None)
         self._pose(body, body.attrib)
@@ -414,7 +415,7 @@ class MjcfDescription:
                     efforts[joint] = max(abs(low), abs(high)) * abs(gear[0])
         return efforts
 
-    # -- what it is like
+    # -- properties
 
     def joints(self) -> dict[str, RobotJoint]:
         """Return the joints that move, by their names, in the order of the file."""
@@ -481,7 +482,7 @@ class MjcfDescription:
         return Articulation(name=self.name or name, links=tuple(links))
 
     def rolling_radius(self, joint: str) -> float | None:
-        """Return the radius of the round shape that a joint carries, as a wheel [m]; None without one."""
+        """Return the radius of the round shape that a joint carries, such as a wheel [m]; None without one."""
         for body, _, around in self._bodies:
             if all(each.get("name") != joint for each in _all(body, "joint")):
                 continue
@@ -492,7 +493,7 @@ class MjcfDescription:
         return None
 
     def _visuals(self, body: XmlElement, around: str, paths: Mapping[str, Path], scale: float) -> tuple[Visual, ...]:
-        """Return the looks of a body: what does not collide if there is such, and else all shapes."""
+        """Return the visual shapes of a body: those that do not collide if there are any, else all shapes."""
         shapes = [(each, self._with_defaults(each, around)) for each in _all(body, "geom")]
         seen = [each for each in shapes if each[1].get("contype") == "0" and each[1].get("conaffinity") == "0"]
         drawn = (self._visual(element, given, paths, scale) for element, given in seen or shapes)
@@ -541,11 +542,11 @@ class MjcfDescription:
         return numbers_of(element, key, element.attrib[key], count) if key in element.attrib else None
 
     def _pose(self, element: XmlElement, given: Mapping[str, str]) -> _Pose:
-        """Return the position [m] and the orientation, as a quaternion (x, y, z, w), that attributes say."""
+        """Return the position [m] and the orientation, as a quaternion (x, y, z, w), that attributes give."""
         position = np.array(self._numbers(element, given, "pos", 3)) if "pos" in given else np.zeros(3)
         ways = [key for key in _ORIENTATIONS if key in given]
         if len(ways) > 1:
-            # A default and an own one: the own one counts.
+            # An element's own attribute takes precedence over a default.
             ways = [key for key in ways if key in element.attrib] or ways
         if not ways:
             return position, _UNTURNED
@@ -625,7 +626,7 @@ def _kept(element: XmlElement) -> XmlElement:
 
 
 def _kept_defaults(section: XmlElement) -> XmlElement:
-    """Return defaults without those of looks and actuators."""
+    """Return defaults without those of visual shapes and actuators."""
     kept = _kept(section)
     for each in _elements(section):
         if each.tag == "default":

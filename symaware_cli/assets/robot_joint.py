@@ -1,4 +1,4 @@
-"""Joints of robots from files: which way they move, and how far, how fast and how strongly."""
+"""Joints of robots from files: their motions, and their limits of position, velocity and effort."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ class RobotJoint:
     """A joint that turns or slides.
 
     Attributes:
-        name: Its name.
-        turns: Whether it turns; else it slides.
-        lower: Its least position [rad] or [m]; infinite without a limit, as the following are.
-        upper: Its greatest position [rad] or [m].
+        name: The name of the joint.
+        turns: Whether the joint turns; else it slides.
+        lower: The least position [rad] or [m]; like the following limits, infinite if there is none.
+        upper: The greatest position [rad] or [m].
         effort: The greatest torque [N m] or force [N] of its motor.
-        velocity: Its greatest velocity [rad/s] or [m/s].
-        element: Where it is in the file.
+        velocity: The greatest velocity [rad/s] or [m/s].
+        element: The element of the file that describes the joint.
     """
 
     name: str

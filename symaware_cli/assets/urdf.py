@@ -62,9 +62,9 @@ class MeshReference:
     """A mesh that a description refers to.
 
     Attributes:
-        name: The name that it uses, such as ``package://robot/meshes/arm.stl``.
+        name: The name in the description, such as ``package://robot/meshes/arm.stl``.
         element: The element that names it.
-        collides: Whether it is a collision shape; otherwise it is only seen.
+        collides: Whether the mesh is a collision shape; otherwise it is only visual.
     """
 
     name: str
@@ -73,12 +73,12 @@ class MeshReference:
 
 
 class MimicJoint(NamedTuple):
-    """How a joint follows another.
+    """The relation of a joint to another joint that it mimics.
 
     Attributes:
         joint: The other joint.
-        factor: By what its position is multiplied.
-        offset: What is added to it [rad] or [m].
+        factor: The factor by which the other joint's position is multiplied.
+        offset: The offset that is added to the product [rad] or [m].
     """
 
     joint: str
@@ -87,13 +87,13 @@ class MimicJoint(NamedTuple):
 
 
 class RobotDescription:
-    """A robot description whose links and joints form a tree, and whose numbers all are numbers.
+    """A robot description whose links and joints form a tree, and whose numeric attributes are numbers.
 
     Attributes:
         root: The element of the robot.
         name: The name of the robot.
         meshes: The meshes of its links, in the order of the file.
-        empty: Collision shapes of the size 0, which collide with nothing, with what to say about each.
+        empty: Collision shapes of the size 0, which collide with nothing, with a warning about each.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -103,7 +103,7 @@ class RobotDescription:
             data: The file.
 
         Raises:
-            AssetError: It is no XML, describes no robot, or describes one that no engine could load as it is written.
+            AssetError: The file is no XML, describes no robot, or describes one that no engine could load as written.
         """
         self.root = xml_tree(data)
         if self.root.tag != "robot" or self.root.find("link") is None:
@@ -133,12 +133,12 @@ class RobotDescription:
         """Read a file.
 
         Raises:
-            AssetError: It cannot be read, is too long, or is no valid description.
+            AssetError: The file cannot be read, is too long, or is no valid description.
         """
         return cls(content(path, _LARGEST_FILE))
 
     def leave_out(self, shapes: Collection[XmlElement]) -> None:
-        """Leave out shapes that are not needed, such as those that are only seen and whose meshes are missing."""
+        """Leave out shapes that are not needed, such as visual shapes whose meshes are missing."""
         for link in self._links.values():
             for kind in ("visual", "collision"):
                 for each in _all(link, kind):
@@ -146,10 +146,10 @@ class RobotDescription:
                         link.remove(each)
         self.meshes = [each for each in self.meshes if each.element not in shapes]
 
-    # -- what engines cannot move
+    # -- joints that engines cannot move
 
     def followers(self) -> dict[str, MimicJoint]:
-        """Return how joints follow others that they mimic, by their names."""
+        """Return the joints that mimic others, by name, with the relation of each."""
         found = {}
         for name, joint in self._joints.items():
             for mimic in _all(joint, "mimic"):
@@ -225,7 +225,7 @@ class RobotDescription:
         return found
 
     def rolling_radius(self, joint: str) -> float | None:
-        """Return the radius of the round shape that a joint carries, as a wheel [m]; None without one."""
+        """Return the radius of the round shape that a joint carries, such as a wheel [m]; None without one."""
         _, child = self._ends(self._joints[joint])
         for collision in _all(self._links[child], "collision"):
             for shape in (each for geometry in _all(collision, "geometry") for each in _shapes(geometry)):
@@ -318,7 +318,7 @@ class RobotDescription:
             for number in _required(shape, key, count):
                 if number < 0.0:
                     shape.refuse(f"the `{key}` of a {shape.tag} is greater than 0, not {number:g}")
-                # Looks of the size 0 hide a link.
+                # A visual shape of the size 0 hides a link.
                 if number == 0.0 and collides and all(shape is not empty for empty, _ in self.empty):
                     self.empty.append((shape, f"the `{key}` of a {shape.tag} is 0, which collides with nothing"))
         if shape.tag == "plane":
@@ -440,7 +440,7 @@ def _colour(material: XmlElement) -> tuple[float, float, float, float] | None:
 
 
 def _scale(shape: XmlElement) -> tuple[float, float, float]:
-    """Return the scale of a mesh along each axis; one number is that of all, as engines read it."""
+    """Return the scale of a mesh along each axis; a single number applies to all axes, as in engines."""
     written = shape.get("scale")
     if written is None:
         return 1.0, 1.0, 1.0
@@ -456,7 +456,7 @@ def _all(element: XmlElement, tag: str) -> list[XmlElement]:
 
 
 def _shapes(geometry: XmlElement) -> list[XmlElement]:
-    """Return the shapes of a geometry. A `material` in it belongs elsewhere, and engines ignore it."""
+    """Return the shapes of a geometry. A `material` within a geometry is misplaced, and is ignored as engines do."""
     return [each for each in _all(geometry, "*") if each.tag != "material"]
 
 
@@ -467,12 +467,12 @@ def _required(element: XmlElement, key: str, count: int) -> tuple[float, ...]:
 
 
 def _numbers(element: XmlElement, key: str, count: int, finite: bool = True) -> tuple[float, ...]:
-    """Return the numbers of an attribute, which are as many as are expected."""
+    """Return the numbers of an attribute, after a check of their count."""
     return numbers_of(element, key, element.get(key) or "", count, finite)
 
 
 def numbers_of(element: XmlElement, key: str, text: str, count: int | None, finite: bool = True) -> tuple[float, ...]:
-    """Return the numbers in the text of an attribute, which may be one that the element has by default.
+    """Return the numbers in the text of an attribute, which may come from defaults of the element.
 
     Args:
         element: The element, for messages.
@@ -482,7 +482,7 @@ def numbers_of(element: XmlElement, key: str, text: str, count: int | None, fini
         finite: Whether infinity and NaN are refused.
 
     Raises:
-        AssetError: It has other numbers.
+        AssetError: The text has another count of numbers, or something that is no number.
     """
     # Engines accept a comma in front of a blank; one in front of a digit would be a decimal comma.
     words = re.sub(r",(?=\s)", " ", text).split()

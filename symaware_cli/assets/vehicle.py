@@ -1,4 +1,4 @@
-"""Vehicles: bodies with wheels, joints or rotors of their own, whatever engine holds them.
+"""Vehicles: bodies with wheels, joints or rotors, independent of the physics engine.
 
 Reasons: docs/decisions/0081-vehicles-and-cameras.md
 """
@@ -14,10 +14,10 @@ from symaware_cli.geometry import Array, Mask
 
 
 class VehicleBodies(ABC):
-    """The bodies of a group of vehicles in the engine of a world: what a `Vehicle` reads, and by what it moves them.
+    """The bodies of a group of vehicles in the engine of a world, as a `Vehicle` reads and moves them.
 
-    A row is an agent of the group. Joints have the names of the file, and so have links the names of the joints that
-    move them.
+    A row is an agent of the group. Joints have their names from the file, and a link has the name of the joint that
+    moves it.
 
     Attributes:
         count: The number of bodies.
@@ -25,7 +25,7 @@ class VehicleBodies(ABC):
         margin: How far outside of their shapes bodies touch each other [m].
     """
 
-    # Handles of an engine follow from the scenario. What does not, a subclass adds by `captured` and `restored`.
+    # Handles of an engine follow from the scenario. A subclass with further state adds it by `captured` and `restored`.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     count: int
@@ -34,18 +34,18 @@ class VehicleBodies(ABC):
 
     @property
     def present(self) -> Mask | None:
-        """Which of the agents are in the world, by row; None for all of them."""
+        """Whether each agent is in the world, by row; None if all are."""
         return None
 
     # -- once, in `Vehicle.attach`
 
     @abstractmethod
     def set_inertia(self, inertia: Sequence[float]) -> None:
-        """Set the moments of inertia of the bases about the axes of the body [kg m^2], and take away all damping."""
+        """Set the moments of inertia of the bases about the axes of the body [kg m^2], and remove all damping."""
 
     @abstractmethod
     def set_friction(self, friction: Mapping[str, float]) -> None:
-        """Set the friction of links, 0 for those that are not named, and take away the damping of all joints."""
+        """Set the friction of the named links and 0 for all others, and remove the damping of all joints."""
 
     @abstractmethod
     def release(self, joints: Sequence[str]) -> None:
@@ -57,7 +57,7 @@ class VehicleBodies(ABC):
 
         Args:
             joints: The joints.
-            kind: What `command` sets.
+            kind: The quantity that `command` sets.
             torque: The greatest torque of each [N m].
         """
 
@@ -95,11 +95,11 @@ class VehicleBodies(ABC):
 
     @abstractmethod
     def joint(self, row: int, joint: str) -> tuple[float, float]:
-        """Return the position [rad] and the rate [rad/s] of a joint."""
+        """Return the angle [rad] and the rate [rad/s] of a joint."""
 
     @abstractmethod
     def set_joint(self, row: int, joint: str, position: float, rate: float) -> None:
-        """Set the position [rad] and the rate [rad/s] of a joint."""
+        """Set the angle [rad] and the rate [rad/s] of a joint."""
 
 
 class Vehicle(ABC):
@@ -110,9 +110,9 @@ class Vehicle(ABC):
     Agents that enter later are put to their pose, and `start` is called for them again.
 
     Attributes:
-        inertia_from_file: Whether moments of inertia are those of the file; else PyBullet derives them from shapes.
-        needs_ground: Whether it drives on the ground, so that a world without one is refused.
-        colours: Red, green, blue and opacity, from 0 to 1, of links that shall not look as in the file, by joint.
+        inertia_from_file: Whether moments of inertia are taken from the file; else PyBullet derives them from shapes.
+        needs_ground: Whether the vehicle drives on the ground, so that a world without one is refused.
+        colours: Red, green, blue and opacity, from 0 to 1, of links with another colour than in the file, by joint.
         ground: The height of the ground [m], which the world sets before all calls; None without a ground.
     """
 
@@ -128,7 +128,7 @@ class Vehicle(ABC):
     def portable_description(self) -> Path:
         """Return a URDF file of the same body that needs no package besides that of the model.
 
-        Worlds of engines other than PyBullet load this one, with the same joints.
+        Worlds of engines other than PyBullet load this file, which has the same joints.
         """
         return self.description()
 
@@ -143,14 +143,15 @@ class Vehicle(ABC):
 
     @abstractmethod
     def attach(self, bodies: VehicleBodies, state: Array) -> None:
-        """Adopt the bodies, and set what never changes.
+        """Adopt the bodies, and set properties that never change.
 
         Args:
             bodies: The bodies, at their poses.
             state: The initial states; shape (n, nx).
 
         Raises:
-            WorldError: It does not support the world; the path may be that of a parameter: ``("with", "gravity")``.
+            WorldError: The vehicle does not support the world; the path may be that of a parameter: ``("with",
+                "gravity")``.
         """
 
     @abstractmethod

@@ -14,12 +14,12 @@ _MOST_ELEMENTS = 200_000
 
 
 class XmlElement(Element):
-    """An element that knows its place in the file.
+    """An element with its place in the file.
 
     Attributes:
         line: The line of its start, from 1.
         column: The column of its start, from 1.
-        file: The file, if it is one that another includes.
+        file: The file, if another one includes it.
     """
 
     line: int
@@ -59,8 +59,8 @@ class _TreeReader:
         return self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1
 
     def _doctype(self, *_: object) -> None:
-        # Its entities could make a small file fill the memory, or name other files.
-        raise AssetError("it declares a document type (DOCTYPE), which no robot or mesh needs", *self._place())
+        # Entities of a document type could make a small file fill the memory, or name other files.
+        raise AssetError("it declares a document type (DOCTYPE), which no robot, mesh or road needs", *self._place())
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         self._count += 1
@@ -79,7 +79,7 @@ class _TreeReader:
 
     def _end(self, tag: str) -> None:
         element = self._open.pop()
-        # The text of an element with children is only what follows the last of them, which no reader uses.
+        # For an element with children, only text after the last child is kept, which no reader uses.
         element.text = "".join(self._texts)
         self._texts.clear()
 
@@ -88,7 +88,7 @@ def xml_tree(data: bytes) -> XmlElement:
     """Parse XML without a document type declaration; nothing but the data is read.
 
     Raises:
-        AssetError: It is no such XML, or exceeds the bounds.
+        AssetError: The data is no such XML, or exceeds the bounds.
     """
     try:
         return _TreeReader().parse(data)

@@ -52,7 +52,8 @@ class Signal:
             its heading; or as ``links``, arrows to the agents or entities whose indices in the roster the column
             ``agent`` has; or as ``boxes`` in the plane, which require the columns ``x_low``, ``x_high``, ``y_low`` and
             ``y_high``, with a cross where the column ``crossed`` is not 0; or as ``areas`` with the same columns, light
-            where the column ``occupied`` is 0 and dark where it is 1. None if it is not drawn.
+            where the column ``occupied`` is 0 and dark where it is 1, or the darker the greater a probability in the
+            column ``level`` is. None if it is not drawn.
         description: Its meaning, in a few words.
         nan: What NaN in it means; None if a component that writes NaN fails.
         infinity: What infinity in it means; None if a component that writes infinity fails.
@@ -98,7 +99,8 @@ class Signal:
             raise ValueError(f"{what} is drawn as points, which takes columns {pairs}")
         if self.drawn == "links" and "agent" not in self.column_names:
             raise ValueError(f"{what} is drawn as links, which takes a column `agent`")
-        needed = (*BOX_COLUMNS, "occupied") if self.drawn == "areas" else BOX_COLUMNS
+        shade = "level" if "level" in self.column_names else "occupied"
+        needed = (*BOX_COLUMNS, shade) if self.drawn == "areas" else BOX_COLUMNS
         if self.drawn in ("boxes", "areas") and not {*needed} <= {*self.column_names}:
             listed = ", ".join(f"`{each}`" for each in needed)
             raise ValueError(f"{what} is drawn as {self.drawn}, which takes columns {listed}")

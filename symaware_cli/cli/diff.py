@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 #: How many lines of a kind are shown.
 _MOST = 20
 
+#: How many characters of a value of a scenario are shown.
+_LONG = 120
+
 
 @in_help("compare", 10)
 def diff(
@@ -30,7 +33,7 @@ def diff(
         Path | None,
         typer.Option(
             "--plot",
-            help="Write a .png, .svg or .pdf: for two logs, both runs on one map and their distance over "
+            help="Write a .png, .svg, .pdf or .pgf: for two logs, both runs on one map and their distance over "
             "time; for two sweeps, each run's values in one against those in the other.",
             metavar="FILE",
         ),
@@ -162,4 +165,19 @@ def _greatest(channel: ChannelDifference) -> str:
 
 
 def _text(value: object) -> str:
-    return "nothing" if value is None else printable(str(value))
+    """Return a value of a scenario as YAML has it, without its middle if it is long."""
+    text = "nothing" if value is None else printable(_flow(value))
+    return text if len(text) <= _LONG else f"{text[: _LONG // 2]} ... {text[-_LONG // 2 :]}"
+
+
+def _flow(value: object) -> str:
+    match value:
+        case dict():
+            return f"{{{', '.join(f'{key}: {_flow(each)}' for key, each in value.items())}}}"
+        case list() | tuple():
+            return f"[{', '.join(map(_flow, value))}]"
+        case bool():
+            return str(value).lower()
+        case None:
+            return "null"
+    return str(value)

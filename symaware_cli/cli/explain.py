@@ -28,8 +28,11 @@ def explain(
         typer.Option("--specification", help="The specification; by default the one violated first.", metavar="NAME"),
     ] = None,
     kinds: Annotated[
-        str, typer.Option(help="What may be a cause: beliefs, messages, or declared faults.", metavar="KIND,...")
-    ] = "beliefs,messages,faults",
+        str,
+        typer.Option(
+            help="What may be a cause: beliefs, messages, declared faults, or broken promises.", metavar="KIND,..."
+        ),
+    ] = "beliefs,messages,faults,promises",
     agents: Annotated[
         str,
         typer.Option(
@@ -68,7 +71,7 @@ def explain(
     trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Find what would have prevented a violation: a true belief, messages in time, the absence of a fault."""
+    """Find what would have prevented a violation: a true belief, messages in time, no fault, a promise that is kept."""
     with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
         from symaware_cli.evidence import KINDS, draw_timeline, require_timeline_format
         from symaware_cli.evidence import explain as explained
@@ -146,9 +149,8 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
         compared = sum(bool(each.tests) for each in found.rows)
         left = compared + len(found.uncompared)
         yield f"  {'screening':<12} left {left}; only the strongest ({compared}) were compared"
-    for fault in found.over:
-        ends = 0.0 if fault.ends is None else fault.ends
-        yield f"  {'not tried':<12} {terminal.printable(fault.text)}, which was over at {ends:g} s: see --before"
+    for passed in found.over:
+        yield f"  {'not tried':<12} {terminal.printable(passed.text)}, {passed.passed}: see --before"
     if found.rows:
         yield ""
         head = "belief" if is_about_beliefs else "candidate"

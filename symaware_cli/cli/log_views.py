@@ -45,8 +45,12 @@ def overview_text(summary: Overview) -> str:
         step = f" of {summary.time_step:g} s" if steps and summary.time_step else ""
         wall = f"; {summary.wall_time:.2f} s of wall time" if summary.wall_time is not None else ""
         lines.append(_line("time", f"0 to {summary.simulated_time:.9g} s{steps}{step}{wall}"))
-    if summary.events:
-        lines.append(_line("events", ", ".join(f"{name} {count}" for name, count in summary.events.items())))
+    # Contacts are counted like in the summary of the run, rather than by their events.
+    events = {name: count for name, count in summary.events.items() if name != "contact" or summary.contacts is None}
+    if events:
+        lines.append(_line("events", ", ".join(f"{name} {count}" for name, count in events.items())))
+    if summary.contacts:
+        lines.append(_line("contacts", f"{summary.contacts:,}"))
     lines += [_line(each.verdict, str(each)) for each in summary.specifications]
     if summary.scenario:
         lines.append(_line("attached", ", ".join(summary.scenario)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -12,9 +12,21 @@ from symaware_cli.api import size_in_words
 from symaware_cli.cli import terminal
 from symaware_cli.help_place import in_help
 
+if TYPE_CHECKING:
+    from symaware_cli.views import PaperPreset
+
 Title = Annotated[str | None, typer.Option(help="Title of the figure.")]
 Size = Annotated[str | None, typer.Option(help="Width and height in inches, such as 12x8.", metavar="WxH")]
 Resolution = Annotated[int, typer.Option("--dpi", min=20, max=1200, help="Dots per inch.")]
+
+
+class Look(NamedTuple):
+    """How a figure looks: its title, its size [inch], dots per inch, and a preset."""
+
+    title: str | None
+    size: tuple[float, float] | None
+    dpi: int
+    preset: PaperPreset | None
 
 
 @in_help("look", 50)
@@ -25,7 +37,7 @@ def plot(
         typer.Option(
             "--output",
             "-o",
-            help="The figure, .png, .svg or .pdf; replaced if it exists. By default NAME.png, or NAME-2.png, ...",
+            help="The figure, .png, .svg, .pdf or .pgf; replaced if it exists. By default NAME.png, or NAME-2.png, ...",
         ),
     ] = None,
     show: Annotated[
@@ -59,14 +71,28 @@ def plot(
     title: Title = None,
     size: Size = None,
     dpi: Resolution = 150,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help="Width, font and colours for a paper: ieee-column, ieee-page, acm-column, acm-page or lncs.",
+            metavar="NAME",
+        ),
+    ] = None,
     as_json: terminal.Json = False,
 ) -> None:
     """Plot a log in one figure: trajectories, separation, risk, or any series by name; or the results of a sweep."""
     if terminal.is_sweep(path):
-        for option, value in {"--series": series, "--agents": agents, "--from": start, "--to": end, "--at": at}.items():
+        for option, value in {
+            "--series": series,
+            "--agents": agents,
+            "--from": start,
+            "--to": end,
+            "--at": at,
+        }.items():
             if value not in (None, []):
                 terminal.fail(f"{option} goes with a log, and {path} is a folder", terminal.WRONG_INPUT, as_json)
-        _plot_sweep(path, output, terminal.names(show), title, _measures(size, as_json=as_json), dpi, as_json=as_json)
+        look = Look(title, _measures(size, as_json=as_json), dpi, _preset(preset, as_json=as_json))
+        _plot_sweep(path, output, terminal.names(show), look, as_json=as_json)
         return
     terminal.span(start, end, as_json)
     terminal.instant("--at", at, as_json)
@@ -86,6 +112,7 @@ def plot(
             title=title,
             size=measures,
             dpi=dpi,
+            preset=_preset(preset, as_json=as_json),
         )
         log = open_log(path)
         file = output or unused_path(path.stem, suffix=".png")
@@ -101,13 +128,20 @@ def plot(
         raise typer.Exit(terminal.DATA_LOST)
 
 
+def _preset(name: str | None, *, as_json: bool) -> PaperPreset | None:
+    """Return the preset of a name; exit if there is none."""
+    from symaware_cli.views import PRESETS
+
+    if name is not None and name not in PRESETS:
+        terminal.fail(f"--preset is one of {', '.join(PRESETS)}, not {name!r}", terminal.WRONG_INPUT, as_json)
+    return PRESETS[name] if name else None
+
+
 def _plot_sweep(
     folder: Path,
     output: Path | None,
     show: list[str],
-    title: str | None,
-    size: tuple[float, float] | None,
-    dpi: int,
+    look: Look,
     *,
     as_json: bool,
 ) -> None:
@@ -116,7 +150,7 @@ def _plot_sweep(
         from symaware_cli.studies import plot_sweep
 
         file = output or unused_path(folder.resolve().name, suffix=".png")
-        picture = plot_sweep(folder, file, show, title, size, dpi)
+        picture = plot_sweep(folder, file, show, *look)
     runs = picture.runs
     panels = [{"panel": each.metric.name, "kind": each.kind, "of": each.caption} for each in picture.panels]
     facts: dict[str, Any] = {
@@ -148,7 +182,7 @@ def trajectories(
         typer.Option(
             "--output",
             "-o",
-            help="The figure, .png, .svg or .pdf; replaced if it exists. By default NAME-trajectories.png.",
+            help="The figure, .png, .svg, .pdf or .pgf; replaced if it exists. By default NAME-trajectories.png.",
         ),
     ] = None,
     runs: Annotated[
@@ -213,9 +247,9 @@ def _text(facts: dict[str, Any]) -> str:
     ]
     for panel in facts["panels"]:
         if panel["panel"] == "separation":
-            least = [panel[which] for which in ("agents", "obstacles") if panel[which]]
+            least = [panel[which] for which in ("agents", "obstacles") if panel.get(which)]
             lines += [_line("closest", f"{each['minimum']:.3g} m, {_told(each)}") for each in least]
-        elif panel["panel"] == "risk" and panel["maximum"]:
+        elif panel["panel"] == "risk" and panel.get("maximum"):
             lines.append(_line("highest risk", f"{panel['maximum']['value']:.3g}, {_told(panel['maximum'])}"))
     return "\n".join([*lines, *(_line("note", note) for note in facts["notes"])])
 

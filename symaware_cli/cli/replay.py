@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 
 _WHERE, _WHAT, _PICTURE = "Where to show it", "What to show", "Picture"
 
-#: The size of a picture, unless another is asked for.
-_SIZE = "1600x1000"
+#: The size of a picture, and of a video, unless another is asked for.
+_SIZE, _VIDEO_SIZE = "1600x1000", "800x600"
+
+#: From where a scene may be seen.
+_VIEWS = ("above", "angle", "front", "side")
 
 #: The least and greatest width and height of a picture [pixels].
 _SMALLEST, _LARGEST = 200, 8192
@@ -45,6 +48,34 @@ def replay(
         Path | None,
         typer.Option("--screenshot", help="Write a PNG of the viewer; needs no screen.", rich_help_panel=_PICTURE),
     ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            "--video",
+            help="Write a moving picture of the scene, .gif, .webp or .mp4; needs neither a screen nor Rerun.",
+            rich_help_panel=_PICTURE,
+        ),
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            "--speed",
+            help="Simulated seconds per second of --video; by default 1, or what makes it last 20 s.",
+            rich_help_panel=_PICTURE,
+        ),
+    ] = None,
+    view: Annotated[
+        str | None,
+        typer.Option(
+            "--view",
+            help="From where the scene is seen: above, angle, front or side; by default from above if it is planar.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    theme: Annotated[
+        str | None,
+        typer.Option("--theme", help="The colours of --video: light, the default, or dark.", rich_help_panel=_PICTURE),
+    ] = None,
     at: Annotated[
         float | None,
         typer.Option(
@@ -55,7 +86,7 @@ def replay(
         str | None,
         typer.Option(
             "--size",
-            help="Width and height of the screenshot, by default 1600x1000.",
+            help="Width and height of the picture, by default 1600x1000, and 800x600 of a video.",
             metavar="WxH",
             rich_help_panel=_PICTURE,
         ),
@@ -106,42 +137,50 @@ def replay(
     as_json: terminal.Json = False,
 ) -> None:
     """Show a log in the Rerun viewer: motion, beliefs, intents, risks and messages of all agents."""
-    ways, is_part = (save, screenshot, web, connect), against is not None or start is not None or end is not None
-    whole = "leave out --save, --screenshot, --against, --from and --to"
+    ways, is_part = (save, screenshot, video, web, connect), against is not None or start is not None or end is not None
+    whole = "leave out --save, --screenshot, --video, --against, --from and --to"
     named = "end the name of the file in"
     reasons = (
-        (sum(map(bool, ways)) > 1, "choose one of --save, --screenshot, --web and --connect"),
-        (follow and bool(save or screenshot or is_part), f"--follow shows a whole log in a viewer; {whole}"),
+        (sum(map(bool, ways)) > 1, "choose one of --save, --screenshot, --video, --web and --connect"),
+        (follow and bool(save or screenshot or video or is_part), f"--follow shows a whole log in a viewer; {whole}"),
         (_ends_otherwise(save, ".rrd"), f"--save writes a recording of Rerun; {named} .rrd, not {save}"),
         (_ends_otherwise(screenshot, ".png"), f"--screenshot writes a PNG; {named} .png, not {screenshot}"),
         (at is not None and not screenshot, "--at goes with --screenshot"),
-        (size is not None and not screenshot, "--size goes with --screenshot"),
+        (size is not None and not (screenshot or video), "--size goes with --screenshot or --video"),
+        (speed is not None and not video, "--speed goes with --video"),
+        (speed is not None and not 0.01 <= speed <= 1e6, "--speed is a number from 0.01 to a million"),
+        (theme is not None and not video, "--theme goes with --video"),
+        (theme not in (None, "light", "dark"), f"--theme is light or dark, not {theme}"),
+        (view not in (None, *_VIEWS), f"--view is one of {', '.join(_VIEWS)}, not {view}"),
         (port is not None and not web, "--port is the port of --web"),
         (
-            bind is not None and bool(save or screenshot or connect),
+            bind is not None and bool(save or screenshot or video or connect),
             "--bind goes with --web, or with a viewer of its own",
         ),
     )
     terminal.refuse(reasons, as_json)
     first, last = terminal.span(start, end, as_json)
     moment = terminal.instant("--at", at, as_json)
-    size, bind, port = size or _SIZE, bind or "127.0.0.1", port or 9090
+    size, bind, port = size or (_VIDEO_SIZE if video else _SIZE), bind or "127.0.0.1", port or 9090
     _require_sound(size, bind, as_json=as_json)
     bar = terminal.is_lively(sys.stderr) and not as_json
     facts: dict[str, object] = {"log": str(path)}
     with terminal.trouble_shown(as_json):
         from symaware_cli.views.viewer import ViewerError, require
 
-        require()
+        if not video:
+            require()
         log = _opened(path, follow=follow)
-        if log.foreign and (agents or is_part):
-            options = "--agents, --against, --from and --to"
+        if log.foreign and (agents or is_part or view or video):
+            options = "--agents, --against, --from, --to, --view and --video"
             terminal.fail(f"{path} was not written by SymAware; leave out {options}", terminal.WRONG_INPUT, as_json)
         _require_shown(moment, log, first, last, as_json=as_json)
-        shown = _replay_session(log, terminal.names(agents), first, last, against)
+        shown = _replay_session(log, terminal.names(agents), first, last, against, view)
         facts["shown"] = shown.words
         try:
-            if file := save or screenshot:
+            if video:
+                _film(shown, video, VideoOptions(speed, size, view, theme), facts, bar=bar, as_json=as_json)
+            elif file := save or screenshot:
                 with progress(path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
                     if save:
                         shown.save(file, on_progress)
@@ -169,8 +208,40 @@ def replay(
         raise typer.Exit(terminal.DATA_LOST)
 
 
+class VideoOptions(NamedTuple):
+    """The options of a video, as they were given."""
+
+    speed: float | None
+    size: str
+    view: str | None
+    theme: str | None
+
+
+def _film(
+    shown: ReplaySession | ForeignReplaySession,
+    file: Path,
+    options: VideoOptions,
+    facts: dict[str, object],
+    *,
+    bar: bool,
+    as_json: bool,
+) -> None:
+    """Write a video, and print what it is."""
+    from symaware_cli.views import THEMES, ForeignReplaySession, VideoRequest, write_replay
+
+    assert not isinstance(shown, ForeignReplaySession)
+    width, _, height = options.size.partition("x")
+    request = VideoRequest(
+        options.speed, (int(width), int(height)), options.view or "", THEMES[options.theme or "light"]
+    )
+    with progress(file.name, *shown.span, bar) as on_progress:
+        film = write_replay(shown, file, request, on_progress)
+    facts |= {"frames": len(film.moments), "speed": film.speed, "video": film.words}
+    _tell({**facts, "file": str(file), "size": file.stat().st_size}, as_json=as_json)
+
+
 def _replay_session(
-    log: Log, agents: Sequence[str], first: int | None, last: int | None, against: Path | None
+    log: Log, agents: Sequence[str], first: int | None, last: int | None, against: Path | None, view: str | None
 ) -> ReplaySession | ForeignReplaySession:
     if log.foreign:
         from symaware_cli.views import ForeignReplaySession
@@ -180,7 +251,7 @@ def _replay_session(
 
     # Times are whole nanoseconds: the interval after the last one begins with the next.
     other = None if against is None else _opened(against, follow=False)
-    return replay_session(log, agents, first, None if last is None else last + 1, other)
+    return replay_session(log, agents, first, None if last is None else last + 1, other, view or "")
 
 
 def _present(
@@ -272,6 +343,8 @@ def _tell(facts: dict[str, object], *, as_json: bool) -> None:
         typer.echo(f"{facts['file']}: {size_in_words(int(str(facts['size'])))}")
     if "link" in facts:
         typer.echo(f"{facts['link']}\nCtrl-C ends it.")
+    if "video" in facts:
+        typer.echo(f"  {facts['video']}")
     typer.echo(f"  {facts['shown']}")
     for report in facts.get("reports", ()):  # type: ignore[attr-defined]
         typer.echo(f"  {report}", err=True)

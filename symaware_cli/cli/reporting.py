@@ -13,7 +13,7 @@ from symaware_cli.help_place import in_help
 
 @in_help("look", 60)
 def report(
-    path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="PATH")],
+    path: Annotated[Path, typer.Argument(help="A log, the folder of a sweep, or any folder.", metavar="PATH")],
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="The page, by default named after the log or the folder.", metavar="FILE"),
@@ -26,16 +26,19 @@ def report(
         Path | None,
         typer.Option("--pdf", help="Also write the page as PDF, with Chromium, Chrome or Edge.", metavar="FILE"),
     ] = None,
+    recursive: Annotated[
+        bool, typer.Option("--recursive", help="Include logs and sweeps in the folders of a folder.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a page of HTML that needs no network: what ran, a map to play, figures, verdicts, how to repeat it."""
+    """Write a page of HTML that needs no network: what ran, a map to play, figures, verdicts; or a folder's index."""
     with trouble_shown(as_json, path), output_kept(as_json):
         from symaware_cli.api import size_in_words
         from symaware_cli.evidence import write_report
         from symaware_cli.language import unused_path
 
         name = path.resolve().name if path.is_dir() else path.stem
-        page = write_report(path, output or unused_path(name, suffix=".html"), viewer, pdf)
+        page = write_report(path, output or unused_path(name, suffix=".html"), viewer, pdf, recursive)
         files = [page, *([pdf] if pdf else [])]
         sizes = [file.stat().st_size for file in files]
     if as_json:

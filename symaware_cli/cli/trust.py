@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, fail, print_json
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, fail, print_json, trouble_shown
 from symaware_cli.help_place import in_help
 
 
@@ -24,18 +24,17 @@ def trust(
     from symaware_cli.plugin_files import forget as forget_folder
     from symaware_cli.plugin_files import remember, trusted_folders
 
-    if folder is None:
-        if forget:
-            fail("--forget takes the folder", WRONG_INPUT, as_json)
-        _print(trusted_folders(), as_json=as_json)
-        return
-    if forget:
-        if not forget_folder(folder):
+    with trouble_shown(as_json):
+        if folder is None:
+            if forget:
+                fail("--forget takes the folder", WRONG_INPUT, as_json)
+            _print(trusted_folders(), as_json=as_json)
+        elif not forget:
+            _print({str(folder.resolve()): remember(folder)}, as_json=as_json)
+        elif not forget_folder(folder):
             fail(f"{folder} is not trusted", WRONG_INPUT, as_json)
-        if not as_json:
+        elif not as_json:
             typer.echo(f"{folder} is no longer trusted")
-        return
-    _print({str(folder.resolve()): remember(folder)}, as_json=as_json)
 
 
 def _print(folders: Mapping[str, Mapping[str, str]], *, as_json: bool) -> None:

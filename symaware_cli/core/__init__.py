@@ -14,9 +14,11 @@ from symaware_cli.awareness import (
 )
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.component import Component, GroupCommunicationReceiver, GroupComponent
+from symaware_cli.core.confinement import Confined, Confinement
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
+from symaware_cli.core.external_inputs import ExternalInputs
 from symaware_cli.core.families import (
     CommunicationReceiver,
     CommunicationSender,
@@ -81,6 +83,8 @@ __all__ = [
     "CommunicationReceiver",
     "CommunicationSender",
     "Component",
+    "Confined",
+    "Confinement",
     "Contact",
     "Controller",
     "Cylinder",
@@ -95,6 +99,7 @@ __all__ = [
     "Event",
     "EventBus",
     "Exchange",
+    "ExternalInputs",
     "Frame",
     "GroupAwareness",
     "GroupCommunicationReceiver",

@@ -26,9 +26,11 @@ from symaware_cli.awareness import (
     Signal,
     Tracks,
 )
+from symaware_cli.core.confinement import Confined, Confinement
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import EventBus
+from symaware_cli.core.external_inputs import ExternalInputs
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.verdict import OFFERS, OfferBoard, SpecificationStatus, SpecificationStatuses
 from symaware_cli.geometry import Region
@@ -46,16 +48,26 @@ class Surroundings:
         events: The event bus.
         environment: The world.
         exchange: Sends and receives messages.
+        inputs: What components get from outside of the run.
     """
 
-    __slots__ = ("clock", "environment", "events", "exchange", "seed")
+    __slots__ = ("clock", "environment", "events", "exchange", "inputs", "seed")
 
-    def __init__(self, seed: int, environment: Environment, exchange: Exchange, clock: Clock, events: EventBus) -> None:
+    def __init__(
+        self,
+        seed: int,
+        environment: Environment,
+        exchange: Exchange,
+        clock: Clock,
+        events: EventBus,
+        inputs: ExternalInputs,
+    ) -> None:
         self.seed = seed
         self.environment = environment
         self.exchange = exchange
         self.clock = clock
         self.events = events
+        self.inputs = inputs
 
     def reseed(self, seed: int) -> None:
         """Let components that have drawn nothing yet draw from another seed."""
@@ -171,6 +183,18 @@ class AgentGroup(EntityGroup):
         found, moving = positions.take(other, 0), world.velocities.take(other, 0)
         found.flags.writeable = moving.flags.writeable = False
         return Tracks.of(world.time, len(self), one - start, other, found, moving)
+
+    def confined(self, tracks: Tracks) -> Sequence[Confined]:
+        """Return the sets in which each agent knows others to stay, from each source; see `Confinement`.
+
+        Predictions of others use it. It is empty unless the scenario has a section about that.
+
+        Args:
+            tracks: Beliefs of the group about others, such as those of `others`.
+        """
+        sources = (each for _, each in sorted(self.sections.items()) if isinstance(each, Confinement))
+        found = (each.confined(self, tracks) for each in sources)
+        return [each for each in found if each is not None]
 
     @cached_property
     def agents(self) -> tuple[Agent, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Collection, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from symaware_cli.awareness import AwarenessDatabase, AwarenessVector, Knowledge
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
+from symaware_cli.core.external_inputs import ANSWER, ERROR, ExternalInputError
 from symaware_cli.core.message import Delivery, Message, MessageBatch
 from symaware_cli.core.scenario_view import ScenarioView
 from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, Sleep, Wait
@@ -323,6 +324,31 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         event = Event(name, self.path, self.now, Level.DEBUG, subject=self, agent=self._agent_id, value=value)
         self._surroundings.events.fire(event)
 
+    def external_input(self, ask: Callable[[], Any]) -> Any:
+        """Return something that comes from outside of the run, such as the answer of another program.
+
+        It is recorded. Where a run is repeated from its log, it is what the log has, and nothing is asked; so it may
+        depend on wall time, and the run still repeats. Call it in `_compute`.
+
+        Args:
+            ask: Returns the input as plain JSON values, or raises an exception, whose text is recorded.
+
+        Returns:
+            The input, as JSON has it: with lists in place of tuples.
+
+        Raises:
+            ExternalInputError: There is none. The text is that of the exception that `ask` raised.
+        """
+        surroundings = self._surroundings
+        now = surroundings.clock.now
+        found = surroundings.inputs.take(self.path, now, ask)
+        if "external-input" in surroundings.events.wanted:
+            surroundings.events.fire(Event("external-input", self.path, now, Level.DEBUG, data=found, subject=self))
+        # Raised here in both cases, so that the traceback in the log is the same when the run is repeated.
+        if ERROR in found:
+            raise ExternalInputError(found[ERROR])
+        return found[ANSWER]
+
     @property
     def _agent_id(self) -> str | None:
         """The agent of this component; None for a component of a whole group."""
@@ -440,6 +466,17 @@ class GroupComponent(BaseComponent[AgentGroup]):
         """
         rows: Sequence[int] | None = self.__dict__.get("_triggered")
         return rows
+
+    @property
+    def acting(self) -> Sequence[int]:
+        """The rows of the agents for which it acts in this turn, ascending.
+
+        These are in the world, are not suspended by a fault, and do not use another component instead. What the
+        component writes for others has no effect; what acts outside of the run, such as a message to another program,
+        is for these alone.
+        """
+        muted = self._surroundings.events.muted
+        return [row for row in self._group.rows.tolist() if self.agent_path(row) not in muted]
 
     def agent_path(self, row: int) -> str:
         """The path of the component for one agent, such as ``agents.robot.2.sense``."""

@@ -18,11 +18,11 @@ TURNS = frozenset({"computing", "computed", "updating", "updated"})
 #: Events that occur at every step, turn or message: never part of ``*``, and not recorded as events by default.
 RECURRING = TURNS | {
     *("initialising", "initialised", "iterating", "iterated", "stepping", "stepped"),
-    *("sending", "sent", "received", "dropped", "traffic", "adding", "removing", "touching"),
+    *("sending", "sent", "received", "dropped", "traffic", "adding", "removing", "touching", "external-input"),
 }
 
 #: Those of `RECURRING` that have a channel of their own in the log.
-CHANNELS = frozenset({"traffic", "touching"})
+CHANNELS = frozenset({"traffic", "touching", "external-input"})
 
 
 class Level(enum.IntEnum):
@@ -187,6 +187,11 @@ class EventBus:
         A component of a whole group fires events for all its agents, including those that no longer take part.
         """
         self._muted = sources
+
+    @property
+    def muted(self) -> Collection[str]:
+        """The sources whose events are suppressed at present: components of agents for which a group's does not act."""
+        return self._muted
 
     def name_components(self, components: Callable[[], Mapping[str, object]]) -> None:
         """Take a function that returns the components by unique names; their subscriptions are captured."""

@@ -6,6 +6,7 @@ from .components.control.steering import slowest as slowest
 from .components.known_state import errs as errs
 from .components.known_state import gives_exact_state as gives_exact_state
 from .components.known_state import require_known_states as require_known_states
+from .components.prediction import confined_to as confined_to
 from .components.prediction import interpolated as interpolated
 from .components.prediction import predicted_positions as predicted_positions
 from .components.relative_motion import bounding_radii as bounding_radii
@@ -63,6 +64,7 @@ from .runtime.options import RunOptions as RunOptions
 from .runtime.pacer import Pace as Pace
 from .runtime.recording import PaceFigures as PaceFigures
 from .runtime.recording import RecordingError as RecordingError
+from .runtime.restraint import Restraint as Restraint
 from .runtime.run import Run as Run
 from .runtime.run_summary import Extreme as Extreme
 from .runtime.run_summary import Observer as Observer

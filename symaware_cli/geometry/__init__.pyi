@@ -25,10 +25,12 @@ from .proximity import closest_pair as closest_pair
 from .proximity import nearest_distances as nearest_distances
 from .rays import BodiesInPlane as BodiesInPlane
 from .rays import rays_in_plane as rays_in_plane
+from .region import REGION_COLOURS as REGION_COLOURS
 from .region import Faces as Faces
 from .region import Region as Region
 from .region import RegionShape as RegionShape
 from .region import ball_faces as ball_faces
+from .region import polygon_depths as polygon_depths
 from .region import region_faces as region_faces
 from .rotation import about as about
 from .rotation import attitude as attitude
@@ -45,6 +47,7 @@ from .shape import AssetPath as AssetPath
 from .shape import Box as Box
 from .shape import Circle as Circle
 from .shape import Cylinder as Cylinder
+from .shape import DiscRadius as DiscRadius
 from .shape import Length as Length
 from .shape import Mesh as Mesh
 from .shape import Mjcf as Mjcf

@@ -195,9 +195,28 @@ class RegionShape(StrictModel):
                 yield from member.names()
 
 
+#: Names of colours of regions, and what they are: red, green and blue.
+RegionColour: TypeAlias = Literal["red", "orange", "yellow", "green", "teal", "blue", "purple", "pink", "brown", "grey"]
+REGION_COLOURS: Mapping[RegionColour, tuple[int, int, int]] = {
+    "red": (205, 70, 70),
+    "orange": (215, 135, 50),
+    "yellow": (205, 180, 50),
+    "green": (90, 150, 90),
+    "teal": (70, 150, 150),
+    "blue": (80, 120, 180),
+    "purple": (140, 100, 170),
+    "pink": (205, 120, 160),
+    "brown": (150, 110, 70),
+    "grey": (125, 130, 140),
+}
+
+
 class Region(RegionShape):
     """A named set of points of the workspace, which may move with an agent."""
 
+    colour: RegionColour | None = Field(
+        None, description="Its colour in pictures. If left out, each region has another one."
+    )
     around: str | None = Field(
         None,
         description="The agent that it moves with: coordinates are relative to it. If left out, they are the world's.",
@@ -228,6 +247,40 @@ def _polygon_depth(vertices: tuple[Point, ...], points: Array) -> Array:
     share = np.minimum(np.maximum((along_x * x + along_y * y) / squared, 0.0), 1.0)
     x, y = x - share * along_x, y - share * along_y
     return np.where(outside, -np.minimum.reduce(np.sqrt(x * x + y * y)), inward)
+
+
+def polygon_depths(polygons: tuple[tuple[Point, ...], ...], points: Array) -> Array:
+    """Return the depth of points in each of some convex polygons, as `RegionShape.depth` does, bit for bit.
+
+    Args:
+        polygons: The corners of each, counter-clockwise [m].
+        points: Shape (n, d), of which two coordinates count.
+
+    Returns:
+        Shape (m, n).
+    """
+    depths = np.empty((len(polygons), len(points)))
+    for rows, corner_x, corner_y, along_x, along_y, squared, length in _stacked_edges(polygons):
+        x, y = points[:, 0] - corner_x, points[:, 1] - corner_y  # (m, k, n)
+        inward: Array = np.minimum.reduce((along_x * y - along_y * x) / length, axis=1)
+        share = np.minimum(np.maximum((along_x * x + along_y * y) / squared, 0.0), 1.0)
+        x, y = x - share * along_x, y - share * along_y
+        outward = -np.minimum.reduce(np.sqrt(x * x + y * y), axis=1)
+        depths[rows] = np.where(inward < 0.0, outward, inward)
+    return depths
+
+
+@lru_cache(maxsize=64)
+def _stacked_edges(polygons: tuple[tuple[Point, ...], ...]) -> list[tuple[Any, ...]]:
+    """Return the rows of the polygons of each number of corners, and their edges as in `_edges`, stacked."""
+    rows_of: dict[int, list[int]] = {}
+    for row, vertices in enumerate(polygons):
+        rows_of.setdefault(len(vertices), []).append(row)
+    # Not by `_edges`: it would forget those of other regions.
+    return [
+        (rows, *(np.stack(each) for each in zip(*(_edges.__wrapped__(polygons[row]) for row in rows), strict=True)))
+        for rows in rows_of.values()
+    ]
 
 
 class Faces(NamedTuple):

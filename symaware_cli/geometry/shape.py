@@ -27,6 +27,17 @@ from symaware_cli.geometry.rotation import attitude, rotated
 LARGEST = 1e9
 
 Length = Annotated[float, Field(gt=0, le=LARGEST)]
+
+#: The radius of the disc that components take a body for [m].
+DiscRadius = Annotated[
+    float | None,
+    Field(
+        gt=0,
+        le=LARGEST,
+        description="Radius of the disc that the body is taken for [m]. By default that of the circle around it; "
+        "half the width of a long body lets it into gaps that it fits into lengthwise.",
+    ),
+]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
@@ -173,6 +184,11 @@ class Urdf(StrictModel):
     file: AssetPath = Field(description=f"A .urdf file {_ASSET}.")
     scale: Length = Field(1.0, description="By how much everything in it is enlarged.")
     radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+    missing: Literal["refuse", "leave-out"] = Field(
+        "refuse",
+        description="What becomes of shapes that would collide, but whose meshes are missing. `leave-out` loads the "
+        "robot without them: it collides there with nothing, and a warning names them.",
+    )
 
     @field_validator("file")
     @classmethod
@@ -199,6 +215,11 @@ class Mjcf(StrictModel):
     def scale(self) -> float:
         """By how much everything in it is enlarged; always 1."""
         return 1.0
+
+    @property
+    def missing(self) -> Literal["refuse"]:
+        """What becomes of shapes whose meshes are missing; always a refusal."""
+        return "refuse"
 
 
 Kind = Literal["circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf", "mjcf"]

@@ -18,6 +18,8 @@ from .files import check_output as check_output
 from .files import extracted as extracted
 from .files import open_scenario as open_scenario
 from .files import unused_path as unused_path
+from .free_places import positions_in as positions_in
+from .group_builder import is_placed as is_placed
 from .json_schema import describe_plugins as describe_plugins
 from .json_schema import scenario_schema as scenario_schema
 from .own_plugins import add_plugins as add_plugins

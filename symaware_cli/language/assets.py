@@ -63,7 +63,7 @@ def check_assets(
             continue
         try:
             if body is not None:
-                asset.check(name, places)
+                asset.check(name, places, missing="refuse" if isinstance(body, Mesh) else body.missing)
         except WorldError as error:
             diagnosis.report("unsuitable", str(error), path)
     tell = diagnosis.warn if len(diagnosis.problems) == before else diagnosis.report

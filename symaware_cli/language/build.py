@@ -23,7 +23,8 @@ from symaware_cli.language.compose import Composition, CompositionError, compose
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument, TopologyUse, document_of
 from symaware_cli.language.fault_builder import FaultBuilder
-from symaware_cli.language.group_builder import GroupBuilder
+from symaware_cli.language.free_places import FreeRoom, around
+from symaware_cli.language.group_builder import GroupBuilder, is_placed
 from symaware_cli.language.network_builder import NetworkBuilder
 from symaware_cli.language.own_plugins import with_own_plugins
 from symaware_cli.language.parts import check_omitted
@@ -221,6 +222,15 @@ class _SimulationBuilder:
             valid = document = extended
         maker = GroupBuilder(self._diagnosis, self._factory, valid, self._folder)
         maker.sections = sections.built
+        if valid is not None and any(is_placed(mapping(entry)) for entry in mapping(data.get("agents")).values()):
+            maker.space = FreeRoom(
+                valid.seed,
+                valid.environment.entities,
+                valid.regions,
+                around(sections.areas),
+                sections.free,
+                initial_agents(),
+            )
         groups, component_entries = [], []
         # In the order of the roster from here on, so that the order of groups in the file does not matter.
         for name, entry in sorted(mapping(data.get("agents")).items()):
@@ -350,7 +360,7 @@ class _SimulationBuilder:
             return options
         faults = FaultBuilder(check, environment, groups, component_entries, document, self._factory)
         self._narrowed = any(each is not None and each.limits_bandwidth for each in faults.declared.values())
-        members = PresenceBuilder(check, environment, document.environment.use, component_entries)
+        members = PresenceBuilder(check, environment, document.environment.use, component_entries, document.seed)
         statements = SpecificationBuilder(check, environment, groups, component_entries)
         return replace(
             options,

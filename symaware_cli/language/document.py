@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, WithJsonSchema, create_model, model_vali
 from symaware_cli.core import Entity, Obstacle
 from symaware_cli.core.identifiers import AGENTS, Name, Target
 from symaware_cli.engine import ChannelParameters, Fault
-from symaware_cli.geometry import Region
+from symaware_cli.geometry import Length, Region
 from symaware_cli.language.fault_section import FaultUse, use_of
 from symaware_cli.language.scenario_section import ScenarioSection
 from symaware_cli.language.section import Condition, Identifier, Section, TriggerSection, Use
@@ -149,11 +149,16 @@ _MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
 class Presence(Section):
     """When an agent is in the world; before and afterwards it is absent."""
 
-    from_: Seconds | Condition | TriggerSection | None = Field(
+    from_: Latency | Condition | TriggerSection | None = Field(
         None,
         alias="from",
-        description=f"When it enters, in its initial state: {_MOMENT}. Conditions are about the "
-        f"world, like `run.until`. By default it is present from the beginning.",
+        description=f"When it enters, in its initial state: {_MOMENT}; or a distribution, from which the time of each "
+        f"agent is drawn. Conditions are about the world, like `run.until`. By default it is there from the beginning.",
+    )
+    apart: Length | None = Field(
+        None,
+        description="How far from it the positions of other agents have to be when it enters [m]; it waits until they "
+        "are. By default it enters without regard to others.",
     )
     until: Seconds | Condition | TriggerSection | None = Field(
         None,

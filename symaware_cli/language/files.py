@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
-from symaware_cli.core import Environment
+from symaware_cli.core import Environment, nanoseconds
 from symaware_cli.language.build import Built, build
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.changes import Changes
@@ -33,8 +33,12 @@ def open_scenario(
     world: Callable[[Environment], Environment] | None = None,
     statements: Path | None = None,
     catalogue: Catalogue | None = None,
+    repeats_until: float | None = None,
 ) -> Built:
     """Build the scenario of a file or of a log.
+
+    The run of a log gets what came from outside of the original run, such as commands of another program, from the log.
+    With changes or another seed that would answer what was not asked: it then comes from outside again.
 
     Args:
         path: The scenario or the log.
@@ -43,6 +47,8 @@ def open_scenario(
         world: Returns an environment to use in place of the scenario's; None to use that one.
         statements: A file of specifications to use in place of the scenario's.
         catalogue: The installed plugins, if they were listed before.
+        repeats_until: The time [s] until which the run of a log is the same in spite of changes, so that it gets inputs
+            from the log until then; None if they may act from the beginning.
 
     Raises:
         ScenarioError: The scenario has problems.
@@ -54,6 +60,9 @@ def open_scenario(
     try:
         file, written = extracted(path, Path(folder))
         built = build(file, changes, seed, catalogue, f"{path}:{RESOLVED}", world, statements)
+        is_same = not changes and seed is None
+        if is_same or repeats_until is not None:
+            _repeat_inputs(built, path, None if is_same or repeats_until is None else nanoseconds(repeats_until))
     finally:
         if built is not None and len(built.files) > 1:
             # Its processes, and components that begin later or begin anew, read the scenario's other files there.
@@ -61,6 +70,14 @@ def open_scenario(
         else:
             shutil.rmtree(folder, ignore_errors=True)
     return replace(built, files=written)
+
+
+def _repeat_inputs(built: Built, log: Path, until: int | None) -> None:
+    from symaware_cli.log import INPUTS, open_log
+
+    original = open_log(log)
+    if INPUTS in original.channels:
+        built.simulation.inputs.repeat(original.inputs, until)
 
 
 def extracted(log: Path, folder: Path) -> tuple[Path, dict[str, bytes]]:

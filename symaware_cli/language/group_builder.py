@@ -16,11 +16,12 @@ from symaware_cli.engine import ComponentEntry, faults_of
 from symaware_cli.language.assets import asset_folders
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
+from symaware_cli.language.free_places import FREE, FreeRoom, GroupPlaces, Places, Unplaced
 from symaware_cli.language.own_parameters import OwnParameters, entries_of
 from symaware_cli.language.parts import declared_parts, declared_signals, name_columns
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.language.problem import dotted, nearest, quoted
-from symaware_cli.language.sampling import Sampler
+from symaware_cli.language.sampling import Sampler, contains
 from symaware_cli.language.scenario_section import InitialAgents
 from symaware_cli.language.source import Path
 from symaware_cli.specification import ExpressionError
@@ -133,6 +134,7 @@ class GroupBuilder:
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         declared: The names of the parts of awareness and signals that components declare.
         sections: The objects built from the sections of plugins, by key.
+        space: The space in which agents are placed; None if none is.
     """
 
     def __init__(
@@ -156,6 +158,7 @@ class GroupBuilder:
         self.uses: dict[str, dict[str, Any]] = {}
         self.declared: set[str] = set()
         self.sections: Mapping[str, Any] = {}
+        self.space: FreeRoom | None = None
 
     def build(self, name: str, entry: Mapping[str, Any]) -> tuple[AgentGroup | None, list[ComponentEntry]]:
         """Build a group and its component entries; None and no entries after a problem."""
@@ -163,7 +166,7 @@ class GroupBuilder:
         model = self._model(mapping(entry.get("model")), (*path, "model"))
         if model is not None and not self._fits(model, name):
             model = None
-        ids, initial = self._initial(name, entry, model)
+        ids, initial = self._initial(name, entry, model, 0.0)
         components = mapping(entry.get("components"))
         uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
         uses_model = mapping(entry.get("model")).get("use")
@@ -222,19 +225,29 @@ class GroupBuilder:
 
         Args:
             agents: The section of all groups, as plain data.
+
+        Returns:
+            Coordinates of agents that are placed in free space are NaN.
         """
         found: list[InitialAgents] = []
         for name, entry in sorted(agents.items()):
-            ids, initial = self._initial(name, mapping(entry), None)
+            ids, initial = self._initial(name, mapping(entry), None, np.nan)
             kind = self._factory.plugins.get(("agents", name, "model"))
             if initial is not None and kind is not None and self._document is not None:
                 found.append(_SampledAgents(ids, self._document.agents[name].entity.radius, kind, *initial))
         return found
 
     def _initial(
-        self, name: str, entry: Mapping[str, Any], model: Model | None
+        self, name: str, entry: Mapping[str, Any], model: Model | None, unknown: float
     ) -> tuple[list[str], tuple[Array, Sequence[Mapping[str, Any]]] | None]:
-        """Return the ids of the agents, and their initial states and knowledge; None after a problem with these."""
+        """Return the ids of the agents, and their initial states and knowledge; None after a problem with these.
+
+        Args:
+            name: The name of the group.
+            entry: The group, as plain data.
+            model: The model; None if there is only its class.
+            unknown: What coordinates are if agents are not placed yet.
+        """
         path: Path = ("agents", name)
         count = entry.get("count")
         sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
@@ -245,9 +258,11 @@ class GroupBuilder:
         # Even if the model's parameters are invalid, its class declares the columns of the state.
         kind = self._factory.plugins.get((*path, "model"))
         described = model or (kind if kind is not None and _fault_of(kind) is None else None)
-        sampler = Sampler(
-            self._diagnosis.composition, self._document.seed if self._document else 0, ids, indexed, described
-        )
+        places: Places | None = Unplaced(unknown) if is_placed(entry) else None
+        if self.space is not None and self._document is not None:
+            places = GroupPlaces(self.space, ids, self._document.agents[name].entity.radius)
+        seed = self._document.seed if self._document else 0
+        sampler = Sampler(self._diagnosis.composition, seed, ids, indexed, described, places)
         states = sampler.states(entry.get("state"), (*path, "state"))
         knowledge = sampler.known(mapping(entry.get("knowledge")), (*path, "knowledge"))
         self._diagnosis.problems += sampler.problems
@@ -271,7 +286,7 @@ class GroupBuilder:
         entity, folders = self._document.agents[name].entity, asset_folders(self._document, self._folder)
         try:
             if entity.shape and entity.shape.robot:
-                asset.check(entity.shape.robot.file, folders)
+                asset.check(entity.shape.robot.file, folders, missing=entity.shape.robot.missing)
         except WorldError:
             return False  # `check_assets` reports the file, whatever the model is
         try:
@@ -309,6 +324,11 @@ class _SampledAgents(InitialAgents):
 
     def known(self, name: str) -> Sequence[Any]:
         return [each.get(name) for each in self._knowledge]
+
+
+def is_placed(entry: Mapping[str, Any]) -> bool:
+    """Return whether a group, as plain data, has agents or goals in free space."""
+    return contains([entry.get("state"), entry.get("knowledge")], (FREE,))
 
 
 def _fault_of(model: Model | type[Model]) -> str | None:

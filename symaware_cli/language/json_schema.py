@@ -12,6 +12,7 @@ from symaware_cli.entry_points import PluginError
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.document import ScenarioDocument, document_of
 from symaware_cli.language.fault_section import description_of
+from symaware_cli.language.free_places import FreePlacement
 from symaware_cli.language.group_templates import LIKE, TEMPLATES
 from symaware_cli.language.parts import declared_by, omittable, signals_of
 from symaware_cli.language.placement import CirclePlacement, GridPlacement
@@ -150,7 +151,7 @@ def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> d
 def _describe_values(schema: dict[str, Any]) -> None:
     """Describe the forms of values for each agent, and allow ``${parameters.NAME}`` everywhere."""
     definitions = schema["$defs"]
-    for model in (GridPlacement, CirclePlacement):
+    for model in (GridPlacement, CirclePlacement, FreePlacement):
         definitions[model.__name__] = model.model_json_schema()
     # Numbers may be lists or references here.
     pair = {"type": "array", "minItems": 2, "maxItems": 2}
@@ -162,6 +163,7 @@ def _describe_values(schema: dict[str, Any]) -> None:
     forms = {
         "grid": {"$ref": "#/$defs/GridPlacement"},
         "circle": {"$ref": "#/$defs/CirclePlacement"},
+        "free": {"$ref": "#/$defs/FreePlacement"},
         "each": {"type": "array", "description": "One value for each agent, in the order of their index."},
         "all": {"description": "One value that all agents share."},
     }
@@ -231,7 +233,7 @@ def _with_bases(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 #: Definitions of values that are not merged but replaced.
-_WHOLE = ("PerAgent", "GridPlacement", "CirclePlacement")
+_WHOLE = ("PerAgent", "GridPlacement", "CirclePlacement", "FreePlacement")
 _NULL = {"type": "null"}
 
 

@@ -57,5 +57,5 @@ class CirclePlacement(Section):
         return positions, np.array([math.remainder(angle + turn, 2 * math.pi) for angle in angles])
 
 
-#: The placements by the name that a scenario gives them.
-PLACEMENTS: dict[str, type[GridPlacement] | type[CirclePlacement]] = {"grid": GridPlacement, "circle": CirclePlacement}
+#: The regular placements by the name that a scenario gives them.
+REGULAR: dict[str, type[GridPlacement] | type[CirclePlacement]] = {"grid": GridPlacement, "circle": CirclePlacement}

@@ -16,13 +16,14 @@ from symaware_cli.language.source import Path
 from symaware_cli.language.timing_check import TimingCheck, trigger_of
 from symaware_cli.specification import Names
 from symaware_cli.specification.expression import EvaluationError, Expression
+from symaware_cli.world import GroupChance, ProbabilityDistribution
 
 
 class PresenceBuilder:
     """Builds the presence intervals of agents, and reports problems with them."""
 
     def __init__(
-        self, check: TimingCheck, environment: Environment, use: str, entries: Sequence[ComponentEntry]
+        self, check: TimingCheck, environment: Environment, use: str, entries: Sequence[ComponentEntry], seed: int
     ) -> None:
         """Prepare.
 
@@ -31,12 +32,14 @@ class PresenceBuilder:
             environment: The environment.
             use: Its entry-point name.
             entries: All component entries.
+            seed: The seed of the run.
         """
         self._report = check.diagnosis.report
         self._check = check
         self._environment = environment
         self._use = use
         self._entries = entries
+        self._seed = seed
         self._world: Names = {}
 
     def build(
@@ -63,7 +66,7 @@ class PresenceBuilder:
             message = f"the world {quoted(self._use)} does not support agents that enter or leave"
             self._report("unsuitable", message, path, key=True)
         if isinstance(given, Presence):
-            return [self._interval(group, range(len(group)), given, path)] * len(group)
+            return self._interval(group, range(len(group)), given, path)
         if len(given) != len(group):
             values = "1 value" if len(given) == 1 else f"{len(given)} values"
             agents = "1 agent" if len(group) == 1 else f"{len(group)} agents"
@@ -72,13 +75,16 @@ class PresenceBuilder:
                 "wrong-count", f"`{'.'.join(map(str, path))}` gives {values} for {agents}", path, expected=expected
             )
             return [PresenceInterval()] * len(group)
-        return [self._interval(group, [row], each, (*path, row)) for row, each in enumerate(given)]
+        return [
+            interval for row, each in enumerate(given) for interval in self._interval(group, [row], each, (*path, row))
+        ]
 
-    def _interval(self, group: AgentGroup, rows: Sequence[int], given: Presence, path: Path) -> PresenceInterval:
+    def _interval(self, group: AgentGroup, rows: Sequence[int], given: Presence, path: Path) -> list[PresenceInterval]:
+        """Return the intervals of some agents of a group, from what is given for all of them."""
         scope = ConditionScope(group)
-        begin = self._moment(given.from_, group, self._world, (*path, "from"))
+        begins = self._begins(given.from_, group, rows, (*path, "from"))
         end = self._moment(given.until, group, scope.names(self._check.specifications), (*path, "until"))
-        if isinstance(end, int) and end <= (begin if isinstance(begin, int) else 0):
+        if isinstance(end, int) and any(end <= (begin if isinstance(begin, int) else 0) for begin in begins):
             self._report(
                 "invalid-value",
                 f"an agent that leaves at {given.until:g} s has not entered by then",
@@ -87,7 +93,22 @@ class PresenceBuilder:
             )
         if isinstance(end, Expression):
             self._check_condition(end, scope, rows[0], (*path, "until"))
-        return PresenceInterval(begin, end)
+        return [PresenceInterval(begin, end, given.apart) for begin in begins]
+
+    def _begins(
+        self,
+        given: float | ProbabilityDistribution | str | TriggerSection | None,
+        group: AgentGroup,
+        rows: Sequence[int],
+        path: Path,
+    ) -> list[Moment | None]:
+        """Return when each of some agents enters."""
+        if not isinstance(given, ProbabilityDistribution):
+            return [self._moment(given, group, self._world, path)] * len(rows)
+        # Drawn for all agents of the group, so that the time of one does not depend on who else has one.
+        points = GroupChance(group.seeds or self._seed, "scenario present", group.numbers).uniform(1)[:, 0]
+        times = given.quantiles(points)
+        return [nanoseconds(float(times[row])) for row in rows]
 
     def _moment(
         self, given: float | str | TriggerSection | None, group: AgentGroup, names: Names, path: Path

@@ -17,8 +17,10 @@ from symaware_cli.core import Model
 from symaware_cli.geometry import LARGEST
 from symaware_cli.language.compose import Composition
 from symaware_cli.language.diagnosis import leaves_of
-from symaware_cli.language.placement import PLACEMENTS
+from symaware_cli.language.free_places import FREE, FreePlacement, PlacementError, Places, Unplaced
+from symaware_cli.language.placement import REGULAR
 from symaware_cli.language.problem import Problem, dotted, nearest, quoted
+from symaware_cli.language.section import Section
 from symaware_cli.language.source import Path
 from symaware_cli.language.validation import a_number, said_of, validate
 from symaware_cli.world import (
@@ -35,6 +37,9 @@ from symaware_cli.world import (
 Array = NDArray[np.float64]
 
 
+#: The placements of agents by the name that a scenario gives them.
+PLACEMENTS: dict[str, type[Section]] = {**REGULAR, FREE: FreePlacement}
+
 #: Distributions that differ from agent to agent: those that are drawn, and placements.
 DISTRIBUTIONS = (*RANDOM, *PLACEMENTS)
 FORMS = (*DISTRIBUTIONS, "each", "all")
@@ -48,7 +53,13 @@ class Sampler:
     """
 
     def __init__(
-        self, composition: Composition, seed: Seed, ids: Sequence[str], indexed: bool, model: Model | type[Model] | None
+        self,
+        composition: Composition,
+        seed: Seed,
+        ids: Sequence[str],
+        indexed: bool,
+        model: Model | type[Model] | None,
+        places: Places | None = None,
     ) -> None:
         """Start without values.
 
@@ -58,6 +69,7 @@ class Sampler:
             ids: The ids of the agents of a run.
             indexed: Whether the scenario states the number of agents.
             model: Their model, if it is known.
+            places: Places the agents in free space; None if nothing may be placed there.
         """
         self.problems: list[Problem] = []
         self._composition = composition
@@ -65,6 +77,9 @@ class Sampler:
         self._ids = ids
         self._indexed = indexed
         self._model = model
+        self._places = places
+        #: Whether coordinates are unknown yet, so that numbers cannot be checked.
+        self._is_preliminary = isinstance(places, Unplaced) and places.coordinate != places.coordinate
         #: The number of values: one for each agent of each run.
         self._rows = len(ids) * (1 if isinstance(seed, int) else len(seed))
         self._numbers = np.tile(agent_numbers(ids), self._rows // max(1, len(ids)))
@@ -87,6 +102,8 @@ class Sampler:
         if each is None or not len(each):
             return np.empty((self._rows, 0))
         states = np.array(each, float)
+        if self._is_preliminary:
+            return states
         if not is_within(states, LARGEST):
             row, element = (int(place[0]) for place in np.nonzero(~(np.abs(states) <= LARGEST)))
             self._report_size(path, row, (element,), float(states[row, element]), LARGEST)
@@ -96,6 +113,8 @@ class Sampler:
         """The knowledge of each agent under one name; empty after a problem."""
         each = self._values(value, path, None)
         if isinstance(each, np.ndarray):
+            return list(each)
+        if each is not None and self._is_preliminary:
             return list(each)
         table = None if each is None else _table(each)
         if table is not None and is_within(table, FARTHEST) and (table != table[0]).any():
@@ -139,7 +158,7 @@ class Sampler:
             if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in PLACEMENTS:
                 # Computed once for all agents.
                 kind, placement = next(iter(content.items()))
-                placed = self._placed(kind, placement, (*inner, kind), width)
+                placed = self._placed(kind, placement, (*inner, kind), width, range(count))
                 return None if placed is None else np.tile(placed, (self._rows // count, 1))
             first = self._collect(lambda row: self._value(content, inner, row, width), only=1)
             if first is None or not contains(content, DISTRIBUTIONS):
@@ -277,8 +296,9 @@ class Sampler:
             return copy.deepcopy(value)
         if kind in RANDOM:
             return self._random(value, kind, path, row, width)
-        placed = self._placed(kind, value[kind], (*path, kind), width)
-        return None if placed is None else placed[row % len(self._ids)].tolist()
+        own = row % len(self._ids)
+        placed = self._placed(kind, value[kind], (*path, kind), width, range(own, own + 1))
+        return None if placed is None else placed[0].tolist()
 
     def _state(self, value: Any, path: Path) -> Any:
         model = self._model
@@ -352,13 +372,16 @@ class Sampler:
     ) -> Array:
         """The draws of all rows, or of one agent of each run to which a distribution belongs; shape (m, count)."""
         if path not in self._drawn:
-            parts = (str(part) for place, part in enumerate(path) if place > 1 and path[: place + 1] not in self._rests)
-            purpose = f"scenario {'.'.join(parts)}"
             numbers = self._numbers if agent is None else self._numbers[agent :: len(self._ids)]
-            chance = GroupChance(self._seed, purpose, numbers)
+            chance = GroupChance(self._seed, self._purpose(path), numbers)
             draw = chance.standard_normal if distribution.is_plain_normal else chance.uniform
             self._drawn[path] = draw(count)
         return self._drawn[path]
+
+    def _purpose(self, path: Path) -> str:
+        """The purpose of the draws of a distribution."""
+        parts = (str(part) for place, part in enumerate(path) if place > 1 and path[: place + 1] not in self._rests)
+        return f"scenario {'.'.join(parts)}"
 
     def _distribution(self, value: Mapping[str, Any], kind: str, path: Path) -> VectorDistribution | None:
         """Check a distribution; None after a problem."""
@@ -372,18 +395,38 @@ class Sampler:
             return None
         return found
 
-    def _placed(self, kind: str, content: Any, path: Path, width: int | None) -> Array | None:
-        """The values of all agents in a placement, computed once: states with zeros elsewhere, or positions."""
-        key = (*path, str(width))
-        if key not in self._known:
-            placement = validate(PLACEMENTS[kind], content, self._composition, path)
-            if isinstance(placement, list):
-                self.problems += placement
-                self._known[key] = None
-            else:
-                self._known[key] = self._in_states(*placement.poses(len(self._ids)), width)
-        placed: Array | None = self._known[key]
+    def _placed(self, kind: str, content: Any, path: Path, width: int | None, rows: range) -> Array | None:
+        """The values of some agents in a placement: states with zeros elsewhere, or positions; None after a problem."""
+        if path not in self._known:
+            found: Any = validate(PLACEMENTS[kind], content, self._composition, path)
+            if isinstance(found, list):
+                self.problems += found
+                found = None
+            elif kind != FREE:
+                # Computed once for all agents.
+                positions, headings = found.poses(len(self._ids))
+                found = self._in_states(positions, headings, width)
+            self._known[path] = found
+        known = self._known[path]
+        if isinstance(known, FreePlacement):
+            return self._placed_freely(known, path, width, rows)
+        placed: Array | None = None if known is None else known[rows.start : rows.stop]
         return placed
+
+    def _placed_freely(self, placement: FreePlacement, path: Path, width: int | None, rows: range) -> Array | None:
+        """The values of some agents that are placed in free space, each only once; None after a problem."""
+        if self._places is None:
+            message = "agents are placed in free space only when a run begins"
+            self._report("bad-distribution", message, path, key=True, expected="a position, or another distribution")
+            return None
+        use = path[: 3 if path[2] == "state" else 4]
+        try:
+            poses = self._places.poses(placement, use, self._purpose(path), rows)
+        except PlacementError as error:
+            self._report("unsuitable", f"the agents cannot be placed: {error}", path, key=True)
+            self._known[path] = None
+            return None
+        return self._in_states(*poses, width)
 
     def _in_states(self, positions: Array, headings: Array, width: int | None) -> Array:
         model = self._model

@@ -33,12 +33,16 @@ class Additions:
     Attributes:
         entities: Bodies that become part of the world, by name.
         regions: Sets of the workspace, by the names that formulas and conditions refer to.
+        bounds: The area that these describe [m], [x, x, y, y]: by default, agents are placed in it. None without one.
+        free: The name of the region, among these, in which all agents are that are placed in free space.
         is_drawn: Whether they depend on the seed, so that every run has others.
         specifications: Formulas that are monitored like those under `specifications`, by name.
     """
 
     entities: Mapping[str, Obstacle] = field(default_factory=dict)
     regions: Mapping[str, Region] = field(default_factory=dict)
+    bounds: tuple[float, float, float, float] | None = None
+    free: str | None = None
     is_drawn: bool = False
     specifications: Mapping[str, SpecificationUse] = field(default_factory=dict)
 
@@ -57,11 +61,14 @@ class InitialAgents(ABC):
     @property
     @abstractmethod
     def positions(self) -> NDArray[np.float64]:
-        """Their positions [m]; shape (n, d)."""
+        """Their positions [m]; shape (n, d). NaN for those that are placed in the space that sections leave free."""
 
     @abstractmethod
     def known(self, name: str) -> Sequence[Any]:
-        """Return what each knows under a name; None for one that knows nothing under it."""
+        """Return what each knows under a name; None for one that knows nothing under it.
+
+        Coordinates that are determined when sections have been built are NaN.
+        """
 
 
 class SectionContext(ABC):

@@ -24,6 +24,8 @@ class SectionBuilder:
         built: The object built from each section, by key.
         files: The files that were read for what sections add, by their paths relative to the scenario's folder.
         drawn: The keys of the sections that add something else in each run.
+        areas: The areas of what sections add [m], [x, x, y, y].
+        free: The names of the regions in which agents are that are placed in free space.
     """
 
     def __init__(
@@ -51,6 +53,8 @@ class SectionBuilder:
         self._failed: list[str] = []
         self.built: dict[str, Any] = {}
         self.drawn: list[str] = []
+        self.areas: list[tuple[float, float, float, float]] = []
+        self.free: list[str] = []
 
     def build(self, data: Mapping[str, Any], document: ScenarioDocument | None) -> ScenarioDocument | None:
         """Build each section.
@@ -111,6 +115,8 @@ class SectionBuilder:
         for key, additions in added.items():
             if additions.is_drawn:
                 self.drawn.append(key)
+            self.areas += [] if additions.bounds is None else [additions.bounds]
+            self.free += [] if additions.free is None else [additions.free]
             for kind, found in (("entities", additions.entities), ("regions", additions.regions)):
                 taken = [name for name in found if name in owners]
                 if taken:

@@ -33,6 +33,7 @@ from .log_schema import TIMING as TIMING
 from .log_schema import json_values as json_values
 from .manifest import manifest_of as manifest_of
 from .names import FIELDS as FIELDS
+from .names import INPUTS as INPUTS
 from .names import KINDS as KINDS
 from .names import TABLES as TABLES
 from .output import require_writable_folder as require_writable_folder

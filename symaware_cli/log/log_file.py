@@ -17,7 +17,7 @@ from symaware_cli.log.log_message import LogMessage
 from symaware_cli.log.log_schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY, TIMING
 from symaware_cli.log.manifest import read_manifest
 from symaware_cli.log.mcap_file import McapFile
-from symaware_cli.log.names import TOPICS
+from symaware_cli.log.names import INPUTS, TOPICS
 from symaware_cli.log.recovery import Damage
 from symaware_cli.log.sensor_channels import IMAGE, SCAN
 from symaware_cli.log.shared_channel import SHARED, SharedChannel, entities_of, shared
@@ -37,6 +37,7 @@ _MESSAGES = {
     "/events/recurring": "Recurring",
     **dict.fromkeys(logged_events.MESSAGES, "MessageColumns"),
     "/contacts": "Contact",
+    INPUTS: "Event",
     TIMING: "Timing",
 }
 """The message type of each topic, except for parts and signals; names of groups, entities and sensors are omitted."""

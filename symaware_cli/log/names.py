@@ -13,6 +13,9 @@ TOPICS = {
 } | {part.name: f"/agents/{{}}/{part.name}" for part in PARTS}
 """The topic of each field of `Log.series` that any log may have."""
 
+INPUTS = "/inputs"
+"""The topic of what components got from outside of a run."""
+
 FIELDS = tuple(TOPICS)
 """The fields of `Log.series`."""
 

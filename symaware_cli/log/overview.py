@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log.json_text import read_json
+from symaware_cli.log.names import INPUTS
 from symaware_cli.log.reader import Log
 from symaware_cli.specification import Outcome
 
@@ -78,7 +80,8 @@ class Overview:
         simulated_time: The last simulated time in the log [s]; the time of the last message in one of another program.
         wall_time: Wall time of the run, if known [s].
         channels: All channels.
-        events: Number of occurrences of each event.
+        events: Number of occurrences of each event; a contact has one at its beginning and one at its end.
+        contacts: Number of contacts that began, as in the summary of a run; None if they were not recorded.
         specifications: The outcome of each specification.
         scenario: The attachments that hold the scenario.
         versions: The versions of the installed packages.
@@ -103,6 +106,7 @@ class Overview:
     wall_time: float | None
     channels: tuple[ChannelOverview, ...]
     events: dict[str, int]
+    contacts: int | None
     specifications: tuple[Outcome, ...]
     scenario: tuple[str, ...]
     versions: dict[str, str]
@@ -132,13 +136,16 @@ def overview_of(log: Log) -> Overview:
     times: dict[str, array[int]] = {topic: array("q") for topic in log.channels}
     sizes: Counter[str] = Counter()
     events: Counter[str] = Counter()
+    contacts = 0
     wall_time = None
     for message in log.messages():
         topic = message.channel.topic
         times[topic].append(message.time)
         sizes[topic] += len(message.data)
-        if message.channel.carries("Event"):
+        if topic != INPUTS and message.channel.carries("Event"):
             events[message.decode().name] += 1
+        elif message.channel.carries("Contact"):
+            contacts += message.decode().stage == v1.Contact.BEGIN
         elif message.channel.carries("Timing"):
             wall_time = message.decode().wall_time
     damage = log.verify()
@@ -162,6 +169,7 @@ def overview_of(log: Log) -> Overview:
         wall_time=wall_time,
         channels=tuple(_channel(log, topic, times[topic], sizes[topic]) for topic in log.channels),
         events=dict(sorted(events.items())),
+        contacts=contacts if any(channel.carries("Contact") for channel in log.channels.values()) else None,
         specifications=log.outcomes,
         scenario=tuple(name for name in log.attachments if name.startswith("scenario/") or name == "resolved.yaml"),
         versions=_versions(log),

@@ -20,7 +20,7 @@ from symaware_cli.log.log_file import LogFile, names_in
 from symaware_cli.log.log_message import LogMessage
 from symaware_cli.log.logged_beliefs import LoggedBeliefs, beliefs
 from symaware_cli.log.logged_events import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
-from symaware_cli.log.names import FIELDS, TOPICS
+from symaware_cli.log.names import FIELDS, INPUTS, TOPICS
 from symaware_cli.log.sensor_channels import (
     IMAGE,
     SCAN,
@@ -380,6 +380,14 @@ class Log(LogFile):
             end: The simulated time at which to stop, exclusive, ns.
         """
         return self._journal("/events", "Event", logged_events.event, start, end)
+
+    @cached_property
+    def inputs(self) -> Mapping[tuple[str, int], Sequence[Mapping[str, Any]]]:
+        """What components got from outside of the run, in order: by the path of the component and the time [ns]."""
+        found: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
+        for event in self._journal(INPUTS, "Event", logged_events.event, None, None):
+            found.setdefault((event.source, event.time), []).append(event.data)
+        return found
 
     def communications(self, start: int | None = None, end: int | None = None) -> Iterator[Communication]:
         """Iterate over the stages of messages between agents; see `events`."""

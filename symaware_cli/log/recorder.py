@@ -20,7 +20,7 @@ from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log import wire
 from symaware_cli.log.group_channels import EntityChannels, GroupChannels, PostureChannels
 from symaware_cli.log.json_text import as_json
-from symaware_cli.log.names import KINDS
+from symaware_cli.log.names import INPUTS, KINDS
 from symaware_cli.log.specifications import SpecificationRecorder
 from symaware_cli.log.writer import LogWriter
 from symaware_cli.specification import SpecificationMonitor
@@ -89,6 +89,8 @@ class Recorder:
         self._messages = writer.channel("/messages", "MessageColumns")
         self._stages = {"all": ("sent", "delivered", "dropped"), "dropped": ("dropped",), "none": ()}[messages]
         self._contacts = writer.channel("/contacts", "Contact", {"units": "m"})
+        #: Opened for the first one, so that logs without any have no channel for them.
+        self._inputs: int | None = None
         self._groups = []
         for group in sorted(groups, key=lambda group: group.name):
             rows = [row for row, id in enumerate(group.ids) if own is None or id in own]
@@ -154,6 +156,7 @@ class Recorder:
             ("*", lambda event: None if elsewhere and event.subject is elsewhere else self.event(event)),
             ("touching", lambda event: self.contact(event.subject, event.time)),
             ("traffic", lambda event: self.traffic(event.subject, event.time)),
+            ("external-input", self.input),
         ):
             events.subscribe(name, shielded(record))
         if self._recurring is not None:
@@ -169,6 +172,14 @@ class Recorder:
         level = event.level.name
         record = v1.Event(name=event.name, source=event.source, level=level, text=event.text, data=data)
         self.writer.add(self._events, event.time, record.SerializeToString(deterministic=True))
+
+    def input(self, event: Event) -> None:
+        """Record an input from outside, whatever else is recorded: without it the run could not be repeated."""
+        self._write_recurring(event.time)
+        if self._inputs is None:
+            self._inputs = self.writer.channel(INPUTS, "Event")
+        record = v1.Event(name=event.name, source=event.source, level=event.level.name, data=as_json(event.data))
+        self.writer.add(self._inputs, event.time, record.SerializeToString(deterministic=True))
 
     def recurring(self, event: Event) -> None:
         """Add an event that recurs; those of one instant are recorded together."""

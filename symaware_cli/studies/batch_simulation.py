@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.engine import ComponentEntry, Simulation, Timing
-from symaware_cli.language import Diagnosis, Sampler, ScenarioError, SpecificationBuilder, TimingCheck, contains
+from symaware_cli.language import (
+    Diagnosis,
+    Sampler,
+    ScenarioError,
+    SpecificationBuilder,
+    TimingCheck,
+    contains,
+    is_placed,
+)
 from symaware_cli.language.build import Built
 from symaware_cli.language.compose import Composition
 from symaware_cli.specification import AgentScope, PairScope, Specification
@@ -79,6 +87,8 @@ def _refusals(built: Built) -> Iterator[str]:
         if region.around is not None:
             yield f"the region `{name}` moves with an agent"
     for group in simulation.groups:
+        if is_placed(built.data["agents"][group.name]):
+            yield f"agents or goals of `{group.name}` are placed in the free space of each run"
         if not _declares(type(group.model)):
             yield f"the model of `{group.name}` does not say that it can be batched"
     for entry in simulation.entries:
@@ -201,7 +211,7 @@ class BatchSimulation:
             template.awareness.signals,
             self._seeds,
         )
-        group.regions, group.folder = template.regions, template.folder
+        group.regions, group.folder, group.sections = template.regions, template.folder, template.sections
         return group
 
     def _values(

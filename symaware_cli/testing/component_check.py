@@ -159,7 +159,7 @@ def _everything(component: Any) -> dict[str, str]:
 
 
 class _drawing_anew:  # noqa: N801 # used like a function
-    """Lets a component draw in a second call what it drew in the first."""
+    """Lets a component repeat the draws of its first call in a second call."""
 
     def __init__(self, component: Any) -> None:
         self._component = component

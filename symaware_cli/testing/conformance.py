@@ -1,4 +1,4 @@
-"""Deviations of a plugin from what is required: which plugin, which method, file and line, and what it should do."""
+"""Deviations of a plugin from its requirements, each with the method, the file and line, and a correction."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from symaware_cli.world import PluginKind, describe
 
-#: What to do about exceptions that beginners with arrays meet, by a part of their text.
+#: Advice on exceptions that beginners with arrays meet, by a part of their text.
 _ADVICE = {
     "truth value of an array": (
         "branches on an array, which holds a value for each agent",
@@ -44,8 +44,7 @@ class ConformanceError(AssertionError):
     """A plugin violates a requirement of its kind.
 
     Attributes:
-        deviations: Each deviation, in one line: the plugin and its method, file and line, what is wrong and how it
-            should be.
+        deviations: Each deviation, in one line: the plugin and its method, file and line, the problem and a correction.
     """
 
     def __init__(self, deviations: list[str]) -> None:
@@ -68,13 +67,13 @@ class DeviationList:
         return bool(self._found)
 
     def add(self, where: str, what: str, how: str = "", place: str | None = None) -> None:
-        """Add a deviation; one that is known already is not repeated.
+        """Add a deviation, unless it is in the list already.
 
         Args:
             where: The method or attribute; empty for the class.
-            what: What is wrong, as a predicate.
-            how: How it should be, as an instruction.
-            place: The file and line, such as `` (mine.py, line 12)``; by default where the method is defined.
+            what: The problem, as a predicate.
+            how: The correction, as an instruction.
+            place: The file and line, such as `` (mine.py, line 12)``; by default those of the method's definition.
         """
         owner = f"{self.kind.__name__}.{where}" if where else self.kind.__name__
         place = place_of(self.kind, where) if place is None else place
@@ -108,24 +107,24 @@ class DeviationList:
         """Raise all deviations.
 
         Raises:
-            ConformanceError: There are any.
+            ConformanceError: There is at least one deviation.
         """
         if self._found:
             raise ConformanceError(list(self._found))
 
 
 def require_kind(kind: type, of: PluginKind) -> DeviationList:
-    """Check that a class is a plugin of a kind, with parameters that say what they are.
+    """Check that a class is a plugin of a kind, with documented parameters.
 
     Args:
         kind: The class.
         of: The kind of plugins.
 
     Returns:
-        The list of its deviations, to be continued.
+        The list of its deviations, to which further checks add.
 
     Raises:
-        ConformanceError: It cannot be used at all.
+        ConformanceError: The class cannot be used at all.
     """
     if not inspect.isclass(kind):
         name = getattr(kind, "__name__", repr(kind))
@@ -147,11 +146,11 @@ def with_parameters(found: DeviationList, parameters: Mapping[str, Any]) -> Any:
     """Create a plugin with parameters.
 
     Args:
-        found: Takes its deviations.
+        found: Receives the deviations.
         parameters: Its parameters by name.
 
     Raises:
-        ConformanceError: It cannot be created.
+        ConformanceError: The plugin cannot be created.
     """
     kind: Any = found.kind
     try:
@@ -172,7 +171,7 @@ def place_of(kind: type, where: str) -> str:
     name = where.partition("(")[0]
     for each in kind.__mro__:
         if each.__module__.partition(".")[0] != kind.__module__.partition(".")[0]:
-            break  # a method that it inherits from this package is not its own
+            break  # a method inherited from this package is not the plugin's
         member: Any = vars(each).get(name)
         member = getattr(member, "fget", member)
         code = getattr(inspect.unwrap(member) if callable(member) else member, "__code__", None)
@@ -185,7 +184,7 @@ def place_of(kind: type, where: str) -> str:
 
 
 def method_of(kind: type, error: BaseException) -> str | None:
-    """Return the method of a plugin that was called when an exception was raised; None if it was none."""
+    """Return the method of a plugin that was running when an exception was raised; None if there was none."""
     trace = error.__traceback__
     while trace is not None:
         name = trace.tb_frame.f_code.co_name
@@ -210,7 +209,7 @@ def is_code_of(kind: type, frame: FrameType) -> bool:
     """Whether a frame executes code of the package, or the file, of a plugin."""
     name = frame.f_globals.get("__name__", "")
     root = kind.__module__.partition(".")[0]
-    if root == "symaware_cli":  # whose other modules call the plugin
+    if root == "symaware_cli":  # other modules of this package call the plugin
         return bool(name == kind.__module__)
     return bool(name.partition(".")[0] == root)
 

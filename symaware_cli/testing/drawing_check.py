@@ -20,12 +20,12 @@ _FEW = 40
 def check_drawing(kind: type[Drawing], changes: Changes | None = None, /) -> None:
     """Check a drawing of the log of three agents with eight steps, which is read in several chunks.
 
-    Its topics must be paths, its marks `Mark` at ascending times within the run, equal when the log is drawn again, and
-    chunks must not be changed.
+    Topics must be paths; marks must be of the class `Mark`, at ascending times within the run, and equal when the log
+    is drawn again; and chunks must not be changed.
 
     Args:
         kind: The class.
-        changes: Values of the scenario by their paths, such as further components that record what it draws.
+        changes: Values of the scenario by their paths, such as further components that record the data of the drawing.
 
     Raises:
         ConformanceError: A line for each deviation.

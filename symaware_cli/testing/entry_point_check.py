@@ -11,15 +11,15 @@ from symaware_cli.language import KINDS, Catalogue
 from symaware_cli.testing.conformance import ConformanceError
 from symaware_cli.world import PluginKind
 
-#: Groups whose objects are no plugins of a class: verbs, and kinds of plugins.
+#: Groups whose entry points are not classes of plugins: verbs, and kinds of plugins.
 _OTHERS = {"symaware.commands": "command", "symaware.doors": "door"}
 
 
 def check_entry_points(package_name: str) -> None:
     """Check the entry points of an installed distribution in the groups of SymAware.
 
-    Each must be in a group that exists, can be imported, is of the kind of its group, and has a name that is not that
-    of a built-in plugin. A module that cannot be imported is reported once.
+    Each entry point must be in a group that exists, be importable, be of the kind of its group, and have a name that no
+    built-in plugin has. A module that cannot be imported is reported once.
 
     Args:
         package_name: The name of the distribution, as in ``pip install``.
@@ -67,7 +67,7 @@ def _kinds() -> dict[str, PluginKind]:
 
 
 def _problem(listing: Listing, kind: PluginKind | None, unusable: set[str]) -> str | None:
-    """Return what is wrong with an entry point; None if nothing is, or if it was said of its module."""
+    """Return the problem with an entry point; None if there is none, or if it was reported for its module already."""
     where, module = f"{listing.origin} ({listing.target})", listing.target.partition(":")[0]
     if module in unusable:
         return None

@@ -29,9 +29,9 @@ _KIND = next(each for each in KINDS if each.name == "environment")
 def check_environment(kind: type[Environment], changes: Changes | None = None, /, **parameters: Any) -> None:
     """Check an environment with three agents that move for eight steps.
 
-    It must begin with the initial states, advance by its time step, return finite arrays of the declared shapes, and
-    never change an array that it has returned, nor the control inputs. Runs must be equal, also in batches if it is
-    ``batchable``, and continue alike from a captured state, unless it raises a `StateError`.
+    The environment must begin with the initial states, advance by its time step, return finite arrays of the declared
+    shapes, and never change an array that it has returned, nor the control inputs. Runs must be equal, also in batches
+    if it is ``batchable``, and continue alike from a captured state, unless it raises a `StateError`.
 
     Args:
         kind: The class.
@@ -69,7 +69,7 @@ def _same(kind: type) -> dict[str, Any]:
 
 
 def _captures(kind: type[Environment]) -> bool:
-    """Whether worlds of a class can be captured: those of physics engines refuse."""
+    """Whether worlds of a class can be captured, which physics engines refuse."""
     captured = getattr(kind, "captured", None)
     if captured is None:
         return True
@@ -94,7 +94,7 @@ def _observed_step(kind: Any, found: DeviationList) -> Any:
 
 
 def _check_step(found: DeviationList, run: Run) -> None:
-    """Make a step, during which nothing that was returned before may change."""
+    """Make a step, and check that it changes no array that was returned before."""
     environment = run.simulation.environment
     held: dict[str, Array] = {}
     for group in environment.groups:

@@ -25,10 +25,10 @@ _KIND = next(each for each in KINDS if each.name == "fault")
 
 
 def check_fault(kind: type[Fault], changes: Changes | None = None, /, **parameters: Any) -> None:
-    """Check a kind of faults: one begins after 0.1 s in a run of three agents, and ends after 0.2 s if it lasts.
+    """Check a kind of faults with one that begins at 0.1 s in a run of three agents, and ends at 0.2 s if it lasts.
 
-    Its `text` and `source` must name what it concerns. From `begin` on its attributes must not change. Runs must be
-    equal, and continue alike from a state that was captured while it lasts.
+    `text` and `source` must name the subject of the fault. From `begin` on the attributes of the fault must not change.
+    Runs must be equal, and continue alike from a state that was captured while it lasts.
 
     Args:
         kind: The class.

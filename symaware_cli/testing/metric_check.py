@@ -1,4 +1,4 @@
-"""Checks of metrics: the declared type of their value, the same value twice, and a run that goes on unchanged."""
+"""Checks of metrics: values of the declared type, repeatability, and no effect on the run."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _KIND = next(each for each in KINDS if each.name == "metric")
 def check_metric(kind: type[Metric], changes: Changes | None = None, /, **parameters: Any) -> None:
     """Check a metric of a run of three agents with eight steps.
 
-    The value must be of the declared `kind` and finite, equal in a second run, and the run must be as it is without the
-    metric.
+    The value must be of the declared `kind` and finite, equal in a second run, and the run must be equal to one without
+    the metric.
 
     Args:
         kind: The class.
@@ -54,7 +54,7 @@ def check_metric(kind: type[Metric], changes: Changes | None = None, /, **parame
 
 
 def _follow(small: SmallScenario, metric: Metric | None) -> tuple[list[dict[str, str]], Any]:
-    """Make a run; return its course and the value of a metric."""
+    """Make a run; return its trace and the value of a metric."""
     found, value, course = small.found, None, []
     built = small.build()
     simulation = built.simulation

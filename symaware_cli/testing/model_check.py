@@ -16,16 +16,17 @@ from symaware_cli.world import Model, Quantity, columns, integrate
 
 _KIND = next(each for each in KINDS if each.name == "model")
 
-#: The rows of the check, the step of finite differences, and how far results may be from them.
+#: The number of rows of the check, the step of finite differences, and the tolerance of comparisons with them.
 _ROWS, _WIDTH, _TOLERANCE = 5, 1e-6, 1e-4
 
 
 def check_model(kind: type[Model], states: Any = None, /, **parameters: Any) -> None:
     """Check a model at some states and control inputs.
 
-    Its quantities must have names and units, its results the declared shapes, and each row must not depend on others.
-    `jacobian`, `velocity`, `turn_rate` and `velocities` must agree with `derivative`, `successor` with its integral,
-    and the covariance of the noise must be one. Nothing may be changed or drawn, and the same is returned twice.
+    Quantities must have names and units, results the declared shapes, and no row may depend on others. `jacobian`,
+    `velocity`, `turn_rate` and `velocities` must agree with `derivative`, `successor` with its integral, and the
+    covariance of the noise must be a covariance matrix. Methods must not change their arguments or draw random numbers,
+    and must return the same value when called again.
 
     Args:
         kind: The class.
@@ -109,7 +110,7 @@ def _points(found: DeviationList, model: Model, states: Any) -> tuple[Array, Arr
     with found.calling("input_bounds"):
         low, high = (np.asarray(bound, float) for bound in model.input_bounds())
         low, high = np.maximum(low, -1e3), np.minimum(high, 1e3)
-        # Within the bounds by a little, so that differences stay within.
+        # Slightly within the bounds, so that finite differences do not leave them.
         u = np.clip(u, low + 1e-3 * (high - low), high - 1e-3 * (high - low))
     return x, u
 
@@ -122,7 +123,7 @@ def _methods(model: Model) -> Mapping[str, Method]:
     step = model.time_step or 0.05
 
     def by_elements(call: Callable[[Array, Array], Any]) -> Method:
-        """Give a method the elements of states and inputs, each contiguous, and take back what it changed."""
+        """Call a method with the elements of states and inputs, each contiguous, and copy changes that it made back."""
 
         def method(x: Array, u: Array) -> Array | None:
             states, inputs = columns(x), columns(u)
@@ -160,7 +161,7 @@ def _rows(elements: Any, count: int) -> Array | None:
 
 
 def _check_method(found: DeviationList, model: Model, name: str, call: Method, x: Array, u: Array) -> Array | None:
-    """Return what a method returns; None if it is not supported or fails."""
+    """Return the value of a method; None if the method is not supported or fails."""
     given_x, given_u, before = x.copy(), u.copy(), own_state(model)
     try:
         with np.errstate(all="ignore"), watched(found, name):
@@ -268,7 +269,7 @@ def _check_limits(found: DeviationList, model: Model, u: Array) -> None:
 
 
 def _wrong(value: Array | None, expected: Array) -> Iterator[tuple[int, ...]]:
-    """Yield the indices, after the row, of entries that differ from what they should be."""
+    """Yield the indices, without that of the row, of entries that differ from the expected values."""
     if value is not None:
         scale = np.maximum(1.0, np.abs(expected))
         differs = (np.abs(value - expected) > _TOLERANCE * scale).any(axis=0)

@@ -73,7 +73,7 @@ def assert_repeatable(
     """
     with tempfile.TemporaryDirectory() as folder:
         logs = [Path(folder) / f"run-{number}.mcap" for number in (1, 2)]
-        # At the same time: there are two processor cores nearly everywhere.
+        # Both at the same time, as nearly all machines have two processor cores.
         with ThreadPoolExecutor() as pool:
             runs = [
                 pool.submit(_run, scenario, overrides, seed, log, surroundings, timeout)

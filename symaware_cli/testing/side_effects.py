@@ -1,4 +1,4 @@
-"""Side effects of a plugin's methods: changes of values, draws from global generators, and looks at the clock."""
+"""Side effects of a plugin's methods: changes of values, draws from global generators, and reads of the clock."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CLOCKS = (
     *("process_time", "process_time_ns"),
 )
 
-#: Objects that are looked at elsewhere, or have no state of the plugin's.
+#: Objects that are checked elsewhere, or hold no state of the plugin.
 _APART = (
     *(Agent, AgentGroup, ComponentEntry, EventBus, Plugin, Surroundings),
     *(ModuleType, FunctionType, BuiltinFunctionType, type, Enum),
@@ -122,7 +122,7 @@ def group_state(group: AgentGroup) -> dict[str, str]:
     found = {f"the {name}": fingerprint(_column(column)) for name, column in awareness.columns.items()}
     found["the control input"] = fingerprint(group.control_column.values)
     found["the knowledge"] = fingerprint([dict(each) for each in group.knowledge])
-    found["what is known of others"] = fingerprint([_motions(awareness.seen), _motions(awareness.received)])
+    found["beliefs about others"] = fingerprint([_motions(awareness.seen), _motions(awareness.received)])
     return found
 
 
@@ -141,23 +141,23 @@ def _motions(tracks: Any) -> Any:
     return [tracks.time, tracks.pointers, tracks.others, tracks.positions, tracks.velocities, tracks.covariances]
 
 
-#: A seed that nobody chooses.
+#: A seed that no plugin is likely to choose.
 _UNLIKELY = 2_862_933_555
 
 
 @contextmanager
 def watched(found: DeviationList, where: str) -> Iterator[None]:
-    """Find draws from global generators, and looks at the clock, within the block.
+    """Find draws from global generators and reads of the clock within the block.
 
     The clock functions are replaced while the block is executed, in their modules and where the plugin's modules
     imported them. The states of the global generators are restored.
 
     Args:
-        found: Takes the deviations.
+        found: Receives the deviations.
         where: The method that the block calls.
     """
-    numpy_kept, python_kept = np.random.get_state(), random.getstate()  # noqa: NPY002 # the one that is watched
-    # States that no plugin sets, so that one which seeds the generators is found as well.
+    numpy_kept, python_kept = np.random.get_state(), random.getstate()  # noqa: NPY002 # the generator that is watched
+    # States that no plugin sets, so that a plugin that seeds the generators is found as well.
     np.random.seed(_UNLIKELY)  # noqa: NPY002
     random.seed(_UNLIKELY)
     numpy_before, python_before = np.random.get_state(), random.getstate()  # noqa: NPY002
@@ -186,7 +186,7 @@ def watched(found: DeviationList, where: str) -> Iterator[None]:
 
 
 def _stand_ins(found: DeviationList, where: str) -> dict[int, Any]:
-    """Return what replaces the functions of the clock, by the identity of each."""
+    """Return the replacements of the functions of the clock, by the identity of each."""
 
     def note(name: str, frame: FrameType) -> None:
         if is_code_of(found.kind, frame):

@@ -21,10 +21,10 @@ from symaware_cli.testing.side_effects import fingerprint, group_state
 #: Values of the small scenario by their paths, such as ``{"agents.robot.count": 5}``.
 Changes = Mapping[str, Any]
 
-#: The name under which the plugin is checked: its key among components and faults, too.
+#: The name under which the plugin is checked: also its key among components and faults.
 CHECKED = "checked"
 
-#: Eight steps of three unicycles on a circle that go to the other side, each with a body and a goal.
+#: Eight steps of three unicycles that cross a circle, each with a body and a goal.
 _SCENARIO: dict[str, Any] = {
     "symaware": 1,
     "name": "conformance",
@@ -57,8 +57,8 @@ class SmallScenario:
 
     Attributes:
         content: The document; `use` may be a class.
-        found: Takes the deviations of the plugin.
-        is_named: Whether scenarios can name plugins of its kind.
+        found: Receives the deviations of the plugin.
+        is_named: Whether scenarios can name plugins of this kind.
     """
 
     def __init__(self, content: dict[str, Any], changes: Changes | None, found: DeviationList) -> None:
@@ -157,12 +157,12 @@ def difference(one: list[dict[str, str]], other: list[dict[str, str]]) -> str | 
 
 
 def check_run(small: SmallScenario, where: str, *, with_state: bool = True) -> None:
-    """Check that runs of a scenario do not fail, are equal, and can be captured and restored.
+    """Check that runs of a scenario succeed, are equal, and can be captured and restored.
 
     Args:
         small: The scenario.
         where: The method to name, if a difference cannot be attributed to another one.
-        with_state: Whether its state is captured.
+        with_state: Whether the state is captured and restored.
     """
     found = small.found
     with started(small.build()) as run:
@@ -180,7 +180,7 @@ def check_run(small: SmallScenario, where: str, *, with_state: bool = True) -> N
             state = None
         differing = difference(first, begun + trace(run))
         if differing is not None:
-            again = "use `self.random`, and neither the clock, the order of a set nor what other runs left behind"
+            again = "use `self.random`, and neither the clock, the order of a set nor data of other runs"
             found.add(where, f"is not repeatable: in a second run with the same seed {differing}", again)
             return
         if state is not None:

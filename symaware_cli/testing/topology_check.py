@@ -1,4 +1,4 @@
-"""Checks of topologies: links of members only, sorted, repeatable, and the same object while nothing changes."""
+"""Checks of topologies: sorted links between members, repeatability, and the same object for equal links."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _KIND = next(each for each in KINDS if each.name == "topology")
 def check_topology(kind: type[Topology], changes: Changes | None = None, /, **parameters: Any) -> None:
     """Check a topology with five agents that move and send their states for eight steps.
 
-    Its links must be sorted `Links` between members; the same object as long as they are equal, and at all times unless
-    it declares `changes`. Runs must be equal, and continue alike from a captured state.
+    The links must be sorted `Links` between members, and the same object as long as they are equal; without `changes`
+    that is the whole run. Runs must be equal, and continue alike from a captured state.
 
     Args:
         kind: The class.

@@ -12,16 +12,16 @@ from symaware_cli.world import PluginKind
 
 _KIND = PluginKind("transport", "symaware.transports", (Transport,))
 
-#: How long is waited for an event [s].
+#: Longest wait for an event [s].
 _PATIENCE = 10.0
 
 
 def check_transport(kind: type[Transport], /, **parameters: Any) -> None:
     """Check a transport with a host and members within this process, on the loopback interface.
 
-    Frames must arrive whole, in order and once, in both directions; one that is longer than `maximum_frame` must be
-    refused, and a member with another key, too. Each end must learn once that the other is gone, and closing twice must
-    do nothing. Members in processes of their own, and processes that end suddenly, are not tested.
+    Frames must arrive whole, in order and once, in both directions. A frame that is longer than `maximum_frame` must be
+    refused, and so must a member with another key. Each end must get one event when the other is gone, and closing
+    twice must do nothing. Members in processes of their own, and processes that end suddenly, are not tested.
 
     Args:
         kind: The class.

@@ -9,7 +9,7 @@ import signal
 import struct
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import BinaryIO
@@ -66,6 +66,7 @@ class PythonChild:
         variables: Mapping[str, str] | None = None,
         shares_path: bool = True,
         own_session: bool = False,
+        descriptors: Sequence[int] = (),
     ) -> None:
         """Start the process, without waiting for it.
 
@@ -74,13 +75,14 @@ class PythonChild:
             variables: Its environment; by default that of this process, with the same instruction set.
             shares_path: Whether it looks for modules where this process does.
             own_session: Whether signals of the terminal do not reach it.
+            descriptors: File descriptors that it has as well, under the same numbers.
         """
         theirs_in, ours_out = os.pipe()
         ours_in, theirs_out = os.pipe()
         code = f"from {__name__} import enter; enter({target!r}, {theirs_in}, {theirs_out}, {os.getpid()})"
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", code],
-            pass_fds=(theirs_in, theirs_out),
+            pass_fds=(theirs_in, theirs_out, *descriptors),
             stdin=subprocess.DEVNULL,
             start_new_session=own_session,
             env=processor.environment() if variables is None else variables,

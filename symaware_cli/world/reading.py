@@ -22,6 +22,7 @@ class Scan:
             (n, k).
         range: The greatest distance that is measured [m].
         poses: The true poses of the sensors, x, y, z [m] and heading [rad], for the log; shape (n, 4).
+        mount: Where the sensor sits on the body: forwards, leftwards, upwards of its position [m].
     """
 
     time: int
@@ -29,6 +30,7 @@ class Scan:
     distances: Array
     range: float
     poses: Array
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ class BodyBuilder:
         self._client = client
         self._folders = folders
         self._files = files
-        self._robots: dict[str, tuple[Path, dict[str, MimicJoint]]] = {}
+        self._robots: dict[tuple[str, str], tuple[Path, dict[str, MimicJoint]]] = {}
         self._height = height
         self._floor = floor
         self._loading = loading
@@ -123,7 +123,7 @@ class BodyBuilder:
             body = self._load(mass, shape.urdf, place, orientation, *where)
             if not held:
                 self._release_joints(body)
-                self._couple(body, self._robots[shape.urdf.file][1], shape.urdf.scale)
+                self._couple(body, self._robots[shape.urdf.file, shape.urdf.missing][1], shape.urdf.scale)
         else:
             body = self._body(mass, self._collision_shape(shape, *where), place, orientation)
         # `_standing_height` is exact for upright bodies with a shape of their own only.
@@ -164,13 +164,14 @@ class BodyBuilder:
     def _load(
         self, mass: float, urdf: Urdf, position: Sequence[float], orientation: Sequence[float], *where: str
     ) -> int:
-        if urdf.file not in self._robots:
-            robot = asset.described(urdf.file, self._folders, *where, "shape", "urdf", "file")
+        key = urdf.file, urdf.missing
+        if key not in self._robots:
+            robot = asset.described(urdf.file, self._folders, *where, "shape", "urdf", "file", missing=urdf.missing)
             unsupported = robot.description.unsupported_joint(follow=True)
             if unsupported is not None:
                 raise WorldError(unsupported.located(urdf.file), *where, "shape", "urdf", "file")
-            self._robots[urdf.file] = self.robot_file(robot), robot.description.followers()
-        file, _ = self._robots[urdf.file]
+            self._robots[key] = self.robot_file(robot), robot.description.followers()
+        file, _ = self._robots[key]
         body = self.load_robot(
             file,
             urdf.file,

@@ -47,7 +47,7 @@ def _meshes(body: Entity | Obstacle, folders: AssetFolders) -> list[Path]:
         if shape.mesh:
             return [asset.find(shape.mesh.file, folders)]
         assert shape.urdf is not None
-        robot = asset.described(shape.urdf.file, folders)
+        robot = asset.described(shape.urdf.file, folders, missing=shape.urdf.missing)
     except (WorldError, AssetError):
         return []
     return list(dict.fromkeys(robot.paths[each.name] for each in robot.description.meshes if each.collides))

@@ -66,10 +66,8 @@ class PyBulletEnvironment(OpaqueEngine, VehicleEnvironment):
             description="Acceleration of free bodies and of vehicles [x, y, z] [m/s^2]; other agents follow their "
             "models instead.",
         )
-        ground: GroundPlane | None = Field(
-            GroundPlane(), description="The plane that everything falls on; none if null."
-        )
-        height: float = Field(1.0, gt=0, description="How high what has no height of its own is, such as a wall [m].")
+        ground: GroundPlane | None = Field(GroundPlane(), description="Ground plane; none if null.")
+        height: float = Field(1.0, gt=0, description="Height of shapes that define none, such as walls [m].")
         recovery: float = Field(
             0.02,
             ge=0,

@@ -41,6 +41,7 @@ KINDS: Mapping[str, Sequence[Any]] = {
     "believe": [{"agent": "a", "about": "b"}, {"agent": "b", "about": "c", "truth": False}],
     "deliver": [{"sender": "a"}, {"sender": "b", "placebo": True}],
     "prevent": ["cut", "late"],
+    "keep": [{"promise": "near"}, {"promise": "far"}],
 }
 
 #: These take effect at one instant.
@@ -74,15 +75,25 @@ def document(kind: str, *, lasts: bool) -> dict[str, Any]:
         faults["late"] = {"at": 0.8, "push": {"of": "b", "by": [0.3, 0.3]}}
     if kind in ("restore", "prevent"):
         faults["cut"] = {"at": 0.2, "cut": {"between": ["a", "b"]}}
+    agents = {name: agent(place) for place, name in enumerate("abc")}
+    promised: dict[str, Any] = {}
+    if kind == "keep":
+        agents["c"]["components"]["watch"] = {"use": "promises.monitor"}
+        promised["regions"] = {"left": {"box": [-1.0, 0.7, -2.0, 2.0]}, "middle": {"box": [-1.0, 1.6, -2.0, 2.0]}}
+        promised["promises"] = {
+            name: {"of": of, "to": "c", "formula": f"always inside(position, {region})"}
+            for name, of, region in (("near", "a", "left"), ("far", "b", "middle"))
+        }
     return {
         "symaware": 1,
         "name": "faults",
         "seed": 3,
         "run": {"duration": STEPS / 10},
         "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
-        "agents": {name: agent(place) for place, name in enumerate("abc")},
+        "agents": agents,
         "topology": {"use": "complete", "channel": {"delay": 0.1, "jitter": 0.1}},
         "faults": faults,
+        **promised,
     }
 
 

@@ -24,7 +24,7 @@ def test_a_simulation_that_goes_back_to_a_mark_is_in_the_same_state_and_continue
 
 
 def test_a_simulation_goes_back_after_its_end() -> None:
-    with sa.load(SCENARIOS / "hello.yaml").start(seed=3) as simulation:
+    with sa.load(SCENARIOS / "head-on.yaml").start(seed=3) as simulation:
         mark = simulation.mark()
         first = simulation.finish().summary.minimum_separation
         simulation.go_back(mark)
@@ -34,7 +34,7 @@ def test_a_simulation_goes_back_after_its_end() -> None:
 
 def test_another_seed_draws_other_noise_as_a_new_simulation_would() -> None:
     noise = {"agents.robot.model.with.process_noise": [0.1, 0.1, 0.1]}
-    scenario = sa.load(SCENARIOS / "hello.yaml", noise)
+    scenario = sa.load(SCENARIOS / "head-on.yaml", noise)
     with scenario.start(seed=3) as simulation, scenario.start(seed=4) as other:
         mark = simulation.mark()
         simulation.step(5)
@@ -45,7 +45,7 @@ def test_another_seed_draws_other_noise_as_a_new_simulation_would() -> None:
 
 
 def test_a_simulation_with_a_log_has_no_marks(tmp_path: Path) -> None:
-    scenario = sa.load(SCENARIOS / "hello.yaml")
+    scenario = sa.load(SCENARIOS / "head-on.yaml")
     with (
         scenario.start(output=tmp_path / "log.mcap") as simulation,
         pytest.raises(sa.StateError, match="its log is finished"),
@@ -54,7 +54,7 @@ def test_a_simulation_with_a_log_has_no_marks(tmp_path: Path) -> None:
 
 
 def test_within_a_step_beliefs_are_those_of_the_present_and_inputs_act_at_it() -> None:
-    scenario = sa.load(SCENARIOS / "hello.yaml")
+    scenario = sa.load(SCENARIOS / "head-on.yaml")
     with scenario.start(seed=3, within_steps=True) as within, scenario.start(seed=3) as between:
         assert within.step() == 0
         for _ in range(5):

@@ -55,7 +55,7 @@ def test_nodes_are_where_their_changes_put_them_last_first() -> None:
 
 
 @pytest.mark.parametrize("axis", ["X_UP", "Y_UP", "Z_UP"])
-def test_it_is_as_large_and_stands_as_the_engine_has_it(axis: str, tmp_path: Path) -> None:
+def test_size_and_orientation_agree_with_the_engine(axis: str, tmp_path: Path) -> None:
     with open(f"{pybullet_data.getDataPath()}/racecar/meshes/chassis.dae") as file:
         text = file.read().replace("<up_axis>Y_UP</up_axis>", f'<unit meter="0.5"/><up_axis>{axis}</up_axis>')
     (tmp_path / "a.dae").write_text(text)
@@ -90,6 +90,6 @@ def test_it_is_as_large_and_stands_as_the_engine_has_it(axis: str, tmp_path: Pat
         (collada(TRIANGLE, "<instance_geometry url='#g'/>" * 1_001), "at most 1,000 are read"),
     ],
 )
-def test_what_is_damaged_is_refused_with_its_place(data: bytes, said: str) -> None:
+def test_damaged_files_are_refused_with_the_place(data: bytes, said: str) -> None:
     with pytest.raises(AssetError, match=said):
         triangles(data)

@@ -1,4 +1,4 @@
-"""Which meshes are convex: each part of a file for itself."""
+"""Convexity of meshes, checked for each part of a file."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,8 @@
 """Files of meshes and robots, sound and damaged, in the spatial world.
 
-Each file is refused with its place, or the engine has as many collision shapes as it declares, as large as an
-independent reader (trimesh) finds them. The engine itself crashes on some, so that it runs in a process of its own.
+Each file is either refused with the place of the problem, or the engine has as many collision shapes as the file
+declares, of the sizes that an independent reader (trimesh) finds. The engine runs in a separate process, since some
+files crash it.
 """
 
 import json
@@ -51,7 +52,7 @@ SOUND: dict[str, tuple[str, bytes]] = {
 USES = ("mesh", "collision", "visual")
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 
-#: Builds a world with each of the files, and prints what becomes of it.
+#: Builds a world with each of the files, and prints the result.
 CHILD = """
 import json, sys
 from pathlib import Path
@@ -147,7 +148,7 @@ def damages(kind: str) -> Iterator[tuple[str, bytes]]:
 
 
 def cases() -> list[Case]:
-    """Every damage of every kind in every use."""
+    """All combinations of damage, kind of file and use."""
     return [
         Case(f"{use} {kind} {damage}", use, SOUND[kind][0], data)
         for kind in SOUND
@@ -200,20 +201,20 @@ def outcomes(tried: list[Case], folder: Path) -> dict[str, Any]:
 
 
 def read_independently(case: Case, folder: Path) -> Any:
-    """Return the bounding box of a file as trimesh reads it; None if it does not."""
+    """Return the bounding box of a file from trimesh; None if trimesh cannot read it."""
     import trimesh
 
     path = folder / f"independent{case.suffix}"
-    # It knows no byte order mark: it skips the line that begins with one.
+    # trimesh does not support byte order marks: it skips a line that begins with one.
     path.write_bytes(case.data.removeprefix(b"\xef\xbb\xbf"))
     try:
         return np.array(trimesh.load_scene(path, process=False).bounds)
-    except Exception:  # of every kind: it is not made for damaged files
+    except Exception:  # errors of every kind: trimesh is not made for damaged files
         return None
 
 
 def check(tried: list[Case], folder: Path, independent: bool) -> int:
-    """Check what became of each file; returns the number of boxes that were compared."""
+    """Check the result of each file; return the number of boxes that were compared."""
     found, compared = outcomes(tried, folder), 0
     for number, case in enumerate(tried):
         outcome = found[case.name]
@@ -239,7 +240,7 @@ def check(tried: list[Case], folder: Path, independent: bool) -> int:
 def test_files_that_crash_the_engine_are_refused_or_read(tmp_path: Path) -> None:
     kept = {"sound", "empty", "miscounted", "beyond", "flat", "marked"}
     tried = [case for case in cases() if case.name.split(" ", 2)[2] in kept and case.use != "visual"]
-    # Seven sound files, of which no mesh shape is of Collada, and an OBJ with a byte order mark in both uses.
+    # Seven sound files, without a mesh shape of Collada, and an OBJ with a byte order mark in both uses.
     assert check(tried, tmp_path, independent=False) == 7 + 2
 
 

@@ -1,4 +1,4 @@
-"""Mesh files: what is read, and what is refused with its place."""
+"""Mesh files: valid ones are read, and damaged ones are refused with the place of the problem."""
 
 import struct
 from pathlib import Path
@@ -164,6 +164,6 @@ def test_formats_without_a_reader_are_refused() -> None:
             parse_mesh(b"glTF", suffix)
 
 
-def test_what_is_written_as_stl_is_binary() -> None:
+def test_stl_files_are_written_in_binary() -> None:
     assert is_binary_stl(stl(TETRAHEDRON))
     assert not is_binary_stl(ascii_stl().encode())

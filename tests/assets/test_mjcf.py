@@ -1,4 +1,4 @@
-"""MJCF files: what of them is a robot, which files they may name, and where a damaged one is damaged."""
+"""MJCF files: the parts that are a robot, the files that they include, and the places of problems."""
 
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ def refusal(folder: Path, data: bytes, **others: bytes) -> str:
     return str(refused.value)
 
 
-# -- what is read
+# -- reading
 
 
 def test_lights_sensors_options_and_the_floor_are_no_part_of_a_robot() -> None:
@@ -119,7 +119,7 @@ def test_wheels_are_as_large_as_the_round_shape_that_a_joint_carries() -> None:
     assert read(LEG.replace('size=".1"', 'type="box" size="1 1 1"')).rolling_radius("hip") is None
 
 
-def test_what_does_not_collide_is_what_a_body_looks_like() -> None:
+def test_shapes_that_do_not_collide_are_visual() -> None:
     both = '<geom size=".1"/><geom type="capsule" fromto="0 0 0 0 0 .4" size=".02" contype="0" conaffinity="0"/>'
     (seen,) = read(LEG.replace('<geom size=".1"/>', both)).articulation({}).links[1].visuals
     assert (seen.kind, seen.size, seen.position) == ("capsule", (0.02, 0.4), (0.0, 0.0, 0.2))
@@ -180,7 +180,7 @@ def test_files_do_not_include_themselves_or_lead_out_of_the_folder(tmp_path: Pat
     assert "robot.xml:1:16: it names the mesh `../../m.obj`, which leads out" in refusal(home, robot("", mesh))
 
 
-# -- what is refused
+# -- refusals
 
 
 @pytest.mark.parametrize(
@@ -225,13 +225,13 @@ def test_files_do_not_include_themselves_or_lead_out_of_the_folder(tmp_path: Pat
         ("", '<actuator><motor joint="absent"/></actuator>', "there is no joint `absent`"),
     ],
 )
-def test_what_cannot_be_read_is_refused_with_its_line(inner: str, around: str, said: str, tmp_path: Path) -> None:
+def test_unsupported_content_is_refused_with_its_line(inner: str, around: str, said: str, tmp_path: Path) -> None:
     told = refusal(tmp_path, b"\n" + robot(inner, around))
     assert told.startswith("robot.xml:2:")
     assert any(each in told for each in said.split("|"))
 
 
-def test_other_files_and_endless_ones_are_no_robots(tmp_path: Path) -> None:
+def test_other_and_oversized_files_are_refused(tmp_path: Path) -> None:
     assert "it describes no robot" in refusal(tmp_path, b"<robot/>")
     assert "it is no XML" in refusal(tmp_path, b"\x00\xff")
     assert "nested more than 100 deep" in refusal(tmp_path, robot("<body>" * 200 + "</body>" * 200))
@@ -239,7 +239,7 @@ def test_other_files_and_endless_ones_are_no_robots(tmp_path: Path) -> None:
     assert "more than 1,000 bodies" in refusal(tmp_path, robot(many))
 
 
-def test_a_world_that_cannot_says_which_feature_it_lacks(tmp_path: Path) -> None:
+def test_a_world_without_mechanisms_names_the_missing_feature(tmp_path: Path) -> None:
     from symaware_cli.worlds.spatial import PyBulletEnvironment
 
     (tmp_path / "robot.xml").write_bytes(robot())

@@ -1,4 +1,4 @@
-"""Meshes that a URDF names by package: where they are looked for, and in logs."""
+"""Meshes that a URDF names by package: the folders that are searched, and the copies in logs."""
 
 import os
 import subprocess
@@ -68,7 +68,7 @@ def problem(path: Path) -> str:
     ],
 )
 @pytest.mark.parametrize("scheme", ["package", "model"])
-def test_a_package_is_found_above_the_urdf_and_a_log_has_what_it_takes(
+def test_a_package_is_found_above_the_urdf_and_a_log_has_its_files(
     tmp_path: Path, urdf: str, mesh: str, manifest: str | None, scheme: str
 ) -> None:
     home = tmp_path / "home"
@@ -90,7 +90,7 @@ SEEN = """<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx
 
 
 @pytest.mark.parametrize("world", ["kinematic", "pybullet"])
-def test_a_mesh_that_is_only_seen_may_be_missing_and_is_warned_of(tmp_path: Path, world: str) -> None:
+def test_a_missing_visual_mesh_gives_a_warning(tmp_path: Path, world: str) -> None:
     write(tmp_path / "r.urdf", SEEN)
     path = scenario(tmp_path, "r.urdf")
     path.write_text(path.read_text().replace("use: pybullet", f"use: {world}"))
@@ -98,6 +98,26 @@ def test_a_mesh_that_is_only_seen_may_be_missing_and_is_warned_of(tmp_path: Path
     (warning,) = (each for each in built.find_warnings() if each.code == "shapes-left-out")
     assert warning.path == "environment.entities.thing.shape.urdf.file"
     assert "r.urdf:2:19: it names the mesh `package://arm/lost.stl`, which is not there" in warning.message
+    execute(built, tmp_path / "first.mcap")
+    execute(open_scenario(tmp_path / "first.mcap"), tmp_path / "again.mcap")
+    first, second = (digest(open_log(tmp_path / name)) for name in ("first.mcap", "again.mcap"))
+    assert first.combined == second.combined
+
+
+@pytest.mark.parametrize("world", ["kinematic", "pybullet"])
+def test_a_collision_mesh_may_be_missing_only_if_the_scenario_says_so(tmp_path: Path, world: str) -> None:
+    write(tmp_path / "r.urdf", SEEN.replace("visual>", "collision>", 2))
+    path = scenario(tmp_path, "r.urdf")
+    strict = yaml.safe_load(path.read_text().replace("use: pybullet", f"use: {world}"))
+    path.write_text(yaml.safe_dump(strict))
+    with pytest.raises(ScenarioError) as raised:
+        build(path)
+    assert "`missing: leave-out` beside `file` loads the robot without it" in raised.value.problems[0].message
+    strict["environment"]["entities"]["thing"]["shape"]["urdf"]["missing"] = "leave-out"
+    path.write_text(yaml.safe_dump(strict))
+    built = build(path)
+    (warning,) = (each for each in built.find_warnings() if each.code == "shapes-left-out")
+    assert "r.urdf:2:22: it names the mesh `package://arm/lost.stl`, which is not there" in warning.message
     execute(built, tmp_path / "first.mcap")
     execute(open_scenario(tmp_path / "first.mcap"), tmp_path / "again.mcap")
     first, second = (digest(open_log(tmp_path / name)) for name in ("first.mcap", "again.mcap"))
@@ -165,7 +185,7 @@ def test_folders_of_a_base_are_relative_to_it(tmp_path: Path) -> None:
     assert "arm/b.stl" in build(tmp_path / "home" / "top.yaml").files
 
 
-def test_a_further_folder_that_is_missing_is_a_problem_only_with_a_file_that_is(tmp_path: Path) -> None:
+def test_a_missing_further_folder_is_reported_only_with_a_missing_file(tmp_path: Path) -> None:
     write(tmp_path / "r.urdf", URDF.format("package://arm/b.stl"))
     path = scenario(tmp_path, "r.urdf", assets=["nowhere"])
     with pytest.raises(ScenarioError) as refused:
@@ -190,7 +210,7 @@ def test_a_further_folder_that_is_missing_is_a_problem_only_with_a_file_that_is(
         ("package://linked/b.stl", "leads out of its folder"),
         ("package://nowhere/b.stl", "looked for arm/nowhere/b.stl, nowhere/b.stl"),
         ("package://arm", "a path is relative to the file"),
-        ("package://arm/b.glb", "what collides is an .obj, .stl or .dae file"),
+        ("package://arm/b.glb", "a collision mesh is an .obj, .stl or .dae file"),
     ],
 )
 def test_nothing_outside_of_the_folders_is_read(tmp_path: Path, name: str, said: str) -> None:

@@ -1,4 +1,4 @@
-"""URDF files, and what robots look like."""
+"""URDF files, and the visual shapes of robots."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -138,13 +138,13 @@ def shaped(shape: str, kind: str = "collision", more: str = "") -> str:
         (f"<link name='a'>{'<b>' * 120}{'</b>' * 120}</link>", "nested more than 100 deep"),
     ],
 )
-def test_a_description_that_is_not_what_it_seems_is_refused_at_its_place(text: str, said: str) -> None:
+def test_an_invalid_description_is_refused_at_its_place(text: str, said: str) -> None:
     with pytest.raises(AssetError, match=said) as refused:
         RobotDescription(f"<robot name='r'>{text}</robot>".encode())
     assert (refused.value.line, refused.value.column > 0) == (1, True)
 
 
-def test_what_engines_and_files_of_robots_agree_on_is_read() -> None:
+def test_common_deviations_from_the_format_are_read() -> None:
     text = """<?xml version="1.0"?>
     <robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="a">
       <visual><origin xyz="1, 2, 3" rpy="0\t0\n0"/>

@@ -77,7 +77,7 @@ def real(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> bytes:
     """The log of a real run, with contacts and other events, in several chunks."""
     path = tmp_path_factory.mktemp("real") / "hello.mcap"
     options = ["--set", "run.duration=6", "--set", "agents.robot.count=20", "--quiet", "--output", path]
-    assert called(["run", scenarios / "hello.yaml", *options]) == (0, "", "")
+    assert called(["run", scenarios / "head-on.yaml", *options]) == (0, "", "")
     assert len(open_log(path).index.spans) > 1
     return path.read_bytes()
 

@@ -17,7 +17,7 @@ from symaware_cli.cli.application import application
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute
 
-HELLO = CHECKOUT / "scenarios" / "hello.yaml"
+HEAD_ON = CHECKOUT / "scenarios" / "head-on.yaml"
 
 
 def diff(*arguments: object) -> tuple[int, str, str]:
@@ -28,10 +28,10 @@ def diff(*arguments: object) -> tuple[int, str, str]:
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("logs")
-    execute(build(HELLO, ["run.duration=2"]), folder / "one.mcap")
-    execute(build(HELLO, ["run.duration=2"]), folder / "same.mcap")
+    execute(build(HEAD_ON, ["run.duration=2"]), folder / "one.mcap")
+    execute(build(HEAD_ON, ["run.duration=2"]), folder / "same.mcap")
     slower = ["run.duration=2", "agents.robot.components.steer.with.speed=1.1"]
-    execute(build(HELLO, slower), folder / "slower.mcap")
+    execute(build(HEAD_ON, slower), folder / "slower.mcap")
     return folder
 
 
@@ -56,19 +56,28 @@ def test_what_was_changed_and_since_when_is_told(logs: Path) -> None:
 def test_a_figure_of_both_is_drawn_on_request(logs: Path, tmp_path: Path) -> None:
     assert diff(logs / "one.mcap", logs / "slower.mcap", "--plot", tmp_path / "apart.png")[0] == 1
     assert (tmp_path / "apart.png").read_bytes().startswith(b"\x89PNG")
-    status, _, said = diff(HELLO, logs / "one.mcap", "--plot", tmp_path / "none.png")
+    status, _, said = diff(HEAD_ON, logs / "one.mcap", "--plot", tmp_path / "none.png")
     assert (status, said) == (2, "symaware: --plot goes with two logs, or with two sweeps\n")
     assert diff(logs / "one.mcap", logs / "slower.mcap", "--plot", tmp_path / "apart.docx")[0] == 2
 
 
 def test_scenarios_are_compared_with_their_places(logs: Path, tmp_path: Path) -> None:
-    text = HELLO.read_text()
+    text = HEAD_ON.read_text()
     (tmp_path / "other.yaml").write_text(text.replace("seed: 7", "seed: 8"))
-    status, out, _ = diff(HELLO, tmp_path / "other.yaml")
+    status, out, _ = diff(HEAD_ON, tmp_path / "other.yaml")
     assert status == 1
     line = next(number for number, each in enumerate(text.splitlines(), 1) if each.startswith("seed"))
-    assert f"  scenario     seed: 7 and 8 ({HELLO}:{line}, {tmp_path / 'other.yaml'}:{line})\n" in out
-    assert diff(HELLO, HELLO)[0] == 0
+    assert f"  scenario     seed: 7 and 8 ({HEAD_ON}:{line}, {tmp_path / 'other.yaml'}:{line})\n" in out
+    assert diff(HEAD_ON, HEAD_ON)[0] == 0
+
+
+def test_values_of_scenarios_are_shown_as_yaml_and_shortened(tmp_path: Path) -> None:
+    rooms = ", ".join(f"room-{number}: {{box: [0, 1, 0, 2]}}" for number in range(9))
+    (tmp_path / "other.yaml").write_text(f"{HEAD_ON.read_text()}\nregions: {{{rooms}}}\n")
+    _, out, _ = diff(HEAD_ON, tmp_path / "other.yaml")
+    assert "regions: nothing and {room-0: {box: [0" in out
+    assert " ... " in out
+    assert "'" not in out
 
 
 def test_folders_and_what_is_no_log_are_wrong_input(logs: Path, tmp_path: Path) -> None:
@@ -84,7 +93,7 @@ def sweeps(tmp_path_factory: pytest.TempPathFactory) -> Path:
     common: dict[str, Any] = {"run.duration": 3.0, "specifications.apart": apart}
     for name, speed, seed in (("one", 1.2, 3), ("same", 1.2, 3), ("slower", 1.0, 3), ("other", 1.2, 4)):
         changes = {**common, "agents.robot.components.steer.with.speed": speed}
-        sweep(HELLO, folder / name, runs=4, seed=seed, changes=changes)
+        sweep(HEAD_ON, folder / name, runs=4, seed=seed, changes=changes)
     return folder
 
 
@@ -130,7 +139,7 @@ def test_a_figure_of_two_sweeps_shows_their_runs_in_pairs(sweeps: Path, tmp_path
     status, _, said = diff(sweeps / "one", sweeps / "same", "--plot", tmp_path / "none.svg")
     assert status == 2
     assert "nothing to draw" in said
-    assert diff(sweeps / "one", HELLO, "--plot", tmp_path / "none.svg")[0] == 2
+    assert diff(sweeps / "one", HEAD_ON, "--plot", tmp_path / "none.svg")[0] == 2
 
 
 def test_sweeps_with_other_seeds_are_not_paired(sweeps: Path) -> None:
@@ -153,7 +162,7 @@ def test_a_changed_number_in_a_table_is_found(sweeps: Path, tmp_path: Path) -> N
 
 
 def test_a_folder_is_compared_with_another_sweep_only(sweeps: Path, tmp_path: Path) -> None:
-    assert diff(sweeps / "one", HELLO)[0] == 2
+    assert diff(sweeps / "one", HEAD_ON)[0] == 2
     assert diff(sweeps / "one", tmp_path)[0] == 2
     shutil.copytree(sweeps / "one", tmp_path / "unfinished")
     (tmp_path / "unfinished" / "runs.parquet").unlink()
@@ -164,7 +173,7 @@ def test_a_folder_is_compared_with_another_sweep_only(sweeps: Path, tmp_path: Pa
 
 @pytest.mark.parametrize("verb", [["diff", "swept", "swept"], ["inspect", "swept"]])
 def test_without_pyarrow_the_command_that_installs_it_is_told(verb: list[str], tmp_path: Path) -> None:
-    sweep(HELLO, tmp_path / "swept", runs=2, changes={"run.duration": 0.5}, jobs=0)
+    sweep(HEAD_ON, tmp_path / "swept", runs=2, changes={"run.duration": 0.5}, jobs=0)
     code = "import sys; sys.modules['pyarrow'] = None; from symaware_cli.cli import main; main()"
     line = [sys.executable, "-c", code, *verb]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)

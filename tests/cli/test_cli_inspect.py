@@ -24,6 +24,18 @@ def log(command: Command, scenarios: Path, tmp_path: Path) -> Path:
     return tmp_path / "hello.mcap"
 
 
+def test_contacts_are_those_that_the_summary_of_the_run_counts(
+    command: Command, scenarios: Path, tmp_path: Path
+) -> None:
+    told = command("run", scenarios / "head-on.yaml").stdout
+    counted = next(line.split()[1].rstrip(",") for line in told.splitlines() if line.startswith("  contacts"))
+    summary = command("inspect", tmp_path / "head-on.mcap").stdout
+    assert int(counted) > 0
+    assert f"  contacts  {counted}\n" in summary
+    assert "contact " not in summary
+    assert json.loads(command("inspect", tmp_path / "head-on.mcap", "--json").stdout)["contacts"] == int(counted)
+
+
 def test_it_tells_who_how_long_how_often_and_with_what(log: Path, command: Command) -> None:
     done = command("inspect", log)
     assert (done.returncode, done.stderr) == (0, "")

@@ -1,6 +1,7 @@
 """Every path that a verb takes may be one that cannot be used: it says so in a sentence, and loses nothing."""
 
 import io
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from inspect import signature
@@ -94,12 +95,13 @@ CALLS: Mapping[str, Sequence[Sequence[str]]] = {
 }
 """Calls of each verb that work, without the paths of `FILES`. A new verb needs an entry."""
 
-WRITTEN = ("output", "save", "screenshot", "pdf", "plot")
+WRITTEN = ("output", "save", "screenshot", "video", "pdf", "plot")
 """The parameters that name something to write."""
 
 SUFFIXES = {
     "run": ".mcap",
     "replay0-save": ".rrd",
+    "replay0-video": ".gif",
     "replay": ".png",
     "plot": ".png",
     "trajectories": ".png",
@@ -132,7 +134,9 @@ def paths_of(verb: str) -> Mapping[str, str | None]:
         is_option = isinstance(info, OptionInfo)
         if name == "name" and is_option:
             continue
-        declared = [text for text in info.param_decls or () if text.startswith("--")] if is_option else []
+        # Within `Annotated`, the first name of an option is in the place of its default.
+        names = (str(info.default), *(info.param_decls or ()))
+        declared = [text for text in names if text.startswith("--")] if is_option else []
         found[name] = (declared or [f"--{name.replace('_', '-')}"])[0] if is_option else None
     return found
 
@@ -310,6 +314,33 @@ def refused(verb: str, number: int, name: str, sound: Path, here: Path, reasons:
 @pytest.mark.parametrize(("verb", "name"), FIRST)
 def test_a_path_that_cannot_be_used_is_told(verb: str, name: str, sound: Path, here: Path) -> None:
     refused(verb, 0, name, sound, here, QUICKLY)
+
+
+READ = [(verb, name) for verb in CALLS if not verb.startswith("new ") for name in paths_of(verb) if name not in WRITTEN]
+"""Every parameter of a verb that names something to read."""
+
+FITTING: Mapping[tuple[str, str], tuple[int, Sequence[str]]] = {
+    ("run", "key_file"): (1, ()),
+    ("sweep", "target"): (0, ("--output", "swept")),
+    ("verify", "key"): (2, ()),
+}
+"""The call of a verb in which a parameter has a meaning, and the options that it needs, where it is not the first."""
+
+
+@pytest.mark.parametrize(("verb", "name"), READ)
+def test_a_missing_or_a_broken_file_has_the_same_status_with_every_verb_and_is_named(
+    verb: str, name: str, sound: Path, here: Path
+) -> None:
+    number, more = FITTING.get((verb, name), (0, ()))
+    suffix = suffix_of(verb, number, name, sound)
+    broken = here / f"broken{suffix}"
+    broken.write_bytes(b"\x00{[: nothing that a program can read\xff")
+    (here / "room.yaml").write_text(SCENARIO)
+    # Any bytes are a secret key.
+    for path in (here / f"missing{suffix}", *([broken] * (name != "key_file"))):
+        status, said = called([*line(verb, number, name, str(path), sound), *more])
+        # Without the frame around errors of options, within which long paths are broken.
+        assert (status, path.name in re.sub(r"[\s│]", "", said)) == (2, True), (path.name, said)
 
 
 @pytest.mark.slow

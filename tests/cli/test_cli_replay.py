@@ -104,7 +104,7 @@ def test_a_picture_is_taken_of_an_instant(hello: Path, command: Command) -> None
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--save", "a.rrd", "--web"], "choose one of --save, --screenshot, --web and --connect"),
+        (["--save", "a.rrd", "--web"], "choose one of --save, --screenshot, --video, --web and --connect"),
         (["--save", "a.rrd", "--agents", "robot.9"], "there is no agent 'robot.9'; did you mean 'robot."),
         (["--save", "a.rrd", "--from", "99"], "nothing to show in that interval"),
         (["--save", "a.rrd", "--from", "3", "--to", "2"], "--from 3 is later than --to 2"),

@@ -27,7 +27,7 @@ SCENARIOS = CHECKOUT / "scenarios"
 BATCHED: dict[str, list[str]] = {
     "circle-swap.yaml": ["run.duration=4", "agents.robot.count=12"],
     "crossing.yaml": ["run.duration=3"],
-    "hello.yaml": ["run.duration=3"],
+    "head-on.yaml": ["run.duration=3"],
     "noisy.yaml": ["run.duration=2"],
     "patrol.yaml": ["run.duration=4"],
     "rendezvous.toml": ["run.duration=3"],

@@ -1,4 +1,4 @@
-"""What tests of the conformance kit share: the text of the deviations that a check finds."""
+"""Support for tests of the conformance kit: the text of the deviations that a check finds."""
 
 import inspect
 import re
@@ -14,7 +14,7 @@ Check = Callable[..., None]
 
 
 def deviations(check: Check, kind: type, *arguments: Any, **parameters: Any) -> str:
-    """What a check says of a plugin that does not conform."""
+    """Return the message of a check about a plugin that does not conform."""
     with pytest.raises(ConformanceError) as caught:
         check(kind, *arguments, **parameters)
     said = str(caught.value)

@@ -1,4 +1,4 @@
-"""Components that break a rule are named, with the method, the line, and what to do."""
+"""Components that break a rule are named, with the method, the line, and a correction."""
 
 import datetime
 import random
@@ -35,7 +35,7 @@ from symaware_cli.testing import ConformanceError, check_component
 
 
 class Still(Controller):
-    """Does not move, in the way that it should."""
+    """A valid component that requests no motion."""
 
     def _compute(self) -> Any:
         return [0.0, 0.0], TimeSeries()
@@ -85,7 +85,7 @@ class Stops(Still):
 
 
 class Ticks(Still):
-    """Reads a clock that only goes on."""
+    """Reads the monotonic clock."""
 
     def _compute(self) -> Any:
         return [0.0 * time.monotonic_ns(), 0.0], TimeSeries()
@@ -106,7 +106,7 @@ class Days(Still):
 
 
 class LooksLater(Still):
-    """Reads the clock as it writes."""
+    """Reads the clock in `_update`."""
 
     def _update(self, value: Any) -> None:
         time.time()
@@ -297,7 +297,7 @@ class Memory:
 
 
 class Forgets(Component):
-    """Keeps its memory where no state is captured, but begins it anew in each run."""
+    """Keeps its state outside of captured attributes, but resets it in each run."""
 
     def initialise_component(
         self, agent: Agent, awareness: AwarenessDatabase, knowledge: Mapping[str, KnowledgeDatabase]
@@ -324,7 +324,7 @@ class Captive(Still):
 
 
 class Sums(GroupComponent):
-    """Adds up rows, which are those of several runs in a batch."""
+    """Adds up rows, although those of a batch belong to several runs."""
 
     batchable: ClassVar = True
 
@@ -337,7 +337,7 @@ class Sums(GroupComponent):
 
 
 class Undescribed(Still):
-    """Does not say what its parameter is."""
+    """Has a parameter without a description."""
 
     class Parameters(symaware_cli.Parameters):
         """One number."""
@@ -421,7 +421,7 @@ BROKEN: dict[type, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_component_is_named_with_the_method_and_what_to_do(kind: type[Component]) -> None:
+def test_a_broken_component_is_named_with_the_method_and_a_correction(kind: type[Component]) -> None:
     said = deviations(check_component, kind)
     for words in BROKEN[kind]:
         assert words in said
@@ -437,7 +437,7 @@ def test_the_place_is_a_line_of_the_component_itself(kind: type[Component]) -> N
 
 
 class Gusts(Still):
-    """Draws as it should, and remembers in `_update`."""
+    """Draws from `self.random`, and stores state in `_update`."""
 
     events: ClassVar = {"gusted": "The wind turned."}
 
@@ -463,7 +463,7 @@ class Gusts(Still):
         self.last = value[0][0]
 
 
-def test_a_component_that_draws_and_remembers_as_it_should_conforms() -> None:
+def test_a_component_with_random_draws_and_a_memory_conforms() -> None:
     check_component(Still)
     check_component(Gusts, strength=0.3)
 
@@ -490,7 +490,7 @@ def replaceable() -> list[Any]:
     return [*clocks, random.getstate(), str(np.random.get_state())]  # noqa: NPY002
 
 
-def test_what_was_replaced_to_watch_is_put_back() -> None:
+def test_replaced_functions_are_restored_after_a_check() -> None:
     before = replaceable()
     for kind in (Looks, Stops, Dates, Draws, Fails):
         with pytest.raises(ConformanceError):
@@ -498,7 +498,7 @@ def test_what_was_replaced_to_watch_is_put_back() -> None:
     assert replaceable() == before
 
 
-def test_each_deviation_is_a_line_of_its_own() -> None:
+def test_each_deviation_is_a_separate_line() -> None:
     class Double(Still):
         """Breaks two rules."""
 

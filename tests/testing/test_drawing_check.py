@@ -1,4 +1,4 @@
-"""Drawings that break a rule are named, with the method and what to do."""
+"""Drawings that break a rule are named, with the method and a correction."""
 
 import random
 from itertools import count
@@ -13,7 +13,7 @@ from symaware_cli.testing import check_drawing
 
 
 class Heights(Drawing):
-    """Draws a coordinate of each agent, as it should."""
+    """A valid drawing of a coordinate of each agent."""
 
     panel: ClassVar = "heights"
 
@@ -115,7 +115,7 @@ class Topicless(Heights):
 
 
 class Printing(Heights):
-    """Draws on paper."""
+    """Declares an unknown output."""
 
     outputs: ClassVar[Any] = frozenset({"paper"})
 
@@ -137,7 +137,7 @@ BROKEN: dict[type[Drawing], tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_drawing_is_named_with_the_method_and_what_to_do(kind: type[Drawing]) -> None:
+def test_a_broken_drawing_is_named_with_the_method_and_a_correction(kind: type[Drawing]) -> None:
     said = deviations(check_drawing, kind)
     for words in BROKEN[kind]:
         assert words in said

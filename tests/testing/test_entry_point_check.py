@@ -1,4 +1,4 @@
-"""Entry points that lead nowhere are named, with the package and what to do."""
+"""Entry points that lead nowhere are named, with the package and a correction."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_a_package_whose_entry_points_are_of_their_kinds_conforms(install: Insta
     )
 
 
-def test_an_import_error_is_told_once_for_all_entry_points_of_a_module(install: Install) -> None:
+def test_an_import_error_is_reported_once_for_all_entry_points_of_a_module(install: Install) -> None:
     points = {f"broken.{letter}": f"broken_import:{letter.upper()}" for letter in "abc"}
     (said,) = said_of(install("broken-package", components=points, models={"broken.d": "broken_import:D"}))
     assert "the component `broken.a` of broken-package 1.0 cannot be imported" in said
@@ -89,11 +89,11 @@ def test_an_entry_point_that_cannot_be_used_is_named(
     assert key in said
 
 
-def test_a_package_without_entry_points_is_told_so(install: Install) -> None:
+def test_a_package_without_entry_points_is_reported(install: Install) -> None:
     (said,) = said_of(install("plain-package"))
     assert "plain-package has no entry points in groups like symaware.components" in said
 
 
-def test_a_package_that_is_not_installed_is_told_so() -> None:
+def test_a_package_that_is_not_installed_is_reported() -> None:
     (said,) = said_of("symaware-nowhere")
     assert "symaware-nowhere is not installed here" in said

@@ -1,4 +1,4 @@
-"""Environments that break a rule are named, with the method and what to do."""
+"""Environments that break a rule are named, with the method and a correction."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ class Open(KinematicEnvironment):
 
 
 class Unlimited(KinematicEnvironment):
-    """Applies more than the model can."""
+    """Applies control inputs beyond the limits of the model."""
 
     def applied_input(self, group: EntityGroup) -> Array:
         applied: Array = super().applied_input(group) + 100.0
@@ -67,7 +67,7 @@ class Short(KinematicEnvironment):
 
 
 class Elsewhere(KinematicEnvironment):
-    """Begins elsewhere."""
+    """Begins in other states than the initial ones."""
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         super().initialise(groups, obstacles, seed)
@@ -85,7 +85,7 @@ class Endless(KinematicEnvironment):
 
 
 class Requesting(KinematicEnvironment):
-    """Changes what the groups request."""
+    """Changes the control inputs that the groups request."""
 
     def step(self) -> None:
         super().step()
@@ -94,7 +94,7 @@ class Requesting(KinematicEnvironment):
 
 
 class Standing(KinematicEnvironment):
-    """Lets its time stand still."""
+    """Does not advance its time."""
 
     def step(self) -> None:
         super().step()
@@ -123,7 +123,7 @@ class Remembering(KinematicEnvironment):
 
 
 class Coupled(KinematicEnvironment):
-    """Lets agents act on those of other runs, and says that it can be batched."""
+    """Lets agents of different runs interact, and declares `batchable`."""
 
     batchable: ClassVar = True
 
@@ -156,19 +156,19 @@ BROKEN: dict[type[Environment], tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_environment_is_named_with_the_method_and_what_to_do(kind: type[Environment]) -> None:
+def test_a_broken_environment_is_named_with_the_method_and_a_correction(kind: type[Environment]) -> None:
     said = deviations(check_environment, kind)
     for words in BROKEN[kind]:
         assert words in said
 
 
-def test_an_environment_that_is_not_complete_is_told_what_is_missing() -> None:
+def test_an_incomplete_environment_is_reported_with_its_missing_methods() -> None:
     assert "Partial (" in (said := deviations(check_environment, Partial))
     assert "does not implement applied_input, snapshot, state, step" in said
 
 
 class Windy(KinematicEnvironment):
-    """Moves agents with the wind, as it should."""
+    """A valid environment that moves agents with the wind."""
 
     def step(self) -> None:
         super().step()

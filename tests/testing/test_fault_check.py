@@ -1,4 +1,4 @@
-"""Kinds of faults that break a rule are named, with the method and what to do."""
+"""Kinds of faults that break a rule are named, with the method and a correction."""
 
 import time
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from symaware_cli.testing import check_fault
 
 
 class Halt(Fault):
-    """Stops agents for a while, as it should."""
+    """A valid fault that stops agents for a while."""
 
     class Parameters(symaware_cli.Parameters):
         """Which agents."""
@@ -43,7 +43,7 @@ class Halt(Fault):
 
 
 class Remembering(Halt):
-    """Keeps what it needs in an attribute."""
+    """Keeps state for its end in an attribute."""
 
     def begin(self, run: FaultTargets) -> Any:
         self.begun = run.now
@@ -59,7 +59,7 @@ class Drawing(Halt):
 
 
 class Timed(Halt):
-    """Reads the clock at its end."""
+    """Reads the clock in `end`."""
 
     def end(self, run: FaultTargets, begun: Any) -> None:
         time.perf_counter()
@@ -67,7 +67,7 @@ class Timed(Halt):
 
 
 class Mute(Halt):
-    """Has no words."""
+    """Has an empty text."""
 
     @property
     def text(self) -> str:
@@ -75,7 +75,7 @@ class Mute(Halt):
 
 
 class Placeless(Halt):
-    """Has a source that there is not."""
+    """Has an unknown source."""
 
     @property
     def source(self) -> str:
@@ -83,7 +83,7 @@ class Placeless(Halt):
 
 
 class Sudden(Halt):
-    """Does not last, and has an end."""
+    """Does not last, but implements `end`."""
 
     lasts: ClassVar = False
 
@@ -103,7 +103,7 @@ class FailingLater(Halt):
 
 
 class Captive(Halt):
-    """Returns what cannot be captured."""
+    """Returns a value that cannot be captured."""
 
     def begin(self, run: FaultTargets) -> Any:
         super().begin(run)
@@ -124,7 +124,7 @@ BROKEN: dict[type[Fault], tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_fault_is_named_with_the_method_and_what_to_do(kind: type[Fault]) -> None:
+def test_a_broken_fault_is_named_with_the_method_and_a_correction(kind: type[Fault]) -> None:
     said = deviations(check_fault, kind)
     for words in BROKEN[kind]:
         assert words in said
@@ -134,5 +134,5 @@ def test_a_fault_that_undoes_its_effect_conforms() -> None:
     check_fault(Halt, of="robot.1")
 
 
-def test_a_fault_that_does_not_begin_within_the_run_is_not_checked_in_vain() -> None:
+def test_a_fault_that_does_not_begin_within_the_run_is_reported() -> None:
     assert "Halt.begin (" in deviations(check_fault, Halt, {"faults.it.at": 5.0})

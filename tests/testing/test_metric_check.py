@@ -1,4 +1,4 @@
-"""Metrics that break a rule are named, with the method and what to do."""
+"""Metrics that break a rule are named, with the method and a correction."""
 
 from itertools import count
 from time import time
@@ -14,7 +14,7 @@ from symaware_cli.testing import check_metric
 
 
 class Path(Metric):
-    """Measures the way of all agents, as it should."""
+    """A valid metric: the distance travelled by all agents."""
 
     unit: ClassVar = "m"
 
@@ -41,7 +41,7 @@ class Text(Path):
 
 
 class Truth(Path):
-    """Returns a truth in place of a number."""
+    """Returns a truth value in place of a number."""
 
     def value(self) -> Any:
         return True
@@ -70,7 +70,7 @@ class Lone(Path):
 
 
 class Odd(Path):
-    """Is of a kind that there is not."""
+    """Has an unknown kind."""
 
     kind: ClassVar[Any] = "vector"
 
@@ -97,7 +97,7 @@ class Steering(Path):
 
 
 class Emptying(Path):
-    """Begins anew when it is asked."""
+    """Resets itself when its value is read."""
 
     def value(self) -> Any:
         total, self.total = self.total, 0.0
@@ -167,21 +167,21 @@ BROKEN: dict[type[Metric], tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_metric_is_named_with_the_method_and_what_to_do(kind: type[Metric]) -> None:
+def test_a_broken_metric_is_named_with_the_method_and_a_correction(kind: type[Metric]) -> None:
     said = deviations(check_metric, kind)
     for words in BROKEN[kind]:
         assert words in said
 
 
 class Share(Path):
-    """The share of a way."""
+    """The share of a distance."""
 
     class Parameters(symaware_cli.Parameters):
-        """Says nothing of its parameter."""
+        """Has a parameter without a description."""
 
         whole: float = 1.0
 
 
-def test_a_metric_that_only_looks_conforms() -> None:
+def test_a_metric_that_only_reads_conforms() -> None:
     check_metric(Path, {"agents.robot.count": 2})
     assert "does not describe `whole`" in deviations(check_metric, Share, whole=2.0)

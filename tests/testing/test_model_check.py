@@ -1,4 +1,4 @@
-"""Models that contradict themselves are named, with the method, the line, and what to do."""
+"""Models that contradict themselves are named, with the method, the line, and a correction."""
 
 import math as floats
 import time
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Cart(Model):
-    """A cart that turns, as it should."""
+    """A valid model of a cart that turns."""
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
     control_input = (Quantity("speed", "m/s"), Quantity("turn_rate", "rad/s"))
@@ -61,7 +61,7 @@ class Singular(Cart):
 
 
 class Imaginary(Cart):
-    """Takes the root of what may be negative."""
+    """Takes the root of a number that may be negative."""
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Any:
         return (math.sqrt(state[0]), control_input[0], control_input[1])
@@ -93,7 +93,7 @@ class Remembering(Cart):
 
 
 class Noisy(Cart):
-    """Draws its noise by itself."""
+    """Draws noise from the global generator."""
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Any:
         return (control_input[0] + 0.01 * np.random.randn(), state[1], control_input[1])  # noqa: NPY002
@@ -130,7 +130,7 @@ class WrongTurnRate(Cart):
 
 
 class WrongSuccessor(Cart):
-    """Takes an Euler step for the closed form."""
+    """Returns an Euler step in place of the closed form."""
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Any:
         rates = self.derivative(state, control_input, math)
@@ -138,13 +138,13 @@ class WrongSuccessor(Cart):
 
 
 class Discrete(Cart):
-    """Is in discrete time, without a step."""
+    """Is in discrete time, without a successor."""
 
     time_step = 0.1
 
 
 class WrongVelocities(Cart):
-    """Says that its heading is its velocity."""
+    """Names its heading as a velocity."""
 
     velocities = (2, 0)
 
@@ -178,7 +178,7 @@ class Skewed(Cart):
 
 
 class Sums(Cart):
-    """Computes other last bits for a group, and says that it can be batched."""
+    """Computes other last bits for a group, and declares `batchable`."""
 
     batchable: ClassVar = True
 
@@ -262,7 +262,7 @@ BROKEN: dict[type[Model], tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_model_is_named_with_the_method_and_what_to_do(kind: type[Model]) -> None:
+def test_a_broken_model_is_named_with_the_method_and_a_correction(kind: type[Model]) -> None:
     said = deviations(check_model, kind)
     for words in BROKEN[kind]:
         assert words in said
@@ -273,7 +273,7 @@ def test_the_place_is_a_line_of_the_model_itself(kind: type[Model]) -> None:
     assert is_located(deviations(check_model, kind), kind)
 
 
-def test_a_branch_is_blamed_on_its_own_line() -> None:
+def test_a_branch_is_located_at_its_line() -> None:
     said = deviations(check_model, Branching)
     line = Branching.derivative.__code__.co_firstlineno + 1
     assert said.count("\n") == 0

@@ -1,4 +1,4 @@
-"""Topologies that break a rule are named, with the method and what to do."""
+"""Topologies that break a rule are named, with the method and a correction."""
 
 import random
 from itertools import count
@@ -13,7 +13,7 @@ from symaware_cli.testing import check_topology
 
 
 class Pairs(Topology):
-    """Links the first member to all others, as it should."""
+    """A valid topology that links the first member to all others."""
 
     def initialise(self, environment: Environment, seed: int) -> None:
         super().initialise(environment, seed)
@@ -34,7 +34,7 @@ class Renewing(Pairs):
 
 
 class Growing(Pairs):
-    """Changes its links, and does not say so."""
+    """Changes its links without declaring `changes`."""
 
     def links(self, now: int) -> Any:
         return self._kept if now < 100_000_000 else self._none()
@@ -67,7 +67,7 @@ class Selfish(Pairs):
 
 
 class Few(Pairs):
-    """Counts two agents only."""
+    """Returns links of two agents only."""
 
     def made(self) -> Any:
         return Links(2, np.array([0]), np.array([1]))
@@ -127,7 +127,7 @@ BROKEN: dict[type[Topology], tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_topology_is_named_with_the_method_and_what_to_do(kind: type[Topology]) -> None:
+def test_a_broken_topology_is_named_with_the_method_and_a_correction(kind: type[Topology]) -> None:
     said = deviations(check_topology, kind)
     for words in BROKEN[kind]:
         assert words in said

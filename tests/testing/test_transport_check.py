@@ -1,4 +1,4 @@
-"""Transports that break a rule are named, with the method and what to do."""
+"""Transports that break a rule are named, with the method and a correction."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -37,7 +37,7 @@ class Wrapped(Port):
 
 
 class Flawed(Tcp):
-    """Carries frames by TCP, as it should."""
+    """A transport by TCP whose port can have a flaw."""
 
     port: type[Wrapped] = Wrapped
 
@@ -99,7 +99,7 @@ class Advancing(Flawed):
 
 
 class Curt(Flawed):
-    """Gives another reason."""
+    """Gives another reason for the end of a connection."""
 
     port = Reasonless
 
@@ -140,7 +140,7 @@ BROKEN: dict[type[Transport], tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN, ids=lambda kind: kind.__name__)
-def test_a_broken_transport_is_named_with_the_method_and_what_to_do(kind: type[Transport]) -> None:
+def test_a_broken_transport_is_named_with_the_method_and_a_correction(kind: type[Transport]) -> None:
     said = deviations(check_transport, kind)
     for words in BROKEN[kind]:
         assert words in said

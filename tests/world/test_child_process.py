@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import pytest
+from child_processes import is_running
 
 from symaware_cli import processor
 from symaware_cli.world.child_process import PythonChild, how_it_ended, read, write
@@ -17,6 +18,7 @@ from symaware_cli.world.child_process import PythonChild, how_it_ended, read, wr
 TARGETS = {
     "the turns of components": "symaware_cli.engine.runtime.worker:serve",
     "the runs of a sweep": "symaware_cli.studies.pool_worker:serve",
+    "rows of environments": "symaware_cli.learning.row_worker:serve",
     "a strategy": "symaware_cli.knowledge.synthesis.strategy_process:serve",
 }
 
@@ -97,11 +99,3 @@ def test_it_is_killed_with_the_process_that_started_it(target: str) -> None:
     while is_running(number) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not is_running(number)
-
-
-def is_running(number: int) -> bool:
-    """Whether a process is neither gone nor a zombie."""
-    try:
-        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False

@@ -1,4 +1,4 @@
-"""What MuJoCo warns of ends a run that says so, and writes nothing beside the scenario."""
+"""Warnings of MuJoCo end a run with a message, and write no file beside the scenario."""
 
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ def test_a_world_that_becomes_unstable_ends_its_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    # After 4.5 s the ball is farther away than the engine can tell from a mistake.
+    # After 4.5 s the ball is so far away that the engine takes its position for an error.
     falling = scenario({"a": ball(0)}, time_step=0.1, substeps=1, ground=None, gravity=[0, 0, -1e9])
     with pytest.raises(sa.RunFailedError, match=r"unstable.*raise `substeps`"):
         sa.scenario(falling).run(output="unstable.mcap")

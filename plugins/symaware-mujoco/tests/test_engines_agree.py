@@ -1,4 +1,4 @@
-"""MuJoCo beside the world `pybullet`: the same car, and the same in front of a camera."""
+"""MuJoCo agrees with the world `pybullet`: the same car, and the same camera image."""
 
 from typing import Any
 

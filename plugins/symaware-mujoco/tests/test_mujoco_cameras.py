@@ -1,4 +1,4 @@
-"""Cameras in MuJoCo: images by rays, which need no screen, and repeat to the byte."""
+"""Cameras in MuJoCo: images by rays, which need no screen, and are repeatable to the byte."""
 
 from pathlib import Path
 from typing import Any
@@ -63,16 +63,16 @@ def test_a_camera_that_looks_straight_down_has_x_upwards() -> None:
     assert np.nonzero(image.segments == 2)[0].max() < 20
 
 
-def test_looks_are_seen_only_if_the_scenario_says_so() -> None:
+def test_visual_shapes_are_seen_only_if_the_scenario_says_so() -> None:
     found, rays = [], []
     for visuals in (False, True):
         environment = world(cars=True, visuals=visuals)
         image = environment.camera_image([3.0, -1.0, 0.5], [3.2, 0.0, 0.05], (64, 48), 0.8)
         found.append(np.count_nonzero(image.segments == 1))
-        # Rays of a lidar meet what collides, and nothing else.
+        # Rays of a lidar meet collision shapes only.
         towards = np.array([[[np.cos(angle), np.sin(angle)] for angle in np.linspace(-0.1, 0.1, 21)]])
         rays.append(environment.ray_cast(np.array([1]), np.zeros((1, 2)), towards, 9.0, -0.4))
-    # The chassis has looks, and collides with nothing.
+    # The chassis has visual shapes, but no collision shape.
     assert found[1] > 1.1 * found[0] > 0
     assert np.isfinite(rays[0]).any()
     assert rays[0].tobytes() == rays[1].tobytes()

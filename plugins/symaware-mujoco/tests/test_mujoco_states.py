@@ -1,4 +1,4 @@
-"""States of a scene with contacts: put back at any instant, a run goes on to the same bytes."""
+"""States of a scene with contacts: restored at any instant, they continue a run to the same bytes."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 
 def crowd() -> dict[str, Any]:
-    """Balls and crates of several surfaces that fall on a heap in a yard, through which two robots drive."""
+    """Balls and crates of several surfaces that fall on a heap, through which two robots drive."""
     shapes = [{"circle": {"radius": 0.2}}, {"box": {"length": 0.3, "width": 0.4, "height": 0.3}}]
     entities: dict[str, Any] = {
         f"b{number}": {
@@ -64,7 +64,7 @@ def test_a_state_put_back_at_a_random_instant_goes_on_to_the_same_bytes(instants
         for _ in range(steps + further):
             simulation.step()
             states.append(simulation.capture().to_bytes())
-        # Nothing is compared by chance with itself: no two instants have the same state.
+        # No two instants have the same state, so the comparison is not trivial.
         assert len(set(states)) == len(states)
         for instant in chosen:
             simulation.restore(sa.SimulationState.from_bytes(states[instant]))

@@ -1,4 +1,4 @@
-"""Vehicles in MuJoCo: closed forms of wheels and rotors, states that are taken and put back, and agents that enter."""
+"""Vehicles in MuJoCo: closed forms of wheels and rotors, captured and restored states, and agents that enter."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -49,7 +49,7 @@ def resting(*positions: tuple[float, float, float]) -> list[list[float]]:
 
 
 @pytest.mark.parametrize("state", [[1.0, 2.0, 0.5, 0.0, 0.0], [-3.0, 0.0, -2.5, 1.5, 0.3], [0.0, 0.0, 7.0, 0.0, -0.2]])
-def test_a_car_starts_where_the_scenario_says(state: list[float]) -> None:
+def test_a_car_starts_in_the_state_of_the_scenario(state: list[float]) -> None:
     environment, group = world(Racecar(), [state])
     assert environment.state(group)[0] == pytest.approx(state, abs=1e-9)
     assert environment.contacts() == []
@@ -117,7 +117,7 @@ def test_rays_of_a_car_pass_through_its_own_parts() -> None:
     assert np.isinf(found[1])
 
 
-def test_what_a_car_looks_like_is_described_in_its_file() -> None:
+def test_visual_shapes_of_a_car_come_from_its_file() -> None:
     vehicle = Racecar().vehicle()
     robot = asset.installed(vehicle.portable_description())
     assert sum(len(link.visuals) for link in robot.description.articulation(robot.paths).links) == 8
@@ -133,7 +133,7 @@ def test_a_quadrotor_hovers_where_thrust_and_weight_are_equal() -> None:
     assert np.abs(state[0] - resting((0, 0, 1))[0]).max() < 1e-6
 
 
-def test_a_quadrotor_climbs_as_its_thrust_says() -> None:
+def test_a_quadrotor_climbs_by_its_thrust() -> None:
     model = Quadrotor(Quadrotor.Parameters(drag=False))
     environment, group = world(model, resting((0, 0, 1)))
     speed = 1.1 * model.hover_speed
@@ -197,7 +197,7 @@ def test_another_gravity_than_that_of_the_world_is_refused() -> None:
 
 
 @pytest.mark.parametrize("kind", [Racecar, Quadrotor])
-def test_pushes_and_noise_change_the_state_by_what_is_said(kind: Any) -> None:
+def test_pushes_and_noise_change_the_state_by_the_given_amounts(kind: Any) -> None:
     model = kind()
     states = np.zeros((2, len(model.state)))
     states[:, 1] = [0.0, 5.0]
@@ -278,7 +278,7 @@ def test_a_run_with_vehicles_goes_on_from_its_state_to_the_same_bytes(name: str,
         assert {agent: simulation.state(agent).tobytes() for agent in simulation.groups} == ends
 
 
-def test_what_becomes_of_one_quadrotor_does_not_depend_on_others() -> None:
+def test_the_motion_of_one_quadrotor_does_not_depend_on_others() -> None:
     states = resting(*((2.0 * number, 0.0, 1.0) for number in range(3)))
 
     def flown(chosen: Sequence[int]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What `validate` warns of in the world of MuJoCo: inexact elasticities, and meshes that are not convex."""
+"""Warnings of `validate` about the world of MuJoCo: inexact elasticities, and meshes that are not convex."""
 
 from pathlib import Path
 from typing import Any
@@ -45,11 +45,11 @@ def test_no_collision_leaves_another_part_of_the_speed_by_more_than_a_twentieth(
     assert rebound_range(elasticity) == pytest.approx((elasticity, elasticity), abs=TOLERANCE)
 
 
-def test_an_elasticity_that_is_kept_within_five_per_cent_of_it_is_not_warned_of(tmp_path: Path) -> None:
+def test_an_elasticity_that_is_kept_within_five_per_cent_gives_no_warning(tmp_path: Path) -> None:
     assert warnings(tmp_path, {"a": ball(0, 0.7), "b": ball(1, 0.0), "c": ball(2, 1.0)}) == []
 
 
-def test_a_smaller_elasticity_is_warned_of_once_for_each_product(tmp_path: Path) -> None:
+def test_a_smaller_elasticity_gives_one_warning_for_each_product(tmp_path: Path) -> None:
     found = warnings(tmp_path, {"a": ball(0, 0.3), "b": ball(1, 0.3), "c": ball(2, 0.9)})
     where = "environment.entities.a.elasticity"
     # With the ground, which is elastic, with each other, and with `c`.
@@ -57,7 +57,7 @@ def test_a_smaller_elasticity_is_warned_of_once_for_each_product(tmp_path: Path)
     assert warnings(tmp_path, {"a": ball(0, 0.3)}, **{"with": {"ground": None}}) == []
 
 
-def test_a_mesh_that_is_not_convex_is_warned_of_where_it_is_named(tmp_path: Path) -> None:
+def test_a_mesh_that_is_not_convex_gives_a_warning_where_it_is_named(tmp_path: Path) -> None:
     (tmp_path / "waist.obj").write_text(WAIST)
     (tmp_path / "post.urdf").write_text(ROBOT)
     entities = {

@@ -1,4 +1,4 @@
-"""Rigid bodies in MuJoCo: closed forms, contacts, exact repeats, and states that are taken and put back."""
+"""Rigid bodies in MuJoCo: closed forms, contacts, exact repetition, and captured and restored states."""
 
 from pathlib import Path
 from typing import Any
@@ -74,7 +74,7 @@ def after(environment: MujocoEnvironment, seconds: float) -> MujocoEnvironment:
 
 
 @pytest.mark.parametrize("elasticity", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
-def test_the_damping_of_a_contact_leaves_what_its_elasticity_says(elasticity: float) -> None:
+def test_the_damping_of_a_contact_gives_its_elasticity(elasticity: float) -> None:
     assert rebound(damping_ratio(elasticity)) == pytest.approx(elasticity, abs=0.03)
 
 
@@ -92,7 +92,7 @@ def test_a_ball_bounces_as_high_as_its_elasticity_squared(elasticity: float, hei
 
 
 @pytest.mark.parametrize(("masses", "elasticity"), [((1.0, 1.0), 1.0), ((1.0, 3.0), 0.5), ((2.0, 1.0), 0.0)])
-def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_speed(
+def test_a_collision_keeps_momentum_and_the_elastic_part_of_the_speed(
     masses: tuple[float, float], elasticity: float
 ) -> None:
     surface = {"elasticity": float(np.sqrt(elasticity))}
@@ -105,7 +105,7 @@ def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_speed(
 
 
 @pytest.mark.parametrize(("floor", "own"), [(1.0, 0.3), (0.5, 0.6), (0.2, 2.0)])
-def test_a_crate_slides_as_far_as_the_product_of_both_frictions_says(floor: float, own: float) -> None:
+def test_the_product_of_both_frictions_determines_how_far_a_crate_slides(floor: float, own: float) -> None:
     crate = Obstacle(shape=CRATE, position=[0, 0], velocity=[2.0, 0.0], mass=5.0, friction=own)
     environment = after(world({"crate": crate}, ground={"friction": floor, "elasticity": 0.0}), 2.0)
     # v^2 / (2 mu g)
@@ -113,7 +113,7 @@ def test_a_crate_slides_as_far_as_the_product_of_both_frictions_says(floor: floa
     assert environment.pose("crate").velocity[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_what_stands_does_not_creep_or_sink() -> None:
+def test_standing_bodies_do_not_creep_or_sink() -> None:
     stack = {
         name: Obstacle(shape=CRATE, position=[0, 0, 0.2 + 0.4 * number], mass=1.0, elasticity=0.0)
         for number, name in enumerate("abc")
@@ -123,7 +123,7 @@ def test_what_stands_does_not_creep_or_sink() -> None:
         assert environment.pose(name).position == pytest.approx((0, 0, 0.2 + 0.4 * number), abs=2e-3)
 
 
-def test_what_flies_is_where_galilei_has_it_and_damping_takes_its_part() -> None:
+def test_free_flight_is_a_parabola_and_damping_reduces_its_speed() -> None:
     ball = Obstacle(shape=BALL, position=[0, 0, 10], velocity=[1.0, 0.0, 2.0], mass=1.0)
     x, _, z = after(world({"ball": ball}), 1.0).pose("ball").position
     assert (x, z) == pytest.approx((1.0, 10 + 2.0 - 0.5 * 9.81), abs=0.006)
@@ -175,7 +175,7 @@ def test_forces_and_torques_accelerate_bodies_by_their_mass_and_inertia() -> Non
     assert environment.state(pushed)[0] == pytest.approx([0.5, 0.0, 1.0, 0.0], abs=1e-3)
 
 
-def test_a_robot_pushes_what_its_force_can_push() -> None:
+def test_the_force_of_a_robot_decides_what_it_can_push() -> None:
     result = sa.load(SCENARIOS / "pushing.yaml").run(record=False)
     assert [each.verdict for each in result.summary.specifications] == ["satisfied", "satisfied"]
 
@@ -197,7 +197,7 @@ def test_an_entity_may_be_called_as_the_engine_calls_its_own() -> None:
     assert after(environment, 0.2).pose("world").position[2] == pytest.approx(0.2, abs=1e-3)
 
 
-def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
+def test_all_problems_are_reported_at_once(tmp_path: Path) -> None:
     flat = {"mesh": {"file": "none.obj", "radius": 1.0}}
     entities = {name: Obstacle(shape=flat, position=[0, 0]) for name in ("one", "two")}
     with pytest.raises(sa.WorldError) as caught:
@@ -205,7 +205,7 @@ def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
     assert len(caught.value.others) == 1
 
 
-def test_what_stands_at_the_start_is_no_contact_and_an_overlap_is_one() -> None:
+def test_standing_bodies_have_no_contact_at_the_start_and_overlapping_ones_do() -> None:
     standing = world({"crate": Obstacle(shape=CRATE, position=[0, 0], mass=1.0)})
     assert standing.contacts() == []
     assert after(standing, 0.5).contacts() == []
@@ -307,7 +307,7 @@ ODD = """<robot name="odd"><link name="base"><inertial><mass value="5"/><inertia
 <joint name="free" type="continuous"><parent link="camera"/><child link="tip"/></joint></robot>"""
 
 
-def test_a_robot_with_what_files_often_have_is_loaded_and_its_joints_follow(tmp_path: Path) -> None:
+def test_a_robot_with_common_defects_is_loaded_and_its_joints_follow(tmp_path: Path) -> None:
     """Missing looks, an inertia that no body has, an axis without a direction, a link without mass, and `mimic`."""
     (tmp_path / "odd.urdf").write_text(ODD)
     odd = Obstacle(shape={"urdf": {"file": "odd.urdf", "radius": 2.0}}, position=[0, 0, 3])
@@ -362,7 +362,7 @@ def test_a_branch_of_a_physics_world_begins_from_a_captured_state(tmp_path: Path
     assert result.way == "capture"
 
 
-# -- what it does not have
+# -- unsupported features
 
 
 @pytest.mark.parametrize(
@@ -384,7 +384,7 @@ def test_a_branch_of_a_physics_world_begins_from_a_captured_state(tmp_path: Path
         ("environment.entities={ground: {shape: {circle: {radius: 1}}, position: [9, 9]}}", "names the ground"),
     ],
 )
-def test_what_it_does_not_have_is_refused_at_its_place(change: str, said: str, tmp_path: Path) -> None:
+def test_unsupported_features_are_refused_at_their_place(change: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n")
     robot_file(tmp_path)
     (tmp_path / "floating.urdf").write_text(URDF.format(kind="floating"))

@@ -1,4 +1,4 @@
-"""One word switches: every shipped scenario of a physics world runs in MuJoCo, and in every other world that can."""
+"""Every shipped scenario of a physics world runs in MuJoCo, and in every other capable world."""
 
 import re
 from functools import cache
@@ -18,13 +18,13 @@ WORLDS = sorted(point.name for point in metadata.entry_points(group="symaware.en
 PATTERNS = ("scenarios/[!_]*.yaml", "plugins/*/scenarios/[!_]*.yaml")
 SHIPPED = sorted(path for pattern in PATTERNS for path in ROOT.glob(pattern))
 
-#: [m] How far agents may be from where they are in the world of their scenario, after a second: a racecar accelerates
-#: by 3.0 m/s^2 in MuJoCo, as the torque of its motors says, and by 2.4 m/s^2 in PyBullet.
+#: [m] The greatest distance of agents from their positions in the world of their scenario, after a second: a racecar
+#: accelerates by 3.0 m/s^2 in MuJoCo, as the torque of its motors says, and by 2.4 m/s^2 in PyBullet.
 APART = 0.35
 
 
 def own_world(path: Path) -> str:
-    """The world that a scenario names, or its bases do."""
+    """The world that a scenario or one of its bases names."""
     text = path.read_text(encoding="utf-8")
     named = re.search(r"^environment:.*?\buse: *(\S+)", text, re.MULTILINE | re.DOTALL)
     base = re.search(r"^extends: *(\S+\.yaml)", text, re.MULTILINE)
@@ -61,7 +61,7 @@ def ran(path: Path, world: str) -> Any:
             columns = [name for name in simulation.state_columns(group) if name in ("x", "y", "z")]
             for id in ids:
                 positions[id] = np.array(simulation.state(id, *columns))[:2]
-    # Where entities stand on each other at the start, worlds differ in whether that begins.
+    # If entities stand on each other at the start, worlds differ in whether a contact begins.
     return positions, any(names & positions.keys() for names in touching)
 
 
@@ -85,6 +85,6 @@ def test_a_scenario_runs_alike_in_each_world_that_can(path: Path) -> None:
         assert touched == expected[1], world
         for id, position in positions.items():
             assert np.isfinite(position).all()
-            # Nothing rubs on the floor of a plane.
+            # A planar world has no friction with the floor.
             if is_planar(world) == is_planar(own) or not touched:
                 assert np.linalg.norm(position - expected[0][id]) < APART, (world, id)

@@ -77,7 +77,7 @@ PANDA = [
 GEN3 = [INF, 128.9 * DEGREE, INF, 147.8 * DEGREE, INF, 120.3 * DEGREE, INF]
 UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
-#: Of each file the mass [kg], and of its joints the least and greatest position, the effort and the velocity.
+#: For each file the mass [kg], and for its joints the least and greatest position, the effort and the velocity.
 SHEETS: dict[str, tuple[float, dict[str, tuple[float, float, float, float]]]] = {
     "turtlebot3_burger.urdf": (
         1.0,
@@ -167,7 +167,7 @@ def test_our_kinematics_puts_links_where_the_engine_has_them(file: str) -> None:
             [0.5, -0.4],
             1e-9,
         ),
-        # It stands on a ball behind, and nods by the thousandth of a radian while it drives.
+        # The robot is supported by a ball at the rear, and pitches by a thousandth of a radian while it drives.
         (
             DifferentialDrive(
                 DifferentialDrive.Parameters(left=("left_wheel_joint",), right=("right_wheel_joint",), max_speed=0.2)
@@ -221,7 +221,7 @@ def test_a_joint_has_the_velocity_that_it_is_given_against_gravity(tmp_path: Pat
     assert state[4:] == pytest.approx([-0.5, -0.5], abs=0.003)
 
 
-def test_a_motor_holds_what_its_effort_can_hold_and_no_more(tmp_path: Path) -> None:
+def test_a_motor_holds_loads_up_to_its_effort(tmp_path: Path) -> None:
     strong, group = rod(tmp_path, drive="position")
     assert after(strong, group, [-np.pi / 2], 2.0)[4] == pytest.approx(-np.pi / 2, abs=1e-4)
     weak, group = rod(tmp_path, drive="position", max_effort=0.5 * HELD)
@@ -230,7 +230,7 @@ def test_a_motor_holds_what_its_effort_can_hold_and_no_more(tmp_path: Path) -> N
     assert furthest < 75 * DEGREE
 
 
-def test_a_torque_accelerates_as_the_inertia_says_and_balances_the_weight(tmp_path: Path) -> None:
+def test_a_torque_accelerates_by_the_inertia_and_balances_the_weight(tmp_path: Path) -> None:
     environment, group = rod(tmp_path, drive="torque")
     assert after(environment, group, [-1.0], 0.04)[5] == pytest.approx(-0.04 / INERTIA, rel=0.02)
     (tmp_path / "held").mkdir()
@@ -246,7 +246,7 @@ def test_a_joint_stops_at_the_limit_of_the_file(tmp_path: Path) -> None:
     assert after(environment, group, [2.0], 3.0)[4] == pytest.approx(3.0, abs=0.05)
 
 
-def test_velocities_and_efforts_are_limited_as_the_file_says(tmp_path: Path) -> None:
+def test_velocities_and_efforts_have_the_limits_of_the_file(tmp_path: Path) -> None:
     _, group = rod(tmp_path, drive="torque")
     assert group.model.limit(np.array([[99.0]])) == pytest.approx(np.array([[5.0]]))
     _, group = rod(tmp_path, drive="position")
@@ -292,7 +292,7 @@ def turtlebot(**given: Any) -> DifferentialDrive:
 BURGER = {"urdf": {"file": "turtlebot3_burger.urdf", "radius": 0.105}}
 
 
-def test_a_differential_drive_goes_straight_and_turns_as_it_is_told() -> None:
+def test_a_differential_drive_goes_straight_and_turns_as_commanded() -> None:
     environment, group = world(turtlebot(), BURGER, [[1, 2, 0.5, 0, 0]])
     x, y, heading, speed, _ = after(environment, group, [0.2, 0.0], 2.0)
     assert (x, y) == pytest.approx((1 + 0.4 * np.cos(0.5), 2 + 0.4 * np.sin(0.5)), abs=0.012)
@@ -302,7 +302,7 @@ def test_a_differential_drive_goes_straight_and_turns_as_it_is_told() -> None:
     assert state[:2] == pytest.approx([x, y], abs=0.02)
 
 
-def test_it_begins_with_the_speed_of_its_state_on_rolling_wheels() -> None:
+def test_a_differential_drive_begins_with_the_speed_of_its_state_on_rolling_wheels() -> None:
     environment, group = world(turtlebot(), BURGER, [[0, 0, 0, 0.2, 0]])
     x, *_ = after(environment, group, [0.2, 0.0], 0.5)
     assert x == pytest.approx(0.1, abs=0.002)
@@ -372,7 +372,7 @@ def test_a_run_with_motors_goes_on_from_its_state_to_the_same_bytes(step: int, t
 
 
 def drive(folder: Path, changes: Sequence[str] = ()) -> sa.Scenario:
-    """One TurtleBot that drives to a goal."""
+    """A run of one TurtleBot that drives to a goal."""
     scenario = yaml.safe_load((SCENARIOS / "differential.yaml").read_text())
     scenario["agents"]["robot"] |= {"count": 1, "state": {"each": [[0, 0, 0, 0, 0]]}}
     scenario["agents"]["robot"]["knowledge"] = {"goal": [1.0, 0.5]}
@@ -417,7 +417,7 @@ BODY = "{shape: {urdf: {file: robots/turtlebot3_burger.urdf, radius: 0.1}}}"
         ),
     ],
 )
-def test_what_cannot_be_is_refused_at_its_place(change: str, place: str, said: str, tmp_path: Path) -> None:
+def test_impossible_robots_are_refused_at_their_place(change: str, place: str, said: str, tmp_path: Path) -> None:
     changes = [change]
     if "torque" in change:
         changes += ["environment={use: kinematic}", "specifications={}"]
@@ -432,7 +432,7 @@ def test_robots_with_motors_cannot_be_displaced() -> None:
         environment.push(group, [0], np.zeros(5))
 
 
-def test_a_model_without_its_body_is_told_so() -> None:
+def test_a_model_without_its_body_is_refused() -> None:
     with pytest.raises(WorldError, match="tells the model its body first"):
         turtlebot().mechanism()
 

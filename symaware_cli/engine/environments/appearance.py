@@ -62,7 +62,7 @@ def appearance(shape: Shape, folders: AssetFolders, height: float) -> Articulati
         WorldError: A file that it refers to is missing or invalid.
     """
     if shape.robot:
-        robot = asset.described(shape.robot.file, folders)
+        robot = asset.described(shape.robot.file, folders, missing=shape.robot.missing)
         return robot.description.articulation(robot.paths, shape.robot.scale, PurePosixPath(shape.robot.file).stem)
     return Articulation(
         name=shape.kind, links=(Link(name=shape.kind, visuals=tuple(_visuals(shape, folders, height))),)

@@ -25,7 +25,8 @@ def warn_of_looks(view: ScenarioView, home: Path, further: tuple[Path, ...]) -> 
         from symaware_cli.assets import AssetFolders, asset
 
         try:
-            left_out = asset.described(shape.robot.file, AssetFolders(home, further)).left_out
+            robot, folders = shape.robot, AssetFolders(home, further)
+            left_out = asset.described(robot.file, folders, missing=robot.missing).left_out
         except WorldError:
             continue  # others report it
         if left_out:

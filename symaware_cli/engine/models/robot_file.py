@@ -65,7 +65,7 @@ class RobotFile:
                 *(*where, "entity") if entity.shape else where,
             )
         place = (*where, "entity", "shape", entity.shape.kind)
-        robot = asset.described(file.file, folders, *place, "file")
+        robot = asset.described(file.file, folders, *place, "file", missing=file.missing)
         unsupported = robot.description.unsupported_joint()
         if unsupported is not None:
             raise WorldError(unsupported.located(file.file), *place, "file")

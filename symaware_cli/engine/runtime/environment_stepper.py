@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -11,8 +12,12 @@ from symaware_cli.core import AgentGroup, Contact, Event, Level
 from symaware_cli.engine.runtime.contact_episodes import ContactEpisodes
 from symaware_cli.engine.runtime.failure import RunError
 from symaware_cli.engine.runtime.interruption import Interrupted, Interruption
+from symaware_cli.engine.runtime.restraint import Restraint
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.world import FARTHEST, is_within, said_of
+
+#: How often restraints are asked in a step, since several may hold back the same agents.
+_MOST_ROUNDS = 16
 
 
 class EnvironmentStepper:
@@ -23,6 +28,15 @@ class EnvironmentStepper:
         self._environment = simulation.environment
         self._interruption = interruption
         self._episodes = ContactEpisodes(simulation.environment.debounce)
+        self._restraints: list[Restraint] = []
+
+    def restrain(self, restraint: Restraint) -> None:
+        """Hold agents back from the next step on."""
+        self._restraints.append(restraint)
+
+    def release(self, restraint: Restraint) -> None:
+        """Undo `restrain`."""
+        self._restraints.remove(restraint)
 
     def step(self) -> None:
         """Make one step of the environment, during which signals are delivered.
@@ -30,6 +44,50 @@ class EnvironmentStepper:
         Raises:
             RunError: The environment raised an exception.
         """
+        if not self._restraints:
+            self._step()
+            return
+        before = [(each, self._states(each).copy()) for each in self._restraints]
+        with self._inputs_restrained():
+            self._step()
+        for _ in range(_MOST_ROUNDS):
+            held = [self._hold_back(*each) for each in before]
+            if not any(held):
+                break
+
+    def _states(self, restraint: Restraint) -> Array:
+        group, rows = restraint.restrained
+        states: Array = self._environment.state(group)[list(rows)]
+        return states
+
+    @contextmanager
+    def _inputs_restrained(self) -> Iterator[None]:
+        """Let the world apply the control inputs of the restraints; what is requested stays as it is."""
+        replaced = []
+        for each in self._restraints:
+            group, rows = each.restrained
+            column, inputs = group.control_column, group.control_input.copy()
+            step = self._environment.time_step / 1e9
+            inputs[list(rows)] = each.request(self._states(each), inputs[list(rows)], step)
+            inputs.flags.writeable = False
+            replaced.append((column, column.exchange(inputs)))
+        try:
+            yield
+        finally:
+            for column, inputs in reversed(replaced):
+                column.exchange(inputs)
+
+    def _hold_back(self, restraint: Restraint, before: Array) -> bool:
+        """Apply a restraint to the states after a step, and return whether it changed any."""
+        group, rows = restraint.restrained
+        after = self._states(restraint)
+        change = restraint.reach(before, after) - after
+        held = np.flatnonzero(change.any(axis=1)).tolist()
+        for place in held:
+            self.push(group, [rows[place]], change[place])
+        return bool(held)
+
+    def _step(self) -> None:
         interruption = self._interruption
         interruption.unshield()
         try:

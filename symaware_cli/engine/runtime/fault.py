@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from symaware_cli.core.component import BaseComponent
     from symaware_cli.engine.runtime.environment_stepper import EnvironmentStepper
     from symaware_cli.engine.runtime.membership import Membership
+    from symaware_cli.engine.runtime.restraint import Restraint
     from symaware_cli.engine.runtime.scheduler import TurnScheduler
     from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
     from symaware_cli.engine.runtime.supervision import Disturb
@@ -325,6 +326,17 @@ class FaultTargets:
     def push(self, agents: AgentSelection, change: Array) -> None:
         """Add to the true states of those of the agents that are present; shape (nx,)."""
         self._stepper.push(*agents, change)
+
+    def restrain(self, restraint: Restraint) -> None:
+        """Hold agents back in the steps of the world from now on; the world has to support sudden changes of states.
+
+        A restraint that is not the fault itself belongs to the state of the run, as what `Fault.begin` returns.
+        """
+        self._stepper.restrain(restraint)
+
+    def release(self, restraint: Restraint) -> None:
+        """Undo `restrain`."""
+        self._stepper.release(restraint)
 
     def restart(self, components: ComponentSelection) -> None:
         """Cancel the present turns of components, and initialise them again."""

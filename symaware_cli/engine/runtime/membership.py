@@ -113,13 +113,40 @@ class Membership:
             for each in sorted(self.waiting)
             if self._is_time(each, intervals[each].begin, "from", self._look_up, now)
         ]
-        self._triggered.clear()
+        # An event is not forgotten while its agent waits for room.
+        entering_now = self._with_room(come, gone)
+        self._triggered = {each for each in come if each not in entering_now} & self._triggered
+        come = entering_now
         for name, group in self._groups.items():
             leaving, entering = ([row for own, row in each if own == name] for each in (gone, come))
             if leaving:
                 self._leave(group, leaving)
             if entering:
                 self._enter(group, entering)
+
+    def _with_room(self, come: Sequence[tuple[str, int]], gone: Collection[tuple[str, int]]) -> list[tuple[str, int]]:
+        """Return the agents that enter: those that need no room, or have it, also beside those before them.
+
+        Args:
+            come: The agents whose time to enter has come.
+            gone: The agents that leave at this instant.
+        """
+        needs = {each: self._intervals[each].apart for each in come}
+        if not any(needs.values()):
+            return list(come)
+        environment, entering = self._simulation.environment, []
+        roster = environment.roster
+        positions = environment.snapshot().positions.copy()
+        positions[[roster.start(name) + row for name, row in gone]] = np.nan
+        for name, row in come:
+            group, apart = self._groups[name], needs[name, row]
+            place = group.model.positions(group.initial_state[row : row + 1])[0]
+            away = positions[:, : len(place)] - place
+            if apart is not None and (np.sqrt((away * away).sum(axis=1)) < apart).any():
+                continue
+            entering.append((name, row))
+            positions[roster.start(name) + row, : len(place)] = place
+        return entering
 
     def _is_time(self, agent: tuple[str, int], moment: Moment | None, key: str, look_up: Lookup, now: int) -> bool:
         """Whether the time, event or condition at which an agent enters or leaves has come."""

@@ -242,7 +242,9 @@ class Replica:
             events.subscribe(name, self._fired.append)
         self._world = description.environment(groups)
         self._clock = Clock()
-        surroundings = Surroundings(description.seed, self._world, Unavailable("exchange"), self._clock, events)
+        inputs: Any = Unavailable("inputs from outside")
+        exchange = Unavailable("exchange")
+        surroundings = Surroundings(description.seed, self._world, exchange, self._clock, events, inputs)
         for each in groups:
             each.regions, each.sections = description.known
             each.drive = description.drive

@@ -16,6 +16,7 @@ from symaware_cli.specification import (
     LINK,
     AbsentError,
     Anchors,
+    FurtherNames,
     Keys,
     LinkPositions,
     Names,
@@ -145,6 +146,11 @@ class ConditionScope:
         self._regions = {
             name: each for name, each in self._regions.items() if name not in {*self._known, *self._elements}
         }
+        sections = [each for _, each in sorted(group.sections.items()) if isinstance(each, FurtherNames)]
+        others |= taken
+        self._further = {
+            name: (keys, each) for each in sections for name, keys in each.names(group).items() if name not in others
+        }
 
     def names(self, specifications: Collection[str]) -> Names:
         """All that a condition may refer to, with the names of the specifications."""
@@ -152,6 +158,7 @@ class ConditionScope:
         return {
             **dict.fromkeys(plain),
             **({} if self._links is None else {LINK: self._links}),
+            **{name: keys for name, (keys, _) in self._further.items()},
             **dict.fromkeys(STATUS_NAMES, Keys("specification", specifications)),
         }
 
@@ -167,6 +174,8 @@ class ConditionScope:
             return group.awareness.columns[name].present(row)
         if name in self._regions:
             return self._regions[name]
+        if name in self._further:
+            return self._further[name][1].look_up(group, row, name)
         if name in STATUS_NAMES:
             return _StatusByName(group.specifications, name, group.ids[row])
         match name:

@@ -19,6 +19,7 @@ from symaware_cli.core import (
     Environment,
     Event,
     EventBus,
+    ExternalInputs,
     GroupCommunicationReceiver,
     GroupComponent,
     Level,
@@ -212,6 +213,7 @@ class Simulation:
         clock: Simulated time.
         events: The event bus.
         exchange: The message exchange.
+        inputs: What components get from outside of the run.
         overrides: Returns, for a number of steps made, control inputs that replace those that components request: for
             each group concerned a mask of its rows, and the values for all rows. None to replace none.
     """
@@ -236,6 +238,7 @@ class Simulation:
         self.overrides: Overrides | None = None
         self.clock = Clock()
         self.events = EventBus()
+        self.inputs = ExternalInputs()
         self._ids = frozenset(id for group in groups for id in group.ids)
         try:
             environment.initialise(self.groups, obstacles, seed)
@@ -264,7 +267,7 @@ class Simulation:
                 name = entry.path if columns else entry.name
                 self.exchange.inboxes.open(name, entry.group.ids, entry.kinds, columns=columns)
         self.events.name_components(self._components)
-        surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events)
+        surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events, self.inputs)
         for group in self.groups:
             group.surroundings = surroundings
             group.awareness.clock = self.clock

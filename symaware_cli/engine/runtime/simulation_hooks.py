@@ -195,9 +195,9 @@ class SimulationHooks:
         """Replace the control inputs that components have requested by the imposed ones."""
         for group, (rows, values) in self.imposed.items():
             requested = group.control_input
-            if rows.all():
-                if not np.array_equal(requested, values):
-                    group.control_input = values.copy()
+            if np.count_nonzero(rows) == len(rows):
+                if np.count_nonzero(requested != values):
+                    group.control_input = values  # which the column copies
             elif not np.array_equal(requested[rows], values[rows]):
                 group.control_input = np.where(rows[:, None], values, requested)
 

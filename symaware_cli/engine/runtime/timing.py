@@ -203,10 +203,13 @@ class PresenceInterval:
     Attributes:
         begin: When it enters; a condition is evaluated in the scope of the world. None for the start of the run.
         end: When it leaves; a condition is evaluated in the scope of the agent. None for never.
+        apart: How far from it the positions of others have to be when it enters [m]; it waits until they are. None for
+            an agent that does not wait.
     """
 
     begin: Moment | None = None
     end: Moment | None = None
+    apart: float | None = None
 
     @property
     def is_late(self) -> bool:

@@ -69,6 +69,9 @@ class FailureProbability(GroupComponent):
     they told of, or keep their velocities; their positions and velocities are samples of the tracks. The monitors of
     the specifications continue on each prediction. The risk is the share of predictions on which one of them fails.
 
+    Others who are known to stay in a set, as from a promise, are expected there, and the risk is increased by the
+    declared probability that they leave it.
+
     The standard error is that of the share after two failures and two successes more (A. Agresti and B. A. Coull,
     "Approximate is better than 'exact' for interval estimation of binomial proportions", The American Statistician 52,
     1998), so that it does not vanish where no sample fails.
@@ -192,6 +195,9 @@ class FailureProbability(GroupComponent):
         if others is not None and others.regions is not None:
             # Whatever happens where others leave their regions: Boole's inequality.
             risk = np.where(present, np.minimum(risk + others.regions.misses, 1.0), 0.0)
+        elif others is not None:
+            for confined in group.confined(others.tracks):
+                risk = np.where(present, np.minimum(risk + confined.leave(others.tracks), 1.0), 0.0)
         return RiskEstimate(risk, np.sqrt(shrunk * (1.0 - shrunk) / (samples + 4.0)))
 
     def _update(self, value: RiskEstimate) -> None:

@@ -18,10 +18,13 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullForm
 from symaware_cli.studies.picture.finished_runs import Array, ParameterAxis
 from symaware_cli.studies.picture.metric_panel import MetricPanel, SweepPicture
 from symaware_cli.studies.picture.panel_grid import columns_of, natural_size
-from symaware_cli.views import AGENTS, SMALL, FigureSheet, Handles, hexadecimal, type_scale
+from symaware_cli.views import SMALL, FigureSheet, Handles, PaperPreset, colour_of, type_scale
 
 #: Width and height of a panel [inch].
 _PANEL = (4.3, 3.0)
+
+#: Heights of a panel and around all panels in a figure for a paper [inch].
+_LOW, _AROUND = 2.0, 0.5
 
 #: Maps of at most this many cells show their values as text.
 _WRITTEN = 150
@@ -40,7 +43,12 @@ _APART = 0.16
 
 
 def draw(
-    picture: SweepPicture, path: Path, title: str | None = None, size: tuple[float, float] | None = None, dpi: int = 150
+    picture: SweepPicture,
+    path: Path,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+    dpi: int = 150,
+    preset: PaperPreset | None = None,
 ) -> None:
     """Draw a picture into a file; the same picture and versions give the same bytes.
 
@@ -50,21 +58,23 @@ def draw(
         title: The text above the panels; None for the default: name, number of runs and seed.
         size: Width and height [inch]; None to fit the panels.
         dpi: Dots per inch.
+        preset: Width, type and colours for a paper; None for the usual ones.
 
     Raises:
         LogError: The title cannot be written with the font, or the panels do not fit.
         OSError: The file cannot be written.
     """
     count = picture.facets if picture.facets > 1 else len(picture.panels)
-    columns = columns_of(count)
+    columns = columns_of(count) if preset is None else 1 if preset.narrow else min(2, count)
     rows = -(-len(picture.panels) // columns)
     if picture.facets > 1:
         rows = len(picture.panels) // picture.facets * -(-picture.facets // columns)
     runs = picture.runs
     usual = f"{runs.name}: {len(runs.indices):,} runs, seed {runs.seed}"
     grid = (rows, columns)
-    sheet = FigureSheet(natural_size(grid, _PANEL), usual if title is None else title, len(picture.panels))
-    sheet.draw(path, size, dpi, partial(_fill, picture, grid))
+    natural = natural_size(grid, _PANEL) if preset is None else (preset.width, _LOW * rows + _AROUND)
+    sheet = FigureSheet(natural, usual if title is None else title, len(picture.panels))
+    sheet.draw(path, size, dpi, partial(_fill, picture, grid), preset)
 
 
 def _fill(
@@ -111,7 +121,7 @@ def _draw_curves(axes: Axes, panel: MetricPanel) -> None:
         axes.set_xlim(-0.5, len(positions) - 0.5)
     for number in range(len(panel.series)):
         if len(panel.series) == 1:
-            _draw_ranges(axes, axis, positions, (panel.low[number], panel.high[number]), _colour(number), 0.10)
+            _draw_ranges(axes, axis, positions, (panel.low[number], panel.high[number]), colour_of(number), 0.10)
         _draw_estimates(axes, axis, positions, panel, number)
     if panel.metric.is_share:
         axes.set_ylim(-0.03, 1.03)
@@ -123,9 +133,9 @@ def _draw_estimates(axes: Axes, axis: ParameterAxis, positions: Array, panel: Me
     if axis.positions is None:
         # Side by side, because estimates of other variants may have the same values.
         positions = positions + _APART * (number - (len(panel.series) - 1) / 2)
-        style = {"color": _colour(number), "linestyle": "none"}
+        style = {"color": colour_of(number), "linestyle": "none"}
     interval = panel.lower[number], panel.upper[number]
-    _draw_ranges(axes, axis, positions, interval, _colour(number), 0.28)
+    _draw_ranges(axes, axis, positions, interval, colour_of(number), 0.28)
     axes.plot(positions, panel.value[number], **style, marker="o", markersize=3.5)
 
 
@@ -145,7 +155,7 @@ def _draw_scatter(axes: Axes, panel: MetricPanel) -> None:
     positions = _across(axes, axis) if is_choice else np.array(axis.values, float)
     axes.set_xlabel(_named(axis))
     for number, (drawn, values) in enumerate(zip(panel.drawn, panel.samples, strict=True)):
-        colour = _colour(number)
+        colour = colour_of(number)
         style: dict[str, Any] = (
             {"marker": "|", "s": 30} if panel.metric.is_share else {"marker": "o", "s": 9, "linewidths": 0}
         )
@@ -194,7 +204,7 @@ def _draw_shares(axes: Axes, panel: MetricPanel) -> None:
     """Draw the share of each variant with its interval."""
     places = np.arange(len(panel.series))[::-1]
     for number, place in enumerate(places.tolist()):
-        colour = _colour(number)
+        colour = colour_of(number)
         axes.plot([panel.lower[number], panel.upper[number]], [place, place], color=colour, linewidth=6, alpha=0.3)
         axes.plot(panel.value[number], place, marker="o", color=colour)
     axes.set_xlim(-0.03, 1.03)
@@ -207,7 +217,7 @@ def _draw_distribution(axes: Axes, panel: MetricPanel) -> None:
     """Draw a histogram of the runs' values, with the mean and its interval."""
     edges = _edges(np.concatenate(panel.samples))
     for number, sample in enumerate(panel.samples):
-        colour = _colour(number)
+        colour = colour_of(number)
         counts, _ = np.histogram(sample, edges)
         axes.stairs(counts, edges, color=colour, fill=len(panel.series) == 1, alpha=0.5, linewidth=1.4)
         if math.isfinite(panel.lower[number]) and math.isfinite(panel.upper[number]):
@@ -262,7 +272,7 @@ def _range(picture: SweepPicture, metric: str) -> tuple[float, float]:
 
 def _line(number: int) -> dict[str, Any]:
     """Return the style of a variant's line, which remains distinguishable where lines coincide."""
-    return {"color": _colour(number), "linestyle": "dashed" if number % 2 else "solid"}
+    return {"color": colour_of(number), "linestyle": "dashed" if number % 2 else "solid"}
 
 
 def _named(axis: ParameterAxis) -> str:
@@ -272,7 +282,3 @@ def _named(axis: ParameterAxis) -> str:
         parts = parts[1:]
     name = ".".join(parts)
     return name if name == axis.name else f"… {name}"
-
-
-def _colour(number: int) -> str:
-    return hexadecimal(AGENTS[number % len(AGENTS)])

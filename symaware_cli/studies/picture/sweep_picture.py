@@ -11,7 +11,7 @@ from symaware_cli.studies.folder import SweepFolder
 from symaware_cli.studies.picture.finished_runs import finished_runs
 from symaware_cli.studies.picture.metric_panel import SweepPicture, composed
 from symaware_cli.studies.picture.paths_picture import PathsPicture, gathered
-from symaware_cli.views import PlotRequest, check_output, matplotlib_required
+from symaware_cli.views import PaperPreset, PlotRequest, check_output, matplotlib_required
 
 
 def plot_sweep(
@@ -21,6 +21,7 @@ def plot_sweep(
     title: str | None = None,
     size: tuple[float, float] | None = None,
     dpi: int = 150,
+    preset: PaperPreset | None = None,
 ) -> SweepPicture:
     """Draw the results of a sweep into a file, which is written completely or not at all.
 
@@ -36,6 +37,7 @@ def plot_sweep(
         title: The text above the panels; None for the default: name, number of runs and seed.
         size: Width and height [inch]; None to fit the panels.
         dpi: Dots per inch.
+        preset: Width, type and colours for a paper; None for the usual ones.
 
     Returns:
         The content of the picture.
@@ -45,12 +47,12 @@ def plot_sweep(
         OutputError: The file cannot be written.
     """
     path = Path(path)
-    check_output(path, PlotRequest(size=size, dpi=dpi))
+    check_output(path, PlotRequest(size=size, dpi=dpi, preset=preset))
     with matplotlib_required():
         from symaware_cli.studies.picture.sweep_figure import draw
     picture = composed(finished_runs(SweepFolder.opened(folder)), show)
     with whole_file(path) as partial:
-        draw(picture, partial, title, size, dpi)
+        draw(picture, partial, title, size, dpi, preset)
     return picture
 
 

@@ -29,6 +29,7 @@ FAULTS: Mapping[str, Any] = {
     "cut": {"between": ["*", "*"]},
     "degrade": {"sender": "*", "loss": 0.5, "delay": 0.1},
     "partition": [["zebra.*"], ["ape.*"]],
+    "keep": {"promise": "stay"},
     "push": {"of": "*", "by": [0.0, 0.5]},
     "place": {"of": "*", "state": [0.0, 9.0]},
     "inform": {"of": "*", "knowledge": {"goal": [0.0, 9.0]}},
@@ -51,6 +52,7 @@ def ran(path: Path, names: list[str], fault: Mapping[str, Any]) -> Digest:
             "steer": {"use": "control.go-to-goal", "condition": "time >= 0"},
             "tell": {"use": "communication.broadcast"},
             "hear": {"use": "communication.inbox"},
+            "watch": {"use": "promises.monitor"},
         },
     }
     document = {
@@ -61,6 +63,8 @@ def ran(path: Path, names: list[str], fault: Mapping[str, Any]) -> Digest:
         "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
         "agents": dict.fromkeys(names, group),
         "faults": {"it": fault},
+        "regions": {"here": {"box": [-2, 0, -2, 2]}},
+        "promises": {"stay": {"of": "zebra", "to": ["ape", "mole"], "formula": "always inside(position, here)"}},
         "recording": {"events": "all"},
     }
     path.write_text(yaml.safe_dump(document, sort_keys=False))

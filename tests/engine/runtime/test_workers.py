@@ -413,7 +413,10 @@ RECEIVERS = sorted(
 )
 
 #: Their parameters that have no defaults.
-REQUIRED = {"communication.consensus": {"weights": "metropolis"}}
+REQUIRED = {
+    "communication.consensus": {"weights": "metropolis"},
+    "communication.map": {"scan": "lidar", "resolution": 0.5, "within": [0, 1, 0, 1]},
+}
 
 
 @pytest.mark.parametrize("name", RECEIVERS)

@@ -1,5 +1,6 @@
 """Pictures of sweeps are drawn reproducibly."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from symaware_cli.log.error import LogError
 from symaware_cli.studies.picture.finished_runs import FinishedRuns
 from symaware_cli.studies.picture.metric_panel import composed
 from symaware_cli.studies.picture.sweep_figure import draw
+from symaware_cli.views import AGENTS, PRESETS, hexadecimal
+from symaware_cli.views.plotting.paper_preset import GREY_SAFE
 
 
 @pytest.mark.parametrize(
@@ -50,3 +53,15 @@ def test_oversized_panels_and_unprintable_titles_are_rejected(tmp_path: Path) ->
         draw(picture, tmp_path / "small.png", size=(1.5, 1.5))
     with pytest.raises(LogError, match="the font cannot write"):
         draw(picture, tmp_path / "title.png", title="\U0001f4a5")
+
+
+def test_a_preset_has_the_width_and_the_type_of_a_column_and_colours_that_differ_in_grey(tmp_path: Path) -> None:
+    picture = composed(swept({"a": [1, 2, 3]}, 3, ["slow", "fast"]))
+    draw(picture, tmp_path / "paper.svg", preset=PRESETS["ieee-column"])
+    text = (tmp_path / "paper.svg").read_text()
+    assert re.search(r'<svg[^>]*width="252pt"', text)
+    assert "STIXGeneral" in text
+    assert all(colour in text for colour in GREY_SAFE[:2])
+    assert hexadecimal(AGENTS[0]) not in text
+    draw(picture, tmp_path / "usual.svg")
+    assert hexadecimal(AGENTS[0]) in (tmp_path / "usual.svg").read_text()

@@ -1,4 +1,4 @@
-"""Elasticity as MuJoCo understands it: a spring with a damper for as long as bodies overlap."""
+"""Elasticity in MuJoCo: a spring with a damper as long as bodies overlap."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import NamedTuple
 from symaware_cli.core import ScenarioView
 from symaware_cli.worlds import GroundPlane
 
-#: How far the phase of the spring turns in a physics step [rad]: the smaller, the softer contacts are, and the more
-#: exact their elasticity.
+#: The phase of the spring's oscillation per physics step [rad]: smaller values make contacts softer, and their
+#: elasticity more exact.
 PHASE = 0.25
 
-#: The same of contacts that take all of the speed: a softer spring gives less of it back.
+#: The same for inelastic contacts, for which a softer spring leaves less speed.
 DEAD_PHASE = 0.2
 
-#: By which part of it the speed after a collision may differ from what the elasticity says, before users are warned.
+#: The relative deviation of the speed after a collision from that by the elasticity, above which users are warned.
 TOLERANCE = 0.05
 
-#: Where within a step collisions are assumed to begin.
+#: The points within a step at which collisions are assumed to begin.
 _PHASES = 8
 
-#: The part of the motion at a contact that the constraint determines; the rest is left to forces.
+#: The part of the motion at a contact that the constraint determines; forces determine the rest.
 IMPEDANCE = 0.99
 
 
@@ -30,7 +30,7 @@ def solref(elasticity: float, step: float) -> tuple[float, float]:
     """Return MuJoCo's reference of a contact as negative stiffness [1/s^2] and damping [1/s].
 
     Args:
-        elasticity: The part of the speed that is left after a collision, from 0 to 1.
+        elasticity: The part of the speed that remains after a collision, from 0 to 1.
         step: The physics step [s].
     """
     if elasticity == 0.0:
@@ -44,7 +44,7 @@ def solref(elasticity: float, step: float) -> tuple[float, float]:
 def damping_ratio(elasticity: float) -> float:
     """Return the damping ratio with which bodies keep a part of their speed, found by bisection.
 
-    At 2, a step takes all of the speed.
+    At a ratio of 2, the speed is 0 after one step.
     """
     low, high = 0.0, 2.0
     if elasticity >= 1.0:
@@ -56,17 +56,17 @@ def damping_ratio(elasticity: float) -> float:
 
 
 def rebound(ratio: float) -> float:
-    """Return the part of the speed that a contact leaves, as the engine's steps make it.
+    """Return the part of the speed that remains after a contact, with the engine's integrator.
 
-    The mean over where within a step it begins. The engine changes velocities by the constraint, which only pushes, and
-    moves bodies by the velocities after that (semi-implicit Euler).
+    This is the mean over points within a step at which the contact begins. The engine changes velocities by the
+    constraint, which only pushes, and then moves bodies by the new velocities (semi-implicit Euler).
     """
     return sum(_rebounds(PHASE, ratio)) / _PHASES
 
 
 @cache
 def rebound_range(elasticity: float) -> tuple[float, float]:
-    """Return the least and the greatest part of the speed that a collision leaves, over where in a step it begins."""
+    """Return the least and greatest part of the speed that remains, over points of a step at which contact begins."""
     stiffness, damping = solref(elasticity, 1.0)
     phase = (-stiffness) ** 0.5
     found = list(_rebounds(phase, -damping / (2.0 * phase)))
@@ -75,7 +75,7 @@ def rebound_range(elasticity: float) -> tuple[float, float]:
 
 def _rebounds(phase: float, ratio: float) -> Iterator[float]:
     for number in range(_PHASES):
-        # In units of a step: the distance from contact, and the velocity in these per step.
+        # In units of a step: the distance from contact, and the velocity per step.
         distance, velocity = -(number + 0.5) / _PHASES, -1.0
         while distance < 0.0 or velocity < 0.0:
             push = -phase * phase * distance - 2.0 * ratio * phase * velocity if distance < 0.0 else 0.0
@@ -88,7 +88,7 @@ def _rebounds(phase: float, ratio: float) -> Iterator[float]:
 
 
 class _Bouncing(NamedTuple):
-    """A body, or all of a group: where the scenario has it, its elasticity, and what it may meet."""
+    """A body, or all bodies of a group, with its place in the scenario, its elasticity, and its possible partners."""
 
     section: tuple[str, ...]
     elasticity: float
@@ -97,13 +97,13 @@ class _Bouncing(NamedTuple):
 
 
 def warn_of_bounces(view: ScenarioView, ground: GroundPlane | None) -> None:
-    """Warn of elasticities that collisions keep within more than 5 % of the speed after them.
+    """Warn of elasticities for which the speed after collisions deviates by more than 5 %.
 
-    One warning for each product of two elasticities, at the body whose own is the smaller. Bodies that do not bounce at
-    all are left out.
+    There is one warning for each product of two elasticities, at the body with the smaller elasticity. Inelastic bodies
+    are left out.
 
     Args:
-        view: The scenario; takes the warnings.
+        view: The scenario, which receives the warnings.
         ground: The ground, if there is one.
     """
     bodies = _bodies(view)

@@ -16,23 +16,23 @@ from symaware_cli.core import Image
 from symaware_cli.geometry import Array, Indices
 from symaware_mujoco.scene import HIDDEN
 
-#: [m] How deep images are.
+#: [m] The greatest depth of images.
 FAR = 100.0
 
-#: [m] The camera may be this far away; beyond, numbers have too few digits left.
+#: [m] The greatest distance of a camera from the origin, beyond which floating-point numbers are too coarse.
 _UTMOST = 1e7
 
-#: How many rays are cast at once.
+#: The number of rays that are cast at once.
 _BATCH = 1 << 16
 
-#: Where the light comes from, and the part of a colour that is seen without it.
+#: The direction to the light, and the part of a colour that is seen without it.
 _LIGHT = np.array([0.3, -0.4, 0.866])
 _AMBIENT = 0.55
 
-#: How much darker every other square of the ground is.
+#: The relative brightness of every other square of the ground.
 _SQUARES = 0.8
 
-#: The colour where nothing is.
+#: The colour of pixels without a surface.
 _SKY = 255
 
 
@@ -50,16 +50,16 @@ def render(
 ) -> Image:
     """Make an image, with the world's z axis upwards; see `Environment.camera_image`.
 
-    Shapes that the camera is inside of are not in it.
+    Shapes around the camera itself are not in the image.
 
     Args:
         model: The engine's model.
-        data: The engine's data, with poses of geometries that are up to date.
+        data: The engine's data, with up-to-date poses of geometries.
         owners: The index of the agent, entity or ground that each geometry belongs to.
         colours: Red, green and blue of each geometry, from 0 to 1; shape (g, 3).
         unseen: Geometries that cameras do not see.
-        ground: Geometries with squares of 1 m, by whose motion a camera can see its own.
-        position: Where the camera is [m].
+        ground: Geometries with a pattern of squares of 1 m, which makes the camera's own motion visible.
+        position: The position of the camera [m].
         target: The point in the middle of the image [m].
         size: Width and height [pixels].
         field_of_view: The angle from the lower to the upper edge [rad].
@@ -117,7 +117,7 @@ def _directions(ahead: Array, width: int, height: int, field_of_view: float) -> 
 def _cast(
     model: Any, data: Any, origin: Array, directions: Array, reach: float
 ) -> tuple[NDArray[np.int32], Array, Array]:
-    """Return the geometry that each ray meets first, -1 for none, how far away [m], and the normal of its surface."""
+    """Return the first geometry that each ray meets, -1 for none, its distance [m], and the normal of its surface."""
     count = len(directions)
     visible = np.array([1, 1, 1, 1, 1, 0], np.uint8)
     found, distances, normals = np.empty(count, np.int32), np.empty(count), np.empty((count, 3))

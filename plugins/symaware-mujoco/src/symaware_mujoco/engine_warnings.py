@@ -1,4 +1,4 @@
-"""Warnings of MuJoCo, which end a run: by themselves they are lines in a file, and the engine goes on from elsewhere.
+"""Warnings of MuJoCo end a run: by default the engine only writes them to a file, and resets the state.
 
 Reasons: docs/decisions/0079-mujoco.md
 """
@@ -14,7 +14,7 @@ _Warning = mujoco.mjtWarning
 _UNSTABLE = "the simulation became unstable: the engine found {} that are not finite or huge; raise `substeps`"
 _FULL = "more {} than the engine has memory for; let fewer bodies overlap or touch"
 
-#: What each warning means. Those that are missing are about functions that this world does not use.
+#: The meaning of each warning. Missing ones concern functions that this world does not use.
 _MEANINGS = {
     _Warning.mjWARN_BADQPOS: _UNSTABLE.format("positions"),
     _Warning.mjWARN_BADQVEL: _UNSTABLE.format("velocities"),
@@ -25,26 +25,27 @@ _MEANINGS = {
     _Warning.mjWARN_INERTIA: "the inertia matrix of joints is almost singular: give all moving links a mass",
 }
 
-#: What the engine said in this process since the last warning that was raised. Without a function that takes them,
+#: The messages of the engine in this process since the last raised warning. Without a function that receives them,
 #: MuJoCo would write warnings to a file in the working directory.
 _said: list[str] = []
 mujoco.set_mju_user_warning(_said.append)
 
 
 class EngineWarningError(RuntimeError):
-    """MuJoCo warned, after which its state is not what the laws of motion say."""
+    """MuJoCo warned, so its state no longer follows the laws of motion."""
 
 
 def raise_warnings(data: Any) -> None:
-    """Raise what the engine warned of.
+    """Raise the warnings of the engine.
 
     Args:
         data: The state of a world.
 
     Raises:
-        EngineWarningError: The engine warned of this world since its beginning.
+        EngineWarningError: The engine warned of this world since the start of its run.
     """
-    # Looking at the numbers of warnings costs more than a small step, and worlds of other threads warn into the list.
+    # Reading the counters of warnings costs more than a small step; the list may have warnings of other threads'
+    # worlds.
     if not _said:
         return
     numbers = data.warning.number

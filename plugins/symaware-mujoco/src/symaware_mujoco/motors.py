@@ -1,4 +1,4 @@
-"""Motors: the joints of agents that are robots from files, driven within the effort that each has.
+"""Motors: drive the joints of agents that are robots from files, within their efforts.
 
 Reasons: docs/decisions/0080-robots-as-agents.md
 """
@@ -15,7 +15,7 @@ from symaware_cli.assets import Mechanism, Postures
 from symaware_cli.core import EntityGroup
 from symaware_cli.geometry import Array
 
-#: The greatest effort that the solver gets, for motors without a limit [N m] or [N].
+#: The effort in the solver of motors without a limit [N m] or [N].
 _MOST_EFFORT = 1e6
 
 #: The part of the motion that the constraint of a motor determines.
@@ -25,9 +25,9 @@ _IMPEDANCE = 0.9999
 class Motors:
     """The robots of a group, and the motors of their joints.
 
-    A motor with a velocity is a constraint of the kind that dry friction is: the solver finds the torque, within the
-    effort, that gives the joint the velocity at the end of the physics step, together with all contacts. The engine's
-    own friction of a joint brings it to rest; here its reference is moved by the velocity that is wanted.
+    A motor with a velocity is a constraint like dry friction: the solver finds the torque, within the effort, that
+    gives the joint this velocity at the end of the physics step, together with all contacts. The engine's own joint
+    friction brings a joint to rest; here its reference is shifted by the commanded velocity.
 
     Attributes:
         number: The number of the group in the environment.
@@ -40,8 +40,8 @@ class Motors:
         Args:
             model: The engine's model; motors become a part of it.
             group: The group.
-            number: Its number in the environment.
-            mechanism: Its joints and motors.
+            number: The number of the group in the environment.
+            mechanism: The joints and motors of the robots.
             step: The physics step [s].
         """
         self.group, self.number, self._mechanism = group, number, mechanism
@@ -52,7 +52,7 @@ class Motors:
 
         shape = len(group), len(mechanism.joints)
         joints = np.array([[joint(id, name) for name in mechanism.joints] for id in group.ids], np.intp).reshape(shape)
-        #: The places of joints among the engine's positions and velocities, and those of free bases.
+        #: The indices of joints in the engine's positions and velocities, and those of free bases.
         self._joints_at, self._rates_at = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
         if not mechanism.is_fixed:
             bases = np.array([joint(id, "base") for id in group.ids], np.intp)
@@ -77,7 +77,7 @@ class Motors:
         self._given = np.zeros((len(group), len(mechanism.motors)))
 
     def place(self, data: Any, states: Array) -> None:
-        """Put the robots in the postures of their states; those that stand keep the heights that they have."""
+        """Put the robots in the postures of their states; standing robots keep their heights."""
         for row, state in enumerate(states):
             posture = self._mechanism.posture(state)
             data.qpos[self._joints_at[row]], data.qvel[self._rates_at[row]] = posture.joints, posture.joint_velocities
@@ -93,11 +93,11 @@ class Motors:
             data.qvel[motion[3:]] = turned
 
     def command(self, control_input: Array) -> None:
-        """Give the motors what the saturated control inputs of a time step say; shape (n, nu)."""
+        """Command the motors by the saturated control inputs of a time step; shape (n, nu)."""
         self._given = self._mechanism.commands(control_input)
 
     def apply(self, data: Any) -> None:
-        """Drive the joints in a physics step, whose constraints exist and are not solved yet."""
+        """Drive the joints in a physics step, after its constraints are set up and before they are solved."""
         given = self._given
         if len(self._of_torque):
             most, columns = self._efforts[self._of_torque], self._of_torque

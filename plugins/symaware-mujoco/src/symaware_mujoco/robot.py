@@ -1,4 +1,4 @@
-"""Robots from URDF and MJCF files: read and checked by SymAware, and handed to MuJoCo without the files of meshes."""
+"""Robots from URDF and MJCF files, read and checked by SymAware, and passed to MuJoCo without mesh files."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from symaware_cli.assets import AssetError, AssetFolders, MjcfDescription, Robot
 from symaware_cli.core import Mjcf, Urdf, WorldError
 from symaware_cli.geometry import Array
 
-#: How MuJoCo reads a description: links that no joint moves stay links, and what they look like is left out.
+#: Settings by which MuJoCo reads descriptions: links with fixed joints stay links, and visual shapes are left out.
 _COMPILER = {
     "fusestatic": "false",
     "discardvisual": "true",
     "strippath": "false",
     "balanceinertia": "true",
-    # A link without mass has a little, as the engine moves nothing that has none [kg], [kg m^2].
+    # A link without mass gets a small one, as the engine moves no body without mass [kg], [kg m^2].
     "boundmass": "1e-6",
     "boundinertia": "1e-9",
 }
 
 
 def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
-    """Return the specification of a robot, whose first body is its base, with what collides alone.
+    """Return the specification of a robot, whose first body is its base, with collision shapes only.
 
     Args:
         file: The file.
-        folders: The folders to which its name is relative.
+        folders: The folders to which the name of the file is relative.
         where: The path of the shape, for messages.
 
     Raises:
@@ -39,7 +39,7 @@ def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
     """
     kind = "urdf" if isinstance(file, Urdf) else "mjcf"
     place = (*where, kind, "file")
-    robot = asset.described(file.file, folders, *place)
+    robot = asset.described(file.file, folders, *place, missing=file.missing)
     unsupported = robot.description.unsupported_joint(follow=True)
     if unsupported is not None:
         raise WorldError(unsupported.located(file.file), *place)
@@ -58,7 +58,7 @@ def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
             _follow(spec, robot.description)
         model = spec.copy().compile()
     except ValueError as error:
-        # The lines are those of what the engine was given.
+        # Line numbers in messages refer to the text given to the engine.
         told = re.sub(r",? line \d+", "", " ".join(str(error).split()))
         raise WorldError(f"MuJoCo cannot load `{file.file}`: {told}", *place) from error
     if kind == "mjcf":
@@ -67,7 +67,7 @@ def read_robot(file: Urdf | Mjcf, folders: AssetFolders, *where: str) -> Any:
 
 
 class _Hulls:
-    """Puts short names in the place of the files of meshes, and collects the corners of these."""
+    """Replaces mesh files by short names, and collects the vertices of the meshes."""
 
     def __init__(self, robot: Robot, place: tuple[str, ...]) -> None:
         self.corners: dict[str, Array] = {}
@@ -85,7 +85,7 @@ class _Hulls:
             for inertia in link.iterfind("inertial/inertia"):
                 _make_possible(inertia)
         for axis in root.iterfind("joint/axis"):
-            # A joint that is fixed needs none, and the engine asks for it.
+            # A fixed joint needs no axis, but the engine requires one.
             axis.set("xyz", axis.get("xyz") or "1 0 0")
         ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", _COMPILER)
 
@@ -102,16 +102,16 @@ class _Hulls:
             corners = np.unique(read_mesh(path).triangles.reshape(-1, 3), axis=0)
         except AssetError as error:
             raise WorldError(error.located(path.name), *self._place) from error
-        # Names of files may be the same in several folders.
+        # Files in different folders may have the same name.
         name = f"{len(self.corners)}.obj"
         self.corners[name] = corners
         return name
 
 
 def _make_possible(inertia: ElementTree.Element) -> None:
-    """Change an inertia that no body has, one that is not positive, to the nearest one that a body may have.
+    """Change an impossible inertia, one that is not positive, to the nearest possible one.
 
-    Products that are left out are 0.
+    Missing products of inertia are 0.
     """
     pairs = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     for pair in pairs:
@@ -126,7 +126,7 @@ def _make_possible(inertia: ElementTree.Element) -> None:
 
 
 def _follow(spec: Any, description: RobotDescription) -> None:
-    """Let joints follow those that they mimic."""
+    """Couple joints to those that they mimic."""
     for joint, (other, factor, offset) in description.followers().items():
         equality = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT)
         equality.name1, equality.name2 = joint, other
@@ -134,7 +134,7 @@ def _follow(spec: Any, description: RobotDescription) -> None:
 
 
 def _leave_out_looks(spec: Any, model: Any) -> None:
-    """Delete the shapes that do not collide, and give bodies the masses that they had with them."""
+    """Delete the shapes that do not collide, and keep the masses and inertias of bodies."""
     for body in spec.bodies[1:]:
         known = model.body(body.name)
         body.mass, body.ipos, body.iquat = float(known.mass[0]), known.ipos, known.iquat
@@ -145,7 +145,7 @@ def _leave_out_looks(spec: Any, model: Any) -> None:
 
 
 def lowest(spec: Any, quaternion: Array) -> float:
-    """Return how far a robot reaches below its origin, as a height of at most 0 or more [m].
+    """Return the height of the lowest point of a robot relative to the origin of its base [m].
 
     Args:
         spec: The robot.

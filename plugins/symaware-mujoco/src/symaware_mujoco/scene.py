@@ -20,43 +20,43 @@ from symaware_mujoco.robot import lowest, read_robot
 #: Bits of collisions: two geometries collide if one has a bit as its type that the other has as its affinity.
 GROUND, BODY, FIXED, ON_PATH = 1, 2, 4, 8
 
-#: Groups of geometries, by which rays tell them apart: entities, agents, the ground, what cameras alone see, and what
-#: nothing sees, such as absent agents.
+#: Groups of geometries, which rays select by: entities, agents, the ground, shapes for cameras only, and invisible
+#: shapes, such as those of absent agents.
 ENTITIES, AGENTS, FLOOR, LOOKS, HIDDEN = 0, 1, 2, 3, 5
 
-#: [kg] The mass of bodies on paths, which nothing diverts.
+#: [kg] The mass of bodies on paths, so great that nothing diverts them.
 IMMOVABLE = 1e6
 
-#: [m] Radius that a body without a shape has for its inertia.
+#: [m] The radius of a body without a shape, for its inertia.
 _POINT = 0.1
 
 #: [kg m^2] The inertia of a rotor, so great that no load slows it down.
 _ROTOR = 1e4
 
-#: [N m] The torque of a clutch that nobody has set.
+#: [N m] The torque of a clutch before it is set.
 _SLIPPING = 1e-9
 
-#: How exactly a clutch brings a joint to the rate of its rotor in a physics step.
+#: The precision with which a clutch brings a joint to the rate of its rotor in a physics step.
 _GRIP = 0.999
 
-#: [byte] What the engine may use for contacts and the forces of joints; no memory is taken before it is needed. By
-#: default the engine has too little for a heap of a hundred bodies.
+#: [byte] The memory limit of the engine for contacts and joint forces; memory is allocated when needed. The default of
+#: the engine is too little for a heap of a hundred bodies.
 _MEMORY = 512 * 2**20
 
-#: [m] From how far bodies push each other, so that those that stand on each other do before they fall.
+#: [m] The distance at which bodies begin to push each other, so that stacked bodies do before they fall.
 MARGIN = 1e-5
 
-#: [m] From how far a contact that has begun has not ended: bodies that push each other part for single physics steps.
+#: [m] The distance up to which a contact lasts once it has begun, as bodies in contact part for single physics steps.
 NEAR = 5e-4
 
 
 class Surface(NamedTuple):
-    """What contacts of a geometry are like, and whose it is.
+    """The properties of a geometry in contacts, and its owner.
 
     Attributes:
         owner: The index of the agent, the entity or the ground.
         friction: The coefficient of friction, to be multiplied by that of the other body.
-        elasticity: The elasticity, to be multiplied as well.
+        elasticity: The elasticity, to be multiplied by that of the other body.
     """
 
     owner: int
@@ -65,7 +65,7 @@ class Surface(NamedTuple):
 
 
 class Scene:
-    """Collects bodies; `compile` makes the model.
+    """Collects bodies, from which `compile` creates the model.
 
     Attributes:
         surfaces: The surface of each geometry, by its name.
@@ -85,9 +85,9 @@ class Scene:
 
         Args:
             step: The physics step [s].
-            gravity: [m/s^2]; shape (3,).
+            gravity: The gravity [m/s^2]; shape (3,).
             iterations: The most iterations of the solver in a step.
-            height: The height of shapes without one of their own [m].
+            height: The height of shapes that define none [m].
             floor: The height of the ground [m]; None without one.
             folders: The folders to which names of files are relative.
         """
@@ -95,10 +95,11 @@ class Scene:
         self._spec.memory = _MEMORY
         option = self._spec.option
         option.timestep, option.gravity, option.iterations = step, list(gravity), iterations
-        # Exact cones, and friction that is much stiffer than what it resists: bodies at rest do not creep.
+        # Elliptic cones, and friction much stiffer than the forces that it resists, so that bodies at rest do not
+        # creep.
         option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 100.0
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        # States that are not finite end a run (see `engine_warnings`); the engine would begin again from the start.
+        # States that are not finite end a run (see `engine_warnings`); by default the engine would reset itself.
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._spec.compiler.autolimits = False
         self._height, self._floor, self._folders = height, floor, folders
@@ -107,7 +108,7 @@ class Scene:
         self.levels: dict[str, float] = {}
 
     def add_ground(self, height: float, surface: Surface) -> None:
-        """Add the plane that everything falls on."""
+        """Add the ground, a plane."""
         self._add(
             self._spec.worldbody,
             surface,
@@ -135,13 +136,13 @@ class Scene:
     def add_agent(
         self, name: str, entity: Entity, height: float | None, turns: bool, surface: Surface, *where: str
     ) -> None:
-        """Add an upright body, which forces of its own move and gravity does not.
+        """Add an upright body, which is moved by the forces of its agent, without gravity.
 
         Args:
             name: The id of the agent.
-            entity: Its body.
-            height: Its height, if it moves in a plane [m].
-            turns: Whether it turns about the vertical.
+            entity: The body of the agent.
+            height: The height of the body, if it moves in a plane [m].
+            turns: Whether the body turns about the vertical.
             surface: Its surface.
             where: The path of the body, for messages.
         """
@@ -197,7 +198,7 @@ class Scene:
         Args:
             id: The id of the agent.
             shape: The shape with the file.
-            posture: Where its base is.
+            posture: The posture, with the pose of its base.
             mechanism: Whether its base is free, and whether it stands on the ground.
             surface: Its surface.
             where: The path of the body, for messages.
@@ -224,12 +225,12 @@ class Scene:
         """Add a robot, and return its base.
 
         Args:
-            name: The name of the agent or entity, which those of its joints and links begin with.
-            robot: Its specification, which becomes part of this scene.
+            name: The name of the agent or entity, a prefix of the names of its joints and links.
+            robot: The specification of the robot, which becomes part of this scene.
             surface: The surface of all its links.
             joint: The name of the joint by which its base is free; None if it is fixed.
-            position: The origin of its base [m].
-            quaternion: The orientation of its base (w, x, y, z).
+            position: The origin of the base [m].
+            quaternion: The orientation of the base (w, x, y, z).
         """
         frame = self._spec.worldbody.add_frame(pos=list(position), quat=list(quaternion))
         base = frame.attach_body(robot.worldbody.first_body(), f"{name}/", "")
@@ -247,12 +248,12 @@ class Scene:
         return base
 
     def dress(self, name: str, described: Articulation, surface: Surface) -> None:
-        """Add the looks of a robot, which only cameras see.
+        """Add the visual shapes of a robot, which only cameras see.
 
         Args:
             name: The name of the agent or entity, which was attached.
-            described: Its links with their visual shapes.
-            surface: Its surface, for its owner.
+            described: The links of the robot with their visual shapes.
+            surface: The surface, whose owner is used.
         """
         for link in described.links:
             body = self._spec.body(f"{name}/{link.name}")
@@ -281,10 +282,10 @@ class Scene:
         self._add(body, surface, 0, 0, **options)
 
     def add_clutch(self, joint: str) -> None:
-        """Connect a joint by a clutch to a rotor of its own, whose rate nothing changes.
+        """Connect a joint by a clutch to a separate rotor, whose rate no load changes.
 
-        The clutch is dry friction between both rates: it brings the joint to the rate of the rotor as far as its
-        torque, 0 at first, can. The rotor has the name of the joint with `/rotor` behind it, the clutch with `/clutch`.
+        The clutch is dry friction between both rates: it brings the joint to the rate of the rotor within its torque,
+        which is initially 0. The rotor has the name of the joint with `/rotor` behind it, the clutch with `/clutch`.
         """
         body = self._spec.worldbody.add_body(name=f"{joint}/rotor")
         body.mass, body.inertia, body.ipos, body.explicitinertial = 1e-3, [1e-6] * 3, [0, 0, 0], True
@@ -292,7 +293,7 @@ class Scene:
         clutch = self._spec.add_tendon(name=f"{joint}/clutch")
         clutch.wrap_joint(joint, 1.0)
         clutch.wrap_joint(f"{joint}/rotor", -1.0)
-        # A tiny torque, as the engine leaves out what has none.
+        # A tiny torque, as the engine leaves out constraints without any.
         clutch.frictionloss = _SLIPPING
         clutch.solref_friction = [-1.0, -1.0 / self._spec.option.timestep]
         clutch.solimp_friction = [_GRIP, _GRIP, 0.001, 0.5, 2.0]
@@ -407,7 +408,7 @@ class Scene:
         """Return the model.
 
         Raises:
-            WorldError: MuJoCo refuses it.
+            WorldError: MuJoCo refuses the model.
         """
         try:
             return self._spec.compile()
@@ -416,7 +417,7 @@ class Scene:
 
 
 def body_name(name: str) -> str:
-    """Return what a body is called in the engine, where `world` has a meaning of its own."""
+    """Return the name of a body in the engine, which reserves the name `world`."""
     return f"{name}/body"
 
 

@@ -18,10 +18,10 @@ from symaware_cli.geometry import Array, Mask, rotated
 from symaware_mujoco.robot import read_robot
 from symaware_mujoco.scene import Scene, Surface
 
-#: The part of the way to its target that a motor turns a joint in a physics step.
+#: The part of the way to its target by which a motor turns a joint in a physics step.
 _SHARE = 0.1
 
-#: The elements x, y, z, x, y, of which slices are those of cross products.
+#: The elements x, y, z, x, y, whose slices are the factors of cross products.
 _CYCLIC = np.array([0, 1, 2, 0, 1])
 
 
@@ -33,7 +33,7 @@ def read_vehicle(file: Path, *where: str) -> Any:
         where: The path of the model, for messages.
 
     Raises:
-        WorldError: It is damaged, or describes something that this world does not move.
+        WorldError: The file is damaged, or describes something that this world does not move.
     """
     folder = file.parent
     try:
@@ -43,12 +43,12 @@ def read_vehicle(file: Path, *where: str) -> Any:
 
 
 def add_vehicle(scene: Scene, name: str, robot: Any, surface: Surface) -> None:
-    """Add a copy of a vehicle: a free body, with an actuator for each of its joints that does nothing yet.
+    """Add a copy of a vehicle: a free body, with an idle actuator for each of its joints.
 
     Args:
         scene: The scene.
         name: The id of the agent.
-        robot: What `read_vehicle` returned.
+        robot: The specification from `read_vehicle`.
         surface: The surface of all its links.
     """
     base = scene.attach(name, robot.copy(), surface)
@@ -85,7 +85,8 @@ class MujocoVehicleBodies(VehicleBodies):
             if row is not None and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
                 name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
                 self._joints[row][name.removeprefix(f"{group.ids[row]}/")] = joint
-        #: The row and name of each motor; where its joint, its rotor and its rotor's rate are in the engine's state.
+        #: The row and name of each motor, and the indices of its joint, its rotor and its rotor's rate in the engine's
+        #: state.
         self._motors: dict[tuple[int, str], int] = {}
         self._motors_at = np.empty((0, 3), np.intp)
         self._is_rate, self._targets = np.empty(0, bool), np.empty(0)
@@ -93,7 +94,7 @@ class MujocoVehicleBodies(VehicleBodies):
 
     @property
     def present(self) -> Mask | None:
-        """Which of the agents are in the world, by row; None for all of them."""
+        """Whether each agent is in the world, by row; None if all are."""
         return self._group.present
 
     def captured(self) -> Array:
@@ -113,7 +114,7 @@ class MujocoVehicleBodies(VehicleBodies):
         mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
 
     def set_friction(self, friction: Mapping[str, float]) -> None:
-        """Set the friction of the links that joints move, and take away the damping of these."""
+        """Set the friction of the links that joints move, and remove the damping of the joints."""
         model = self._model
         for joints, geometries in zip(self._joints, self._geometries, strict=True):
             links = {int(model.jnt_bodyid[joint]): name for name, joint in joints.items()}
@@ -125,7 +126,7 @@ class MujocoVehicleBodies(VehicleBodies):
         """Do nothing: joints without a motor move freely."""
 
     def add_motors(self, joints: Sequence[str], kind: Literal["rate", "angle"], torque: float) -> None:
-        """Give the clutches of joints their torque."""
+        """Set the torques of the clutches of joints."""
         model = self._model
         for row, own in enumerate(self._joints):
             for name in joints:
@@ -189,7 +190,7 @@ class MujocoVehicleBodies(VehicleBodies):
         self._data.qvel[own[3:]] = rotated(orientation * [-1.0, -1.0, -1.0, 1.0], spun)
 
     def put(self, row: int, position: Sequence[float], orientation: Sequence[float]) -> None:
-        """Put a body to rest somewhere, with all joints at 0.
+        """Put a body at rest to a pose, with all joints at 0.
 
         Args:
             row: The row of the agent.
@@ -221,7 +222,7 @@ class MujocoVehicleBodies(VehicleBodies):
 
 
 def _turned(orientations: Array, vectors: Array) -> Array:
-    """Turn vectors (n, 3) by rotations (n, 4); a fourth of the time that NumPy's `cross` takes for a few bodies."""
+    """Rotate vectors (n, 3) by quaternions (n, 4); for a few bodies four times as fast as with NumPy's `cross`."""
     turns, given = orientations.T[_CYCLIC], vectors.T[_CYCLIC]
     doubled = turns[1:4] * given[2:] - turns[2:] * given[1:4]
     doubled *= 2.0

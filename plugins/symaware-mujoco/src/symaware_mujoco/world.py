@@ -31,29 +31,30 @@ _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 #: [m] Smaller overlaps at the start count as standing on each other.
 _TINY = 1e-6
 
-#: What of the engine is the state of a run: positions, velocities, time, and what the solver begins with.
+#: The parts of the engine's data that are the state of a run: positions, velocities, time, and the solver's warm start.
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 _NONE: NDArray[np.int64] = np.empty(0, np.int64)
 
-#: A number greater than that of any pair, with which the numbers of those that touch end, so that searches find one.
+#: A sentinel greater than the number of any pair, at the end of the numbers of touching pairs, so that searches stay in
+#: range.
 _LAST: NDArray[np.int64] = np.array([np.iinfo(np.int64).max])
 
-#: What rays of a lidar meet, by the group of geometries; and what hides agents from each other.
+#: The groups of geometries that rays of a lidar meet, and those that hide agents from each other.
 _SOLID, _OPAQUE = np.array([1, 1, 1, 0, 1, 0], np.uint8), np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
 
 class MujocoEnvironment(VehicleEnvironment):
     """Rigid bodies in space that fall, push, rub and bounce off each other, by MuJoCo.
 
-    The z axis points upwards. Agents stay upright; those of models that move in a plane keep their height, and the
-    ground does not touch them. Contacts are springs with dampers: while bodies push each other, they overlap by about
-    their speed times four physics steps.
+    The z axis points upwards. Agents stay upright; agents that move in a plane keep their height, and have no contact
+    with the ground. Contacts are springs with dampers: while bodies push each other, they overlap by about their speed
+    times four physics steps.
     """
 
     dimensions = 3
     provides = ("forces", "images", "mechanisms", "tilt", "vehicles")
-    #: What follows from the scenario, and the engine's own objects, whose state `captured` takes.
+    #: Attributes that follow from the scenario, and the engine's objects, whose state `captured` returns.
     uncaptured: ClassVar[Collection[str]] = (
         *("_model", "_data", "_owners", "_surfaces", "_bits", "_geometries", "_count"),
         *("_seen", "_keys", "_apart", "_any_apart"),
@@ -66,20 +67,18 @@ class MujocoEnvironment(VehicleEnvironment):
     class Parameters(VehicleEnvironment.Parameters):
         """Parameters of the world."""
 
-        substeps: int = Field(20, ge=1, le=1000, description="How many physics steps a time step is divided into.")
+        substeps: int = Field(20, ge=1, le=1000, description="Number of physics steps in a time step.")
         gravity: tuple[_Component, _Component, _Component] = Field(
             (0.0, 0.0, -9.81),
             description="Acceleration of free bodies [x, y, z] [m/s^2]; agents follow their models instead.",
         )
-        ground: GroundPlane | None = Field(
-            GroundPlane(), description="The plane that everything falls on; none if null."
-        )
-        height: float = Field(1.0, gt=0, description="How high what has no height of its own is, such as a wall [m].")
+        ground: GroundPlane | None = Field(GroundPlane(), description="Ground plane; none if null.")
+        height: float = Field(1.0, gt=0, description="Height of shapes that define none, such as walls [m].")
         visuals: bool = Field(
             False,
-            description="Whether cameras see what bodies from URDF files look like there; otherwise, what collides.",
+            description="Whether cameras see the visual shapes of bodies from URDF files; otherwise, collision shapes.",
         )
-        iterations: int = Field(100, ge=1, le=1000, description="How often the solver goes over all contacts at most.")
+        iterations: int = Field(100, ge=1, le=1000, description="Greatest number of iterations of the contact solver.")
 
     @property
     def gravity(self) -> Sequence[float]:
@@ -149,7 +148,7 @@ class MujocoEnvironment(VehicleEnvironment):
         self._attach_all(vehicles, errors)
 
     def find_warnings(self, view: ScenarioView) -> None:
-        """Warn of meshes that are not convex, looks that are missing, and elasticities that are kept less exactly."""
+        """Warn of meshes that are not convex, missing visual shapes, and elasticities that are inexact."""
         super().find_warnings(view)
         warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
         warn_of_bounces(view, self.parameters.ground)
@@ -187,7 +186,7 @@ class MujocoEnvironment(VehicleEnvironment):
         return vehicle
 
     def _dress(self, scene: Scene, agents: Collection[str]) -> Sequence[int]:
-        """Add the looks of vehicles and robots, and return the indices of those that have some."""
+        """Add the visual shapes of vehicles and robots, and return the indices of those with any."""
         bodies = {self.roster.index(id): (id, name) for name in agents for id in self.groups[self._number[name]].ids}
         first = len(self.roster)
         bodies |= {
@@ -202,7 +201,7 @@ class MujocoEnvironment(VehicleEnvironment):
         return found
 
     def _attach_all(self, vehicles: Mapping[int, Vehicle], errors: ErrorCollector) -> None:
-        """Hand vehicles their bodies."""
+        """Attach vehicles to their bodies."""
         for number, vehicle in vehicles.items():
             with errors.catch():
                 self._attach(vehicle, number, self._bodies[number])
@@ -211,10 +210,10 @@ class MujocoEnvironment(VehicleEnvironment):
         self._pushes = bool(vehicles)
 
     def _index_bodies(self) -> None:
-        """Find where the coordinates of bodies are in those of the engine."""
+        """Find the indices of the bodies' coordinates in those of the engine."""
         model = self._model
         columns = ("x", "y", "z", "heading")
-        #: Of each agent, the places of x, y, z and heading among the engine's positions and velocities; -1 for none.
+        #: For each agent, the indices of x, y, z and heading in the engine's positions and velocities; -1 for none.
         self._positions_at = np.full((len(self._driven), 4), -1, np.intp)
         self._velocities_at = np.full((len(self._driven), 4), -1, np.intp)
         for row, index in enumerate(self._driven.tolist()):
@@ -238,13 +237,13 @@ class MujocoEnvironment(VehicleEnvironment):
         names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, number) for number in range(model.ngeom)]
         surfaces = [scene.surfaces[name] for name in names]
         self._owners = np.array([each.owner for each in surfaces], np.intp)
-        #: The bits of collisions of each geometry, as they are if its agent is present.
+        #: The collision bits of each geometry while its agent is present.
         self._bits = model.geom_contype.copy(), model.geom_conaffinity.copy()
         agents, ground = len(self.roster), len(self.roster) + len(self.obstacles)
         looks = model.geom_group == LOOKS
         kinds = np.select([self._owners < agents, self._owners >= ground], [AGENTS, FLOOR], ENTITIES)
         model.geom_group[:] = self._groups = np.where(looks, LOOKS, kinds).astype(np.int32)
-        #: What cameras do not see: what collides, where there are looks.
+        #: Geometries that cameras do not see: collision shapes of bodies with visual shapes.
         self._unseen = np.flatnonzero(~looks & np.isin(self._owners, np.array(self._dressed, np.intp)))
         plain = [body_colour(index, agents) for index in self._owners.tolist()]
         self._colours = np.where(looks[:, None], model.geom_rgba[:, :3], np.array(plain).reshape(-1, 3))
@@ -281,10 +280,11 @@ class MujocoEnvironment(VehicleEnvironment):
             if actuator.group.model.heading is not None:
                 places = self._velocities_at[part, 3]
                 self._inertia[part, 3] = model.dof_M0[places] / self.step_time
-        #: The number of bodies, and the numbers of the pairs that touch, ascending.
+        #: The number of bodies, and the numbers of the touching pairs, ascending.
         self._count = len(self.roster) + len(self.obstacles) + 1
         self._touching = _LAST
-        #: What the last step found: the geometries of its contacts, the numbers of their pairs, and which do not touch.
+        #: Results of the last step: the geometries of its contacts, the numbers of their pairs, and the contacts
+        #: without touch.
         self._seen: bytes | None = None
         self._keys, self._apart, self._any_apart = _NONE, np.empty(0, bool), False
 
@@ -294,11 +294,11 @@ class MujocoEnvironment(VehicleEnvironment):
         into[places[known]] = values[known]
 
     def close(self) -> None:
-        """Let go of the engine's model."""
+        """Release the engine's model."""
         for name in ("_bodies", "_data", "_model"):
             self.__dict__.pop(name, None)
 
-    # -- agents that come and go
+    # -- agents that enter and leave
 
     def _appear(self, row: int, velocity: Sequence[float]) -> None:
         self._velocity[row, :3] = velocity
@@ -328,7 +328,7 @@ class MujocoEnvironment(VehicleEnvironment):
         self._show_present()
 
     def _read_others(self, velocities: Array) -> None:
-        # Nothing holds the bodies of absent vehicles while the world moves.
+        # The bodies of absent vehicles move freely in the engine.
         for vehicle, number in self._vehicles:
             present, state = self.groups[number].present, self._states[number]
             for row in [] if present is None else np.flatnonzero(~present).tolist():
@@ -343,7 +343,7 @@ class MujocoEnvironment(VehicleEnvironment):
             velocities[start : start + len(state), :dimensions] = velocity[:, :dimensions]
 
     def _show_present(self) -> None:
-        """Let the bodies of present agents collide and stop rays, and no others."""
+        """Let the bodies of present agents, but not of absent ones, collide and stop rays."""
         model = self._model
         for index, geometries in self._geometries.items():
             there = self.present is None or bool(self.present[index])
@@ -399,7 +399,7 @@ class MujocoEnvironment(VehicleEnvironment):
             machine.command(self._applied[machine.number])
 
     def _follow_paths(self, number: int) -> None:
-        """Put entities with a path where they are at the beginning of a physics step, with their velocities."""
+        """Set the poses and velocities of entities with a path at the beginning of a physics step."""
         if not self._moving:
             return
         data = self._data
@@ -413,12 +413,12 @@ class MujocoEnvironment(VehicleEnvironment):
             data.qvel[velocities] = [*[*course.velocity, 0.0][:3], *turned]
 
     def _track_contacts(self) -> bool:
-        """Report what the last physics step brought together or apart; return whether an agent touches something."""
+        """Report contacts that began or ended in the last physics step; return whether an agent touches something."""
         tracker = self._tracker
         if self._seen == b"" and not self._data.ncon:
             return tracker.agents > 0  # nothing was near before, and nothing is now
         contacts = self._data.contact
-        # Pairs touch from when the engine counts one of their contacts until they are not near each other any more.
+        # A pair touches from the first contact that the engine counts until the bodies are no longer near each other.
         # From one step to the next, mostly the same pairs are near.
         begun = ended = _NONE
         seen = contacts.geom.tobytes()
@@ -439,14 +439,14 @@ class MujocoEnvironment(VehicleEnvironment):
         for key in ended.tolist():
             tracker.end(self._pair_of(key))
         if len(begun) or len(ended):
-            # What ended is no longer near, so that it is not among the keys.
+            # Ended contacts are no longer near, so their keys are absent.
             held = np.setdiff1d(self._touching, ended, assume_unique=True) if len(ended) else self._touching
             self._touching = np.sort(np.concatenate([held, begun]))
             self._find_apart()
         return tracker.agents > 0
 
     def _find_apart(self) -> NDArray[np.int64]:
-        """Find the contacts of pairs that are near and do not touch; return the pairs that are not near any more."""
+        """Find the contacts of near pairs that do not touch; return the pairs that are no longer near."""
         touching, keys = self._touching, self._keys
         places = touching.searchsorted(keys)
         touch = touching[places] == keys
@@ -538,7 +538,7 @@ class MujocoEnvironment(VehicleEnvironment):
         mujoco.mj_forward(self._model, self._data)
 
     def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
-        """Measure horizontal rays against the bodies of the engine, from the heights of those that cast them."""
+        """Measure horizontal rays against the bodies of the engine, from the heights of the senders."""
         model, data = self._model, self._data
         mujoco.mj_kinematics(model, data)
         distances = np.full(directions.shape[:2], np.inf)
@@ -566,7 +566,7 @@ class MujocoEnvironment(VehicleEnvironment):
         mujoco.mj_kinematics(model, data)
         middles, free = self.body_positions(self.roster.ids), np.ones(len(ones), bool)
         for row, (one, other) in enumerate(zip(ones.tolist(), others.tolist(), strict=True)):
-            # Both directions are one line.
+            # Both directions share one line.
             start, end = middles[min(one, other)], middles[max(one, other)]
             hit = mujoco.mj_ray(model, data, start, end - start, _OPAQUE, True, -1, self._hit, None)
             free[row] = not 0.0 <= hit <= 1.0
@@ -605,11 +605,11 @@ class MujocoEnvironment(VehicleEnvironment):
         return self._levels[name] if free is None else float(self._data.qpos[self._free_positions_at[free, 2]])
 
     def articulations(self) -> Mapping[str, Articulation]:
-        """Return what bodies look like that turn in space."""
+        """Return the links and visual shapes of bodies that turn in space."""
         return self._articulations
 
     def body_poses(self, name: str) -> Array | None:
-        """Return the poses of vehicles, robots with a free base and free entities; None for what stays upright."""
+        """Return the poses of vehicles, robots with a free base and free entities; None for upright bodies."""
         number = self._number.get(name, -1)
         machine = self._machine_of(name)
         if machine is not None or number in self._bodies:
@@ -647,12 +647,12 @@ class MujocoEnvironment(VehicleEnvironment):
         return state
 
     def restored(self, state: Any) -> None:
-        """Put the engine into a state."""
+        """Set the engine to a state."""
         self._seen = None
         mujoco.mj_setState(self._model, self._data, state, _STATE)
         self._show_present()
         mujoco.mj_forward(self._model, self._data)
-        # What the solver begins with is part of the state, and was just replaced.
+        # The solver's warm start is part of the state, and was just replaced.
         mujoco.mj_setState(self._model, self._data, state, _STATE)
 
 
@@ -663,7 +663,7 @@ def _nearest(keys: NDArray[np.int64], distances: Array, key: int) -> int:
 
 
 def _upright_rates(poses: Array, spins: Array) -> Array:
-    """Return turn rates about the vertical [rad/s], shape (n,), of bodies that turn in their own coordinates.
+    """Return turn rates about the vertical [rad/s], shape (n,), from those about the axes of the bodies.
 
     Args:
         poses: Positions and quaternions (w, x, y, z); shape (n, 7).
