@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from symaware_cli.awareness import BOX_COLUMNS
 from symaware_cli.core import AgentGroup, GroupComponent, Quantity, ScenarioView, Signal
 from symaware_cli.engine import ScanOptions, ScanReturns, ScanSurfaces, bounding_radii, check_scan
 from symaware_cli.geometry import LARGEST, Array, Number
@@ -27,13 +28,7 @@ MOST_BELIEFS = 10_000_000
 MAP = Signal(
     "map",
     kind="table",
-    columns=(
-        Quantity("x_low", "m"),
-        Quantity("x_high", "m"),
-        Quantity("y_low", "m"),
-        Quantity("y_high", "m"),
-        Quantity("occupied", "1"),
-    ),
+    columns=(*(Quantity(each, "m") for each in BOX_COLUMNS), Quantity("occupied", "1")),
     drawn="areas",
     description="what the agent believes of the map: areas that are occupied (1) or free (0), others are unknown",
 )

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from symaware_cli.awareness import BOX_COLUMNS
 from symaware_cli.core import AgentGroup, Event, GroupComponent, Level, Quantity, ScenarioView, Signal
 from symaware_cli.geometry import Indices
 from symaware_cli.knowledge.components.cell_watch import CellWatch
@@ -47,7 +48,7 @@ PLAN = Signal(
 ENVIRONMENT = Signal(
     "environment",
     "table",
-    [*(Quantity(each, "m") for each in ("x_low", "x_high", "y_low", "y_high")), Quantity("crossed", "1")],
+    [*(Quantity(each, "m") for each in BOX_COLUMNS), Quantity("crossed", "1")],
     drawn="boxes",
     description="cells of others as believed or played; and, crossed, those that the environment closes to the agent",
 )

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, field_validator
 
+from symaware_cli.awareness import BOX_COLUMNS
 from symaware_cli.core import AgentGroup, Parameters, Quantity, Signal, Tracks
 from symaware_cli.engine.components.risk.body_pairs import BodyPairs
 from symaware_cli.engine.components.risk.collision import Collision
@@ -21,13 +22,7 @@ MOST_CELLS = 100_000
 RISK_MAP = Signal(
     "map",
     kind="table",
-    columns=(
-        Quantity("x_low", "m"),
-        Quantity("x_high", "m"),
-        Quantity("y_low", "m"),
-        Quantity("y_high", "m"),
-        Quantity("level", "1"),
-    ),
+    columns=(*(Quantity(each, "m") for each in BOX_COLUMNS), Quantity("level", "1")),
     drawn="areas",
     description="the risk of being in each cell of the grid; cells with less than the least risk are left out",
 )
