@@ -15,9 +15,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import symaware_cli as sa
+
+# isort: split
+import numpy as np
 
 #: For each FMU: time step and duration [s], and the variables that are elements of the state, with initial values.
 MODELS: dict[str, tuple[float, float, dict[str, float]]] = {
