@@ -270,7 +270,7 @@ def test_a_plan_with_energy_is_the_best_of_all_choices() -> None:
 
 
 @pytest.mark.slow
-def test_plans_with_energy_are_the_best_of_all_choices_of_200_instances() -> None:
+def test_plans_with_energy_are_the_best_of_all_choices_of_60_instances() -> None:
     check_energies(60)
 
 
