@@ -313,7 +313,8 @@ def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(
     """
     logs = []
     for where in ("here", "process"):
-        agents, entities = {}, {}
+        agents: dict[str, Any] = {}
+        entities: dict[str, Any] = {}
         for place, (use, looking) in enumerate(sorted(LOOKING.items())):
             name = use.replace(".", "-")
             components: dict[str, Any] = {
