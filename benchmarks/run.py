@@ -4,10 +4,15 @@ Every figure is CPU time of one process, and the results are ratios of two cases
 turn, round after round, so that a temporary slowdown of the machine affects all of them. The table shows the median and
 the range of the ratios over the rounds. Peers are installed from the package index into a separate environment beside
 this file; two are not in the index, and are omitted unless an interpreter is given that can import them.
+
+With ``--against COMMIT`` the cases of SymAware are run with that commit, too, in turn with the present checkout: the
+table shows how many times as fast each case is now, and nothing is written. Both run the present scripts; the commit is
+installed into a temporary folder, beside the dependencies that are installed here.
 """
 
 import argparse
 import datetime
+import io
 import json
 import os
 import platform
@@ -15,8 +20,10 @@ import resource
 import statistics
 import subprocess
 import sys
+import tarfile
 import tempfile
 import venv
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -148,20 +155,88 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
     return found
 
 
-def measure(case: Case) -> dict[str, float]:
-    """Run a case in a separate process and return its figures."""
+class CaseError(Exception):
+    """A case does not run."""
+
+
+def measure(case: Case, variables: Mapping[str, str] | None = None) -> dict[str, float]:
+    """Run a case in a separate process, with further environment variables, and return its figures.
+
+    Raises:
+        CaseError: If the process fails.
+    """
     # One thread each: the figures are CPU time, and NumPy's threads would only add to it.
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    environment |= variables or {}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(case.command, capture_output=True, text=True, env=environment, check=False)
     if done.returncode:
-        raise SystemExit(f"{' '.join(case.command)} failed:\n{done.stderr}")
+        raise CaseError(f"{' '.join(case.command)} failed:\n{done.stderr}")
     if case.whole:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         return {"cpu": cpu, "agent_steps": 4 * 240}
     figures: dict[str, float] = json.loads(done.stdout.strip().splitlines()[-1])
     return figures
+
+
+def installed(commit: str, folder: Path) -> dict[str, str]:
+    """Install a commit into a folder, and return the environment variables with which Python imports it from there."""
+    archive = subprocess.run(["git", "archive", commit], cwd=HERE.parent, capture_output=True, check=False)
+    if archive.returncode:
+        raise SystemExit(f"--against {commit}: {archive.stderr.decode().strip()}")
+    with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as content:
+        content.extractall(folder / "source", filter="data")
+    # With its entry points, which those of the present checkout must not stand in for.
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--disable-pip-version-check"]
+    subprocess.run([*pip, "--target", str(folder / "site"), str(folder / "source")], check=True)
+    path = os.pathsep.join(filter(None, [str(folder / "site"), os.environ.get("PYTHONPATH")]))
+    return {"PYTHONPATH": path}
+
+
+def compare_with(commit: str, rounds: int, wanted: str) -> str:
+    """Measure the cases whose names contain a text with a commit and with the checkout, and format the ratios."""
+    ratios: dict[str, list[float]] = {}
+    left_out: dict[str, str] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        _show_progress(f"installing {commit}")
+        before = installed(commit, folder)
+        chosen = {name: case for name, case in cases(False, None, None, folder).items() if wanted in name}
+        if not chosen:
+            raise SystemExit(f"--only {wanted}: no case has a name with that")
+        for number in range(rounds):
+            for name, case in chosen.items():
+                if name in left_out:
+                    continue
+                _show_progress(f"round {number + 1} of {rounds}: {name}")
+                rates: dict[bool, float] = {}
+                # Each is the first in every second round, so that neither always runs on the warmer machine.
+                for now in (True, False) if number % 2 else (False, True):
+                    try:
+                        figures = measure(case, {} if now else before)
+                    except CaseError as error:
+                        if now:
+                            raise
+                        left_out[name] = str(error).strip().splitlines()[-1]
+                        break
+                    rates[now] = figures["agent_steps"] / figures["cpu"]
+                else:
+                    ratios.setdefault(name, []).append(rates[True] / rates[False])
+    rows = [
+        f"| {name} | {min(each):.2f} | {statistics.median(each):.2f} | {max(each):.2f} |"
+        for name, each in ratios.items()
+    ]
+    return "\n".join(
+        [
+            f"How many times as fast as {commit}, in {rounds} rounds (*numpy*, which uses neither, shows the noise):",
+            "",
+            "| case, number of agents | least | median | greatest |",
+            "|---|---:|---:|---:|",
+            *rows,
+            *(f"\n{name} does not run with {commit}: {why}" for name, why in left_out.items()),
+        ]
+    )
 
 
 def replays() -> dict[str, Case]:
@@ -314,7 +389,14 @@ def main() -> None:
     parser.add_argument("--no-learning", action="store_true", help="omit the environments of reinforcement learning")
     parser.add_argument("--no-experiments", action="store_true", help="omit the experiments in physics worlds")
     parser.add_argument("--no-write", action="store_true", help="do not write RESULTS.md")
+    parser.add_argument("--against", metavar="COMMIT", help="measure only SymAware, in turn with that of a commit")
+    parser.add_argument("--only", metavar="TEXT", default="", help="with --against: the cases with this in their names")
     arguments = parser.parse_args()
+    if arguments.against:
+        compared = compare_with(arguments.against, arguments.rounds, arguments.only)
+        print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
+        print(compared)
+        return
     if not arguments.no_peers:
         install_peers()
     rates: dict[str, list[float]] = {}
@@ -405,4 +487,7 @@ def report(rates: dict[str, list[float]], memory: dict[str, float], shares: dict
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except CaseError as failure:
+        raise SystemExit(str(failure)) from None

@@ -47,8 +47,15 @@ def concerned(test: Path, files: frozenset[Path]) -> bool:
     for file in files:
         if re.search(rf"\b{re.escape(file.name)}\b", text) or f"{test.stem}_".find(f"_{file.stem}_") >= 0:
             return True
+    return not files.isdisjoint(_reached_or_named(test))
+
+
+@cache
+def _reached_or_named(test: Path) -> frozenset[Path]:
+    """What a module of tests imports, and what is imported where the entry points lead that it names."""
+    text = test.read_text(encoding="utf-8")
     named = {path for name, path in entry_points().items() if name in text}
-    return not files.isdisjoint({*reached(test), *(other for path in named for other in reached(path))})
+    return reached(test).union(*map(reached, named))
 
 
 @cache

@@ -1,12 +1,15 @@
 """How long tests take, and which of them are `long`: those that `durations.tsv` lists.
 
-    pytest -n auto -m 'not slow' --record-durations    write the list anew, for the files whose tests ran
+    pytest -n auto -m '' --record-durations            write the list anew, for the files whose tests ran
     pytest --limit SECONDS                             fail if a test that is not listed takes longer
 
 A duration is the processor time that a test and the processes that it waited for used, so that a busy machine does not
 change it much. What prepares it is not counted: a fixture that several tests share is prepared for whichever is first.
 For the same reason packages that are slow to import are imported before the first test, and a test that exceeds the
 limit is measured again: Hypothesis reads all modules at its first example in a fresh clone.
+
+Tests marked `slow` are listed only if they take longer than `FIRST`. The longest of all tests are run first, so that
+with `--dist loadgroup`, which gives each worker the next test in turn, none is waited for at the end.
 
 Reasons: docs/decisions/0074-short-and-long-tests.md
 """
@@ -31,6 +34,9 @@ PACKAGES = (
 LONG = 0.3
 """A test that takes longer is listed [s]."""
 
+FIRST = 10.0
+"""Tests that take longer are run before all others [s]."""
+
 
 def processor_time() -> float:
     """Processor time of this process and of those that it has waited for [s]."""
@@ -53,6 +59,7 @@ class Durations:
 
     def __init__(self, record: bool, limit: float | None, once: bool = False) -> None:
         self.seconds: dict[str, float] = {}
+        self._slow: set[str] = set()
         self._record, self._limit, self._once = record, limit, once
         self._long = listed()
 
@@ -72,8 +79,10 @@ class Durations:
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         for item in items:
-            if item.nodeid in self._long:
+            if item.nodeid in self._long and not item.get_closest_marker("slow"):
                 item.add_marker("long")
+        # The others keep their order, in which tests of a module share what prepares them.
+        items.sort(key=lambda item: -seconds if (seconds := self._long.get(item.nodeid, 0.0)) > FIRST else 0.0)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
@@ -86,7 +95,10 @@ class Durations:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call":
             # With --dist loadgroup, names have their group behind them.
-            self.seconds[report.nodeid.partition("@")[0]] = float(str(dict(report.user_properties)["processor_time"]))
+            name = report.nodeid.partition("@")[0]
+            self.seconds[name] = float(str(dict(report.user_properties)["processor_time"]))
+            if "slow" in report.keywords:
+                self._slow.add(name)
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if hasattr(session.config, "workerinput"):
@@ -94,7 +106,7 @@ class Durations:
         if self._record:
             ran = {name.partition("::")[0] for name in self.seconds}
             known = {name: value for name, value in self._long.items() if name.partition("::")[0] not in ran}
-            known |= {name: value for name, value in self.seconds.items() if value > LONG}
+            known |= {n: value for n, value in self.seconds.items() if value > (FIRST if n in self._slow else LONG)}
             lines = [f"{value:.1f}\t{name}" for name, value in sorted(known.items())]
             LIST.write_text("\n".join(lines) + "\n", encoding="utf-8")
         if self.exceeding and session.exitstatus == pytest.ExitCode.OK and (self._once or self._exceed_again(session)):

@@ -10,6 +10,9 @@ from simulating import Command
 
 from symaware_cli import open_log
 
+#: One process prepares what all of these tests look at.
+pytestmark = pytest.mark.xdist_group("part of awareness")
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -3,6 +3,9 @@
 import pytest
 from changed import TESTS, concerned, located
 
+#: One process reads the imports, which are the same for all of these tests.
+pytestmark = pytest.mark.xdist_group("changed")
+
 
 def found(module: str) -> set[str]:
     file = located(module)

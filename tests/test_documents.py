@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,9 @@ from typing import NamedTuple
 
 import pytest
 import yaml
+from typer.testing import CliRunner
 
+from symaware_cli.cli.application import application
 from symaware_cli.language.build import build
 
 TOP = Path(__file__).parents[1]
@@ -55,6 +58,15 @@ class Command(NamedTuple):
     text: str
     output: list[str]
     status: int
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is one call of `symaware`, for which it takes no shell."""
+        return self.text.startswith("symaware ") and not re.search(r"[][|&;<>$*?`]", re.sub("'.*?'", "", self.text))
+
+    def check(self, status: int | None, printed: str) -> None:
+        assert status == self.status, f"$ {self.text}\n{printed}"
+        assert not self.output or matches(self.output, printed.splitlines()), f"$ {self.text}\n{printed}"
 
 
 def blocks(document: Path) -> Iterator[Block]:
@@ -157,17 +169,19 @@ def written(block: Block, folder: Path, number: int) -> Path:
 
 
 @pytest.mark.parametrize("document", having("console"), ids=ids)
-def test_a_command_prints_what_the_document_shows(document: Path, folder: Path) -> None:
+def test_a_command_prints_what_the_document_shows(
+    document: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A document with code of its own gets a process for each command, as a user would; the others run in this one."""
     scripts = str(Path(sys.executable).parent)
-    environment = {
-        **os.environ,
-        "PATH": os.pathsep.join([scripts, os.environ["PATH"]]),
-        "COLUMNS": "100",
-        "XDG_CONFIG_HOME": str(folder / "configuration"),
-    }
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("PATH", os.pathsep.join([scripts, os.environ["PATH"]]))
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "configuration"))
     if registers(document):
         installed(document, folder)
-        environment["PYTHONPATH"] = os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")])
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")]))
+    has_code = registers(document) or any(re.match(r"# \w+\.py\n", block.text) for block in blocks(document))
     for number, block in enumerate(blocks(document)):
         if block.language in ("yaml", "toml") and re.match(r"# (?!pyproject)", block.text):
             written(block, folder, number)
@@ -177,10 +191,14 @@ def test_a_command_prints_what_the_document_shows(document: Path, folder: Path) 
             continue
         started: list[tuple[Command, subprocess.Popen[str]]] = []
         for command in commands(block.text):
+            if command.is_plain and not has_code and not started:
+                result = CliRunner().invoke(application, shlex.split(command.text)[1:], prog_name="symaware")
+                if result.exception is not None and not isinstance(result.exception, SystemExit):
+                    raise result.exception
+                command.check(result.exit_code, result.output)
+                continue
             process = subprocess.Popen(
                 ["bash", "-c", command.text.removesuffix("&")],
-                cwd=folder,
-                env=environment,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
@@ -191,8 +209,7 @@ def test_a_command_prints_what_the_document_shows(document: Path, folder: Path) 
             while started and not command.text.endswith("&"):
                 ended, process = started.pop()
                 printed, _ = process.communicate(timeout=120)
-                assert process.returncode == ended.status, f"$ {ended.text}\n{printed}"
-                assert not ended.output or matches(ended.output, printed.splitlines()), f"$ {ended.text}\n{printed}"
+                ended.check(process.returncode, printed)
 
 
 def test_the_readme_shows_the_scenario_as_it_is() -> None:

@@ -74,3 +74,26 @@ def test_long_tests_are_listed_left_out_and_missed(
     assert list(durations.listed()) == ["test_it.py::test_busy[0.4]"]
     pytester.inline_run("-m", "not long", "--limit", "0.2", "-p", "no:cacheprovider").assertoutcome(passed=1)
     pytester.inline_run("-m", "long", "-p", "no:cacheprovider").assertoutcome(passed=1)
+
+
+def test_the_longest_come_first_and_those_that_are_slow_are_not_long(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(durations, "LIST", tmp_path / "durations.tsv")
+    monkeypatch.setattr(durations, "FIRST", 2.0)
+    names = {"test_it.py::test_c": 3.0, "test_it.py::test_d": 4.0, "test_it.py::test_b": 1.0}
+    durations.LIST.write_text("".join(f"{value}\t{name}\n" for name, value in names.items()))
+    pytester.makeini("[pytest]\nmarkers =\n  long: long\n  slow: slow\n")
+    pytester.makepyfile(
+        test_it="import pytest\n"
+        "def test_a(): pass\n"
+        "def test_b(): pass\n"
+        "def test_c(): pass\n"
+        "@pytest.mark.slow\n"
+        "def test_d(): pass\n"
+    )
+    items, _ = pytester.inline_genitems()
+    plugin = durations.Durations(record=False, limit=None)
+    plugin.pytest_collection_modifyitems(items)
+    assert [item.name for item in items] == ["test_d", "test_c", "test_a", "test_b"]
+    assert [item.name for item in items if item.get_closest_marker("long")] == ["test_c", "test_b"]

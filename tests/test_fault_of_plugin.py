@@ -17,6 +17,9 @@ from test_documents import TOP, blocks
 
 from symaware_cli import open_log
 
+#: One process prepares what all of these tests look at.
+pytestmark = pytest.mark.xdist_group("plugin of a fault")
+
 #: The page that shows the plugin, its entry point and a scenario with it.
 DOCUMENT = TOP / "docs" / "time.md"
 

@@ -16,7 +16,8 @@ import pytest
 CHECKOUT = Path(__file__).parent.parent
 EXAMPLE = CHECKOUT / "plugins" / "symaware-example"
 
-pytestmark = pytest.mark.slow
+#: One process prepares the environment that all of these tests look at.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("plugin package")]
 
 
 def documented(folder: Path) -> Path:

@@ -15,6 +15,9 @@ from simulating import Command
 
 from symaware_cli import open_log
 
+#: One process prepares what all of these tests look at.
+pytestmark = pytest.mark.xdist_group("plugins about logs")
+
 #: Each example: its group, its entry point, and the beginning of its file in the document.
 EXAMPLES = {
     "drawings": ("mine.homeward", "Homeward", '"""Homeward'),
@@ -153,7 +156,7 @@ BROKEN_POINTS = {
 
 
 def built(folder: Path, name: str, code: str, points: Mapping[str, Mapping[str, str]]) -> None:
-    """Build the wheel of a package of one file, and install it into a folder of its own."""
+    """Build a package of one file, and install it into a folder of its own."""
     source = folder / f"source-{name}"
     source.mkdir()
     (source / f"{name}.py").write_text(code, encoding="utf-8")
@@ -166,10 +169,8 @@ def built(folder: Path, name: str, code: str, points: Mapping[str, Mapping[str, 
         f'version = "1.0"\n{groups}\n[tool.hatch.build.targets.wheel]\ninclude = ["{name}.py"]\n',
         encoding="utf-8",
     )
-    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", folder, source], check=True, timeout=300, cwd=folder)
-    (wheel,) = folder.glob(f"{name}-*.whl")
-    line: list[str | Path] = [*pip, "install", "--no-deps", "--target", folder / "site", wheel]
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "install"]
+    line: list[str | Path] = [*pip, "--no-deps", "--target", folder / "site", source]
     subprocess.run(line, check=True, timeout=300, cwd=folder)
 
 

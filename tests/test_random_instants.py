@@ -10,11 +10,13 @@ SCRIPT = Path(__file__).parents[1] / "benchmarks" / "capture.py"
 
 
 @pytest.mark.slow
-def test_what_follows_fifty_random_instants_is_equal_unless_an_engine_is_refused() -> None:
-    told = subprocess.run([sys.executable, SCRIPT, "--seed", "2"], check=True, capture_output=True, text=True).stdout
+def test_what_follows_twenty_random_instants_is_equal_unless_an_engine_is_refused() -> None:
+    told = subprocess.run(
+        [sys.executable, SCRIPT, "--seed", "2", "--pairs", "20"], check=True, capture_output=True, text=True
+    ).stdout
     rows = [line for line in told.splitlines() if "scenarios/" in line]
-    assert len(rows) == 50
+    assert len(rows) == 20
     refused = [row for row in rows if "refused" in row]
     assert all("its engine does not expose" in row for row in refused)
     assert all(row.count(" equal |") == 2 for row in rows if row not in refused)
-    assert len(refused) < 25
+    assert len(refused) < 15

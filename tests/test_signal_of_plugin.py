@@ -11,6 +11,9 @@ from simulating import Command
 
 from symaware_cli import open_log
 
+#: One process prepares what all of these tests look at.
+pytestmark = pytest.mark.xdist_group("plugins of a signal and a sensor")
+
 MODULES = {"my_effort": '"""Effort', "my_radar": '"""Radar'}
 POINTS = {"mine.gauge": "my_effort:Gauge", "mine.radar": "my_radar:Radar", "mine.warn": "my_radar:Warn"}
 

@@ -249,4 +249,4 @@ def test_no_damage_to_a_file_goes_unnoticed(tmp_path: Path) -> None:
     (tmp_path / "table").mkdir()
     (tmp_path / "mutants").mkdir()
     assert check(cases(), tmp_path / "table", independent=True) >= 13
-    assert check(mutated(400), tmp_path / "mutants", independent=True) > 40
+    assert check(mutated(150), tmp_path / "mutants", independent=True) > 10

@@ -128,7 +128,7 @@ def test_damage_at_a_random_place_is_told_and_never_raises(
 def test_damage_at_many_random_places_is_told_and_never_raises(
     verb: str, damage: Callable[..., None], attempt: Callable[[str, Path], Outcome], real: bytes, tmp_path: Path
 ) -> None:
-    count = 40 if verb in DRAWING else 200 if verb in QUICK else 80
+    count = 10 if verb in DRAWING else 60 if verb in QUICK else 25
     damage(verb, attempt, real, tmp_path / "log.mcap", count)
 
 

@@ -162,7 +162,7 @@ def test_a_log_cut_anywhere_is_shown_or_refused_in_a_sentence(tmp_path: Path) ->
 
     data = write_small(tmp_path / "whole.mcap").read_bytes()
     cut, made = tmp_path / "cut.mcap", tmp_path / "cut.rrd"
-    for length in range(0, len(data), 11):
+    for length in range(0, len(data), 37):
         cut.write_bytes(data[:length])
         status, _, trouble = called(["replay", cut, "--save", made])
         assert status in (0, 2, 3), (length, trouble)

@@ -21,11 +21,11 @@ from planted_causes import (
 @pytest.mark.parametrize(
     ("made", "count", "least"),
     [
-        (planted, 5, 5),
-        (with_lost_messages, 3, 3),
-        (with_faults, 3, 3),
-        (with_broken_promises, 3, 3),
-        (unplanted, 20, 20),
+        (planted, 3, 3),
+        (with_lost_messages, 2, 2),
+        (with_faults, 2, 2),
+        (with_broken_promises, 2, 2),
+        (unplanted, 6, 6),
     ],
 )
 def test_the_first_cause_is_the_planted_one_and_none_is_named_without_one(

@@ -1,5 +1,6 @@
 """Consistent forgeries of a sweep folder: the levels of verification that detect them; `all` detects every one."""
 
+import os
 import random
 import shutil
 from collections import Counter
@@ -68,8 +69,10 @@ def test_every_consistent_forgery_is_detected(certified: Path, tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_each_of_500_consistent_forgeries_is_detected(certified: Path, tmp_path: Path) -> None:
-    found = forged(certified, tmp_path, 500)
+def test_each_of_many_consistent_forgeries_is_detected(certified: Path, tmp_path: Path) -> None:
+    """The table of docs/evidence.md is of 500."""
+    cases = int(os.environ.get("SYMAWARE_FORGERIES", "100"))
+    found = forged(certified, tmp_path, cases)
     for kind, levels in found.items():
         print(f"| {kind} | " + " | ".join(str(levels[level]) for level in LEVELS) + " |")
-    assert sum(levels.total() for levels in found.values()) == 500
+    assert sum(levels.total() for levels in found.values()) == cases

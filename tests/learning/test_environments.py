@@ -337,26 +337,26 @@ def test_gymnasium_accepts_one_agent_of_shipped_scenarios(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TEN)
-def test_a_hundred_episodes_of_random_actions_are_verified_from_their_logs(name: str, tmp_path: Path) -> None:
+def test_ten_episodes_of_random_actions_are_verified_from_their_logs(name: str, tmp_path: Path) -> None:
     environment, random = shipped(name, 0.3), np.random.default_rng(1)
     seeds = set()
     environment.reset(seed=1)
-    for _ in range(100):
+    for _ in range(10):
         while environment.agents:
             environment.step(sampled(environment, random))
         seeds.add(environment.episodes.seed)
         assert sa.verify_log(environment.record(tmp_path / "episode.mcap")).is_equal
         environment.reset()
-    assert len(seeds) == 100
+    assert len(seeds) == 10
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TEN)
-def test_a_hundred_episodes_driven_by_components_equal_their_runs(name: str) -> None:
+def test_ten_episodes_driven_by_components_equal_their_runs(name: str) -> None:
     environment, (scenario, _) = shipped(name, 0.5), shortened(name, 0.5)
     assert scenario.outline is not None
     environment.reset(seed=3)
-    for _ in range(100):
+    for _ in range(10):
         while environment.agents:
             environment.step({})
         episode = environment.episodes.simulation

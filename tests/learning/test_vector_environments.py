@@ -236,8 +236,8 @@ def test_gymnasium_makes_the_vector_environment_by_its_name() -> None:
 
 @pytest.mark.slow
 def test_whole_episodes_of_many_rows_equal_single_environments() -> None:
-    rows = sa.vector_env(HEAD_ON, 40, "robot", reward=REWARD)
-    single = [sa.env(HEAD_ON, "robot", reward=REWARD) for _ in range(40)]
+    rows = sa.vector_env(HEAD_ON, 12, "robot", reward=REWARD)
+    single = [sa.env(HEAD_ON, "robot", reward=REWARD) for _ in range(12)]
     random = np.random.default_rng(0)
     rows.reset(seed=5)
     for row, each in enumerate(single):

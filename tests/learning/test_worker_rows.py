@@ -84,9 +84,14 @@ def test_rows_of_a_physics_world_are_the_same_in_processes() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("batched", [True, False])
-@pytest.mark.parametrize("workers", [1, 2, 3, 5])
-@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize(
+    ("mode", "workers", "batched"),
+    [
+        # All pairs of a mode and rows in batches, with shares of unequal size; then each number of processes.
+        *((mode, 3, batched) for mode in AutoresetMode for batched in (True, False)),
+        *((AutoresetMode.NEXT_STEP, workers, workers > 1) for workers in (1, 2, 5)),
+    ],
+)
 def test_results_do_not_depend_on_processes_in_any_mode(mode: AutoresetMode, workers: int, batched: bool) -> None:
     own = {**TASK, "autoreset_mode": mode, "batched": batched}
     if mode is AutoresetMode.DISABLED:

@@ -89,14 +89,14 @@ def test_cars_can_drive_paths_on_random_maps_without_a_contact() -> None:
 
 
 @pytest.mark.slow
-def test_the_cost_on_five_hundred_maps_is_that_of_dijkstra() -> None:
-    for seed in range(2, 502):
+def test_the_cost_on_a_hundred_maps_is_that_of_dijkstra() -> None:
+    for seed in range(2, 102):
         check_cost(seed, 1.0)
 
 
 @pytest.mark.slow
-def test_cars_can_drive_paths_on_five_hundred_maps_without_a_contact() -> None:
-    assert sum(check(seed) for seed in range(3, 503)) >= 300
+def test_cars_can_drive_paths_on_a_hundred_maps_without_a_contact() -> None:
+    assert sum(check(seed) for seed in range(3, 103)) >= 50
 
 
 @pytest.mark.parametrize("turn", TURNS)

@@ -55,7 +55,12 @@ def test_a_head_on_encounter_without_a_robust_plan_keeps_the_distance(fly: Fly) 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "robust_horizon"),
-    [each for each in product(STARTS, HORIZONS) if (each[0][0], each[1]) not in TRAPPED],
+    # Every start with every second horizon, in turn the even and the odd ones.
+    [
+        (start, horizon)
+        for (place, start), horizon in product(enumerate(STARTS), HORIZONS)
+        if (start[0], horizon) not in TRAPPED and (place + horizon) % 2
+    ],
 )
 def test_encounters_keep_the_distance(fly: Fly, start: tuple[float, float, float], robust_horizon: int) -> None:
     keeps_apart(fly, start, robust_horizon)

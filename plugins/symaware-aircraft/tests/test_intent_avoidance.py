@@ -110,8 +110,13 @@ def test_under_turn_noise_a_single_scenario_fails_where_the_tree_does_not(fly: F
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("realisation", range(1, 21))
-@pytest.mark.parametrize("scenario", ["intent-avoidance.yaml", "as-recorded.yaml"])
+@pytest.mark.parametrize(
+    ("scenario", "realisation"),
+    [
+        *(("intent-avoidance.yaml", realisation) for realisation in range(1, 21)),
+        *(("as-recorded.yaml", realisation) for realisation in (1, 7, 14, 20)),
+    ],
+)
 def test_every_realisation_keeps_the_separation(fly: Fly, scenario: str, realisation: int) -> None:
     bias = 1e-4 * (realisation - 10)
     separation = fly(scenario, f"{INTRUDER}.turn_bias={bias:.4f}").separation.min()
@@ -120,7 +125,7 @@ def test_every_realisation_keeps_the_separation(fly: Fly, scenario: str, realisa
 
 @pytest.mark.slow
 def test_under_turn_noise_the_tree_keeps_the_separation_for_every_seed(fly: Fly) -> None:
-    separations = [fly("noisy.yaml", seed=seed).separation.min() for seed in range(50)]
+    separations = [fly("noisy.yaml", seed=seed).separation.min() for seed in range(20)]
     assert min(separations) >= SEPARATION
 
 

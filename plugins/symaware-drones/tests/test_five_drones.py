@@ -15,7 +15,7 @@ from symaware_cli import Log
 from symaware_cli.formulas import Region
 
 ETA, FACES = 20.0, 5
-FIRST = "run.duration=7.5"
+FIRST, WHOLE = "run.duration=7.5", "run.duration=28"
 PHASE = ("point-1", "slot-0-1", "slot-1-1", "slot-2-1", "slot-3-1")
 #: When the pentagons are to be entered and left [s], as the controllers choose it.
 TIMES = {
@@ -146,17 +146,29 @@ def test_without_a_link_the_common_task_fails_and_both_ends_say_since_when() -> 
         assert (event.data["since"], event.data["tasks"]) == (pytest.approx(3.99), ["slot-1-1"])
 
 
+#: How the runs that several tests look at are shortened, or lengthened.
+LASTING = {"asynchronous.yaml": [WHOLE], "five-drones.yaml": [FIRST], "quadrotors.yaml": [FIRST]}
+
+
+@pytest.mark.parametrize("scenario", ["five-drones.yaml", "lost-link.yaml"])
+def test_drones_keep_apart(scenario: str) -> None:
+    keep_apart(fly(scenario, *LASTING.get(scenario, ())))
+
+
+# The group lets one process make the run that several tests look at.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scenario",
     [
-        "five-drones.yaml",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("asynchronous.yaml", "late-messages.yaml")),
-        "lost-link.yaml",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("lost-drone.yaml", "quadrotors.yaml")),
+        pytest.param(name, marks=pytest.mark.xdist_group(name))
+        for name in ("asynchronous.yaml", "late-messages.yaml", "lost-drone.yaml", "quadrotors.yaml")
     ],
 )
-def test_drones_keep_apart(scenario: str) -> None:
-    log = fly(scenario, *([FIRST] if scenario in ("five-drones.yaml", "quadrotors.yaml") else []))
+def test_drones_keep_apart_with_late_messages_without_one_and_as_quadrotors(scenario: str) -> None:
+    keep_apart(fly(scenario, *LASTING.get(scenario, ())))
+
+
+def keep_apart(log: Log) -> None:
     found = {each.name: (each.robustness, each.verdict) for each in log.outcomes}
     for name in ("apart", "apart-from-hub"):
         least, verdict = found[name]
@@ -197,6 +209,7 @@ def test_a_drone_that_lacks_a_task_is_refused_before_the_run(override: str, said
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("late-messages.yaml")
 def test_messages_that_are_two_samples_late_are_survived() -> None:
     log = fly("late-messages.yaml")
     assert min(robustness(log)[name] for name in PHASE) > 0.005
@@ -204,6 +217,7 @@ def test_messages_that_are_two_samples_late_are_survived() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("lost-drone.yaml")
 def test_a_drone_that_fails_takes_no_other_task_with_it() -> None:
     log = fly("lost-drone.yaml")
     assert [name for name in PHASE if robustness(log)[name] <= 0] == ["slot-3-1"]
@@ -211,9 +225,12 @@ def test_a_drone_that_fails_takes_no_other_task_with_it() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["five-drones.yaml", "asynchronous.yaml"])
+@pytest.mark.parametrize(
+    "scenario",
+    ["five-drones.yaml", pytest.param("asynchronous.yaml", marks=pytest.mark.xdist_group("asynchronous.yaml"))],
+)
 def test_all_tasks_hold(scenario: str) -> None:
-    log = fly(scenario, "run.duration=28")
+    log = fly(scenario, WHOLE)
     found = robustness(log)
     assert len(found) == 17
     assert min(found.values()) > 0.005
@@ -222,6 +239,7 @@ def test_all_tasks_hold(scenario: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("quadrotors.yaml")
 def test_the_cameras_follow_the_two_points_of_interest() -> None:
     log = fly("quadrotors.yaml", FIRST)
     seen = set()

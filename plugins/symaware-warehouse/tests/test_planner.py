@@ -240,9 +240,9 @@ def test_a_bid_is_the_least_risk_over_all_choices() -> None:
 
 
 @pytest.mark.slow
-def test_bids_are_the_least_risk_over_all_choices_of_200_instances() -> None:
-    found = [check(seed) for seed in range(200)]
-    assert 40 <= sum(found) <= 160
+def test_bids_are_the_least_risk_over_all_choices_of_60_instances() -> None:
+    found = [check(seed) for seed in range(60)]
+    assert 10 <= sum(found) <= 50
 
 
 def check_energy(seed: int) -> float | None:
@@ -270,8 +270,8 @@ def test_a_plan_with_energy_is_the_best_of_all_choices() -> None:
 
 
 @pytest.mark.slow
-def test_plans_with_energy_are_the_best_of_all_choices_of_200_instances() -> None:
-    check_energies(200)
+def test_plans_with_energy_are_the_best_of_all_choices_of_60_instances() -> None:
+    check_energies(60)
 
 
 def test_what_needs_more_than_its_epsilon_is_not_bid_on() -> None:

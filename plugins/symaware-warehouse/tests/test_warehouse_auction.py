@@ -33,6 +33,7 @@ def test_an_epsilon_below_the_least_risk_of_all_steps_is_refused_before_the_run(
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("_weak-motors.yaml")  # one process makes the run that several tests look at
 def test_robots_with_weak_motors_fetch_nothing() -> None:
     log = run("_weak-motors.yaml")
     fetched = {agent for name, agents in holders(log).items() if name.startswith("fetch") for agent in agents}
@@ -41,6 +42,7 @@ def test_robots_with_weak_motors_fetch_nothing() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("_auctioned.yaml")
 def test_the_auction_of_the_published_case_gives_its_allocation_with_the_names_of_the_robots_exchanged() -> None:
     log = run("_auctioned.yaml")
     found = holders(log)
@@ -68,6 +70,7 @@ def bids(log: Log, at: float) -> dict[str, dict[str, float]]:
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("grades.yaml")
 def test_the_more_a_robot_is_disturbed_the_higher_the_risk_that_it_bids_and_the_allocation_follows() -> None:
     log = run("grades.yaml")
     for at in (1.0, 15.0):
@@ -82,7 +85,13 @@ def test_the_more_a_robot_is_disturbed_the_higher_the_risk_that_it_bids_and_the_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["grades.yaml", "_auctioned.yaml", "_weak-motors.yaml"])
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        pytest.param(name, marks=pytest.mark.xdist_group(name))
+        for name in ("grades.yaml", "_auctioned.yaml", "_weak-motors.yaml")
+    ],
+)
 def test_specifications_arrive_at_the_published_steps_and_are_assigned_within_one(scenario: str) -> None:
     log = run(scenario)
     offered = {each.data["specification"]: each.time / 1e9 for each in log.events() if each.name == "offered"}

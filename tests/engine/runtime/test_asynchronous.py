@@ -795,7 +795,7 @@ def test_the_order_of_groups_changes_nothing_about_them(order: list[str]) -> Non
 
 
 @pytest.mark.slow
-def test_a_thousand_agents_at_100_hz_take_exactly_a_thousand_turns_each_in_ten_seconds(tmp_path: Path) -> None:
+def test_two_hundred_agents_at_100_hz_take_exactly_a_thousand_turns_each_in_ten_seconds(tmp_path: Path) -> None:
     counts: dict[Any, Any] = {}
 
     class Counts(Component):
@@ -806,7 +806,7 @@ def test_a_thousand_agents_at_100_hz_take_exactly_a_thousand_turns_each_in_ten_s
             pass
 
     timing = Timing(period=10 * MILLISECOND, jitter=5 * MILLISECOND)
-    team = Team({"it": Counts, "also": Counts}, 1000, timings={"it": timing, "also": Timing(period=10 * MILLISECOND)})
+    team = Team({"it": Counts, "also": Counts}, 200, timings={"it": timing, "also": Timing(period=10 * MILLISECOND)})
     summary = simulate({"a": team}, 200, tmp_path / "run.mcap", ASYNCHRONOUS)
     assert set(counts.values()) == {1000}
-    assert (len(counts), summary.turns) == (2000, 2_000_000)
+    assert (len(counts), summary.turns) == (400, 400_000)

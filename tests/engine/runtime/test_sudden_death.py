@@ -137,7 +137,7 @@ def test_after_a_kill_at_any_moment_every_verb_tells_the_loss_and_shows_what_the
 ) -> None:
     slow = "slow: {use: doubles.sleeper, with: {duration: 0.002}}"  # or the log would take minutes to draw
     bulk = "\n      bulk: {use: doubles.bulky}"
-    for number, wall_time in enumerate(random.Random(9).uniform(0.0, 3.0) for _ in range(10)):
+    for number, wall_time in enumerate(random.Random(9).uniform(0.0, 3.0) for _ in range(4)):
         folder = tmp_path / str(number)
         folder.mkdir()
         killed, turns = doomed(folder, monkeypatch, slow + bulk * (number % 2), wall_time)

@@ -103,8 +103,8 @@ def test_there_is_either_a_strategy_or_a_counterstrategy_that_beats_every_move()
 
 
 @pytest.mark.slow
-def test_of_1000_random_games_there_is_either_a_strategy_or_a_counterstrategy_that_beats_every_move() -> None:
-    assert 150 < sum(complements(seed) for seed in range(1000)) < 900
+def test_of_200_random_games_there_is_either_a_strategy_or_a_counterstrategy_that_beats_every_move() -> None:
+    assert 30 < sum(complements(seed) for seed in range(200)) < 180
 
 
 def test_the_environment_keeps_its_own_promises_while_it_prevents_a_goal() -> None:

@@ -36,8 +36,8 @@ def test_winning_states_are_those_of_plain_fixpoints() -> None:
 
 
 @pytest.mark.slow
-def test_winning_states_of_1000_random_games_are_those_of_plain_fixpoints() -> None:
-    assert 150 < sum(agrees(seed) for seed in range(1000)) < 900
+def test_winning_states_of_200_random_games_are_those_of_plain_fixpoints() -> None:
+    assert 30 < sum(agrees(seed) for seed in range(200)) < 180
 
 
 def test_an_agent_waits_for_what_is_assumed_to_happen_again_and_again() -> None:

@@ -94,10 +94,10 @@ def test_random_programs_are_solved_as_by_enumeration_or_called_infeasible() -> 
 
 
 @pytest.mark.slow
-def test_ten_thousand_random_programs_are_solved_as_by_enumeration_or_called_infeasible() -> None:
-    feasible, infeasible = compare_with_enumeration(10_000)
-    assert feasible > 2000
-    assert infeasible > 2000
+def test_two_thousand_random_programs_are_solved_as_by_enumeration_or_called_infeasible() -> None:
+    feasible, infeasible = compare_with_enumeration(2000)
+    assert feasible > 400
+    assert infeasible > 400
 
 
 @pytest.mark.parametrize("radius", [0.0, 1e-6, 0.3, 3.0, 10.0])

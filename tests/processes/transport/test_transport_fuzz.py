@@ -142,7 +142,7 @@ def _besiege(
 
 
 #: How many malformed connections or samples are tried.
-COUNTS = [300, pytest.param(int(os.environ.get("SYMAWARE_MALFORMED", "3000")), marks=pytest.mark.slow)]
+COUNTS = [300, pytest.param(int(os.environ.get("SYMAWARE_MALFORMED", "1000")), marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("count", COUNTS)
