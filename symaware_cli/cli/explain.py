@@ -30,9 +30,19 @@ def explain(
     kinds: Annotated[
         str,
         typer.Option(
-            help="What may be a cause: beliefs, messages, declared faults, or broken promises.", metavar="KIND,..."
+            help="What may be a cause: beliefs, messages, declared faults, broken promises, or components (--over).",
+            metavar="KIND,...",
         ),
-    ] = "beliefs,messages,faults,promises",
+    ] = "beliefs,messages,faults,promises,components",
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            help="Alternatives of a component, which may be a cause: `agents.cart.components.see.use=perception.range`, "
+            "or of a parameter of one; may be repeated.",
+            metavar="PATH=VALUES",
+        ),
+    ] = None,
     agents: Annotated[
         str,
         typer.Option(
@@ -71,7 +81,7 @@ def explain(
     trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Find what would have prevented a violation: a true belief, messages in time, no fault, a promise that is kept."""
+    """Find what would have prevented a violation: a true belief, messages in time, no fault, another component..."""
     with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
         from symaware_cli.evidence import KINDS, draw_timeline, require_timeline_format
         from symaware_cli.evidence import explain as explained
@@ -100,6 +110,7 @@ def explain(
                 within=within,
                 budget=budget,
                 seed=seed,
+                over=over or (),
                 on_plan=None if as_json else _announce,
                 on_progress=shown,
             )

@@ -218,13 +218,19 @@ class Explanation:
     @property
     def where(self) -> str:
         """Where the cause was sought, in a few words."""
-        places = {"faults": "declared faults", "promises": "promises"}
+        places = {"faults": "declared faults", "promises": "promises", "components": "components with alternatives"}
         return " or ".join(dict.fromkeys(places.get(each, "awareness") for each in self.kinds))
 
     @property
     def made_right(self) -> str:
         """What is made of the candidates, in a few words, as in "true or absent"."""
-        words = {"beliefs": "true", "messages": "in time", "faults": "absent", "promises": "kept"}
+        words = {
+            "beliefs": "true",
+            "messages": "in time",
+            "faults": "absent",
+            "promises": "kept",
+            "components": "replaced",
+        }
         return " or ".join(words[each] for each in self.kinds)
 
     @property
