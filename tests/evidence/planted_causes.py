@@ -113,7 +113,17 @@ def planted(folder: Path) -> Iterator[Case]:
 
 
 def with_lost_messages(folder: Path) -> Iterator[Case]:
-    """Yield violations by lost or late messages of the cart to one of two walkers, which have no sensors, endlessly.
+    """Yield violations by lost messages of the cart to one of two walkers, endlessly; see `_with_messages`."""
+    return _with_messages(folder, {"loss": 0.95}, 1)
+
+
+def with_late_messages(folder: Path) -> Iterator[Case]:
+    """Yield violations by late messages of the cart to one of two walkers, endlessly; see `_with_messages`."""
+    return _with_messages(folder, {"delay": 2.5, "jitter": 0.5}, 0)
+
+
+def _with_messages(folder: Path, channel: Mapping[str, Any], half: int) -> Iterator[Case]:
+    """Yield violations by a bad channel from the cart to one of two walkers, which have no sensors.
 
     One in five of all other messages is lost, which does no harm. Only messages are candidates: since a walker knows
     the cart by these messages only, its wrong belief about the cart is an effect of the losses, and would be a valid
@@ -122,11 +132,12 @@ def with_lost_messages(folder: Path) -> Iterator[Case]:
     seed = 20_000
     while True:
         seed += 1
+        if seed // 2 % 2 != half:
+            continue
         bad = f"walker-{seed % 2}"
         good = talking(seed, {})
         if _run(good, folder, logged=False)[1]:
             continue
-        channel = {"loss": 0.95} if seed // 2 % 2 else {"delay": 2.5, "jitter": 0.5}
         link = {"sender": "cart", "receiver": bad, "channel": channel}
         log, violated = _run(talking(seed, {"links": [link]}), folder)
         if violated:

@@ -13,6 +13,7 @@ from planted_causes import (
     unplanted,
     with_broken_promises,
     with_faults,
+    with_late_messages,
     with_lost_messages,
 )
 
@@ -22,7 +23,8 @@ from planted_causes import (
     ("made", "count", "least"),
     [
         (planted, 5, 5),
-        (with_lost_messages, 3, 3),
+        (with_lost_messages, 2, 2),
+        (with_late_messages, 2, 2),
         (with_faults, 3, 3),
         (with_broken_promises, 3, 3),
         (unplanted, 20, 20),

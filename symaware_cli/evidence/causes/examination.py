@@ -9,6 +9,7 @@ import fnmatch
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 from symaware_cli.evidence.branch_changes import BranchError
@@ -303,6 +304,8 @@ class _Examination:
         #: Whether a future is saved by itself, by instant and seed: the placebo of candidates without draws.
         self._untreated: dict[tuple[float, int], bool] = {}
         self._reductions = 0
+        #: The fewest futures that truth alone must save: the greatest level of Holm's procedure is alpha.
+        self._least_saved = next(each for each in count(1) if PairedShares(each, each, 0).probability <= alpha)
 
     def everything(self, sets: Sequence[Sequence[Candidate]]) -> list[FutureComparison]:
         """Compare all candidates of each set made right at once with all placebos at once, at each instant."""
@@ -401,16 +404,19 @@ class _Examination:
     def _screened(self, sets: Sequence[Sequence[Candidate]], instant: float) -> list[Candidate]:
         """Halve sets of candidates as long as they save something, and return the single ones, the strongest first."""
         left: list[tuple[int, int, Candidate]] = []
+        # If all can be compared, none has to be ranked.
+        is_ranked = sum(map(len, sets)) > _MOST_TESTED
         queue = [part for some in sets for part in (_halves(some) if len(some) > 1 else [some])]
         while queue:
             some = queue.pop(0)
-            found = self._selected(some, instant, "screening")
-            if found.first <= found.second:
+            if len(some) > 1 or not is_ranked:
+                if self._saves_more(some, instant):
+                    queue += _halves(some) if len(some) > 1 else []
+                    left += [(0, len(left), some[0])] if len(some) == 1 else []
                 continue
-            if len(some) == 1:
+            found = self._selected(some, instant, "screening")
+            if found.first > found.second:
                 left.append((found.second - found.first, len(left), some[0]))
-            else:
-                queue += _halves(some)
         return [each for _, _, each in sorted(left, key=lambda each: each[:2])]
 
     def _selected(self, candidates: Sequence[Candidate], instant: float, purpose: str) -> PairedShares:
@@ -420,15 +426,34 @@ class _Examination:
         nothing has to be tried only once for all sets.
         """
         seeds = self._seeds(instant, purpose, _SCREENED)
-        first = [self._saved(instant, candidates, truth=True, seed=each) for each in seeds]
-        return PairedShares.of(first, [self._left_alone(instant, each) for each in seeds])
+        second = [self._left_alone(instant, each) for each in seeds]
+        return PairedShares.of([self._saved(instant, candidates, seed=each) for each in seeds], second)
+
+    def _saves_more(self, candidates: Sequence[Candidate], instant: float) -> bool:
+        """Whether `_selected` finds that truth saves more futures than nothing, without those that cannot change it."""
+        seeds = self._seeds(instant, "screening", _SCREENED)
+        alone = [self._left_alone(instant, each) for each in seeds]
+        lead = 0
+        for number, seed in enumerate(seeds):
+            lead += self._saved(instant, candidates, seed=seed) - alone[number]
+            still_lost = sum(alone[number + 1 :])
+            if lead > still_lost or lead + (_SCREENED - number - 1) - still_lost <= 0:
+                break
+        return lead > 0
 
     def _compared(
         self, candidates: Sequence[Candidate], instant: float, purpose: str, futures: int
     ) -> FutureComparison:
-        """Compare truth and placebo in futures that are the same for both."""
+        """Compare truth and placebo in futures that are the same for both.
+
+        No placebo is tried if truth saves fewer futures than a difference takes that is established at any level.
+        """
         seeds = self._seeds(instant, purpose, futures)
-        first = [self._saved(instant, candidates, truth=True, seed=each) for each in seeds]
+        first: list[bool] = []
+        for each in seeds:
+            first.append(self._saved(instant, candidates, seed=each))
+            if first.count(False) > futures - min(self._least_saved, futures):
+                return FutureComparison(instant, PairedShares(len(first), sum(first), 0), math.nan, math.nan, False)
         second = [self._placebo(instant, candidates, each) for each in seeds]
         return FutureComparison(instant, PairedShares.of(first, second), math.nan, math.nan)
 
@@ -454,13 +479,18 @@ class _Examination:
         return saved
 
     def _corrected(self, tests: Sequence[FutureComparison], count: int | None = None) -> list[FutureComparison]:
-        levels = holm([each.shares.probability for each in tests], count or len(tests), self._alpha)
-        ends = [each.shares.interval(level) for each, level in zip(tests, levels, strict=True)]
+        levels = holm(
+            [each.shares.probability if each.has_placebo else 1.0 for each in tests], count or len(tests), self._alpha
+        )
+        ends = [
+            each.shares.interval(level) if each.has_placebo else (math.nan, math.nan)
+            for each, level in zip(tests, levels, strict=True)
+        ]
         return [each._replace(lower=low, upper=high) for each, (low, high) in zip(tests, ends, strict=True)]
 
 
 def _order(row: CandidateRow) -> tuple[bool, float, float, bool, bool]:
     """Causes before others, by the lower bound and the difference; then what screening left and what saves this run."""
     best = row.best
-    lower, difference = (best.lower, best.shares.difference) if best else (-2.0, -2.0)
+    lower, difference = (best.lower, best.shares.difference) if best and best.has_placebo else (-2.0, -2.0)
     return not row.is_cause, -lower, -difference, not row.left, not any(row.in_this_run)

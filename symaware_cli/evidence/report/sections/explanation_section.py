@@ -33,10 +33,15 @@ class _Comparison(BaseModel):
     at: _Number
     futures: int
     saved_by_truth: int
-    saved_by_placebo: int
-    difference: _Number
+    saved_by_placebo: int | None
+    difference: _Number | None
     lower: _Number | None
     established: bool
+
+    @property
+    def strength(self) -> tuple[bool, float, float]:
+        """The order of comparisons: established ones, then by the difference, then the earliest."""
+        return self.established, -1.0 if self.difference is None else self.difference, -self.at
 
 
 class _Saved(BaseModel):
@@ -143,7 +148,7 @@ def _read(path: Path, log: Log) -> _Explanation | str:
 
 
 def _facts(found: _Explanation) -> Iterator[tuple[str, str]]:
-    best = max(found.everything, key=lambda each: (each.established, each.difference, -each.at))
+    best = max(found.everything, key=lambda each: each.strength)
     yield "all at once", _shares(best)
     causes = [each for each in found.candidates if each.cause]
     if not found.among_candidates:
@@ -151,7 +156,7 @@ def _facts(found: _Explanation) -> Iterator[tuple[str, str]]:
     elif not causes:
         yield "cause", f"in {found.where}, but no single one"
     for number, each in enumerate(causes, 1):
-        best = max(each.in_general, key=lambda test: (test.established, test.difference, -test.at))
+        best = max(each.in_general, key=lambda test: test.strength)
         yield f"cause {number}" if len(causes) > 1 else "cause", f"{each.candidate.text}: {_shares(best)}"
     if found.together is not None:
         names = ", and ".join(each.text for each in found.together.candidates)
@@ -163,15 +168,18 @@ def _facts(found: _Explanation) -> Iterator[tuple[str, str]]:
 
 
 def _shares(test: _Comparison) -> str:
-    saved = f"{test.saved_by_truth} of {test.futures} futures saved, with the placebo {test.saved_by_placebo}"
+    saved = f"{test.saved_by_truth} of {test.futures} futures saved"
+    saved += (
+        ", too few for a difference" if test.saved_by_placebo is None else f", with the placebo {test.saved_by_placebo}"
+    )
     return f"{saved}, from {test.at:g} s on"
 
 
 def _cells(row: _Row, instants: Sequence[float]) -> tuple[str, ...]:
     saved = {each.at: "saved" if each.saved else "-" for each in row.in_this_run}
     run = [saved.get(at, "") for at in instants]
-    best = max(row.in_general, key=lambda test: (test.established, test.difference, -test.at), default=None)
-    if best is None:
+    best = max(row.in_general, key=lambda test: test.strength, default=None)
+    if best is None or best.difference is None:
         is_left = row.screening == "left" and not row.compared
         return (row.candidate.text, *run, "not compared" if is_left else "-", "-")
     lower = math.nan if best.lower is None else best.lower
