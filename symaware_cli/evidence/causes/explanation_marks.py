@@ -50,7 +50,7 @@ class Causes(Drawing):
             self._lines = [(0, "warning", beside(run_view.path).name, found)]
             return
         self._found = found
-        self._lines = sorted(_lines(found))
+        self._lines = sorted(_lines(found), key=lambda each: each[0])
 
     def marks(self, chunk: Chunk) -> Iterator[Journal | Lines | Rings]:
         """Yield the rows of the explanation of these instants, and the marks of its causes."""
@@ -137,12 +137,9 @@ def _lines(found: ExplanationFile) -> Iterator[tuple[int, str, str, str]]:
     for row in found.candidates:
         general = {each.at: each for each in row.in_general}
         for each in row.in_this_run:
-            saves = "prevents" if each.saved else "does not prevent"
-            said = f"made right from here on, it {saves} the violation of `{found.specification}` in this run"
+            said = f"made right from here on, it {'saves' if each.saved else 'does not save'} this run"
             test = general.get(each.at)
             if test is not None and test.saved_by_placebo is not None:
-                said += (
-                    f"; {test.saved_by_truth} of {test.futures} futures saved, with the placebo {test.saved_by_placebo}"
-                )
+                said += f", and {test.saved_by_truth} of {test.futures} futures (placebo {test.saved_by_placebo})"
             kind = "cause" if test is not None and test.established else "candidate"
             yield nanoseconds(each.at), kind, row.candidate.text, said
