@@ -2,8 +2,8 @@
 
 It plants causes (a bad sensor, lost or late messages, a fault, a broken promise, in runs that without it have no
 violation), and makes violations without a cause in beliefs, in which nothing is to be reported:
-`tests/evidence/planted_causes.py`. The full sets take about an hour of CPU time; ``--planted``, ``--messages``,
-``--faults``, ``--promises`` and ``--without`` choose fewer, the first of the same sequences.
+`tests/evidence/planted_causes.py`. The options choose how many cases of each kind, the first of the same sequences.
+With ``--each`` it also prints a line for each case as soon as it is explained.
 """
 
 # First, so that NumPy uses the kernels with which runs repeat.
@@ -22,15 +22,23 @@ from symaware_cli.studies.statistics.interval_estimate import clopper_pearson
 
 CASES = Path(__file__).parents[1] / "tests" / "evidence" / "planted_causes.py"
 
+#: For each set its option, what is right, what yields its cases, the number of these, and what they have.
+SETS = (
+    ("planted", "bad sensor is first", "planted", 40, "a bad sensor"),
+    ("lost", "lost messages are first", "with_lost_messages", 40, "lost messages"),
+    ("late", "late messages are first", "with_late_messages", 40, "late messages"),
+    ("faults", "fault is first", "with_faults", 40, "a fault"),
+    ("promises", "broken promise is first", "with_broken_promises", 40, "a broken promise"),
+    ("without", "no cause is reported", "unplanted", 400, "no cause in beliefs"),
+)
+
 
 def main() -> None:
     """Explain all cases, and print the shares."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--planted", type=int, default=200, help="the number of cases with a bad sensor")
-    parser.add_argument("--messages", type=int, default=40, help="the number of cases with lost or late messages")
-    parser.add_argument("--faults", type=int, default=40, help="the number of cases with a fault")
-    parser.add_argument("--promises", type=int, default=40, help="the number of cases with a broken promise")
-    parser.add_argument("--without", type=int, default=400, help="the number of cases without a cause in beliefs")
+    for name, _, _, count, what in SETS:
+        parser.add_argument(f"--{name}", type=int, default=count, help=f"the number of cases with {what}")
+    parser.add_argument("--each", action="store_true", help="print each case")
     chosen = parser.parse_args()
     spec = importlib.util.spec_from_file_location("planted_causes", CASES)
     assert spec is not None
@@ -38,23 +46,25 @@ def main() -> None:
     cases: Any = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = cases
     spec.loader.exec_module(cases)
-    for name, made, count in (
-        ("bad sensor is first", cases.planted, chosen.planted),
-        ("lost or late messages are first", cases.with_lost_messages, chosen.messages),
-        ("fault is first", cases.with_faults, chosen.faults),
-        ("broken promise is first", cases.with_broken_promises, chosen.promises),
-        ("no cause is reported", cases.unplanted, chosen.without),
-    ):
-        began, right = time.process_time(), 0
-        with tempfile.TemporaryDirectory() as folder:
-            for case in islice(made(Path(folder)), count):
-                right += cases.is_right(case, cases.explained(case))
+    for name, result, made, _, _ in SETS:
+        count = getattr(chosen, name)
         if not count:
             continue
+        began, right = time.process_time(), 0
+        with tempfile.TemporaryDirectory() as folder:
+            for number, case in enumerate(islice(getattr(cases, made)(Path(folder)), count), 1):
+                found = cases.explained(case)
+                is_right = cases.is_right(case, found)
+                right += is_right
+                if chosen.each:
+                    said = ", ".join(each.candidate.text for each in found.causes) or "none"
+                    took = time.process_time() - began
+                    mark = "right" if is_right else "WRONG"
+                    print(f"  {name} {number} {mark}: planted {case.cause}; found {said}; {took:.0f} CPU-s", flush=True)
         share = clopper_pearson(right, count, 0.99)
         took = time.process_time() - began
         interval = f"{share.value:.3f} [{share.lower:.3f}, {share.upper:.3f}] at 99 %"
-        print(f"{name}: {right} of {count}, {interval}, {took:.0f} CPU-s", flush=True)
+        print(f"{result}: {right} of {count}, {interval}, {took:.0f} CPU-s", flush=True)
 
 
 if __name__ == "__main__":

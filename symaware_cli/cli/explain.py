@@ -30,9 +30,19 @@ def explain(
     kinds: Annotated[
         str,
         typer.Option(
-            help="What may be a cause: beliefs, messages, declared faults, or broken promises.", metavar="KIND,..."
+            help="What may be a cause: beliefs, messages, declared faults, broken promises, or components (--over).",
+            metavar="KIND,...",
         ),
-    ] = "beliefs,messages,faults,promises",
+    ] = "beliefs,messages,faults,promises,components",
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            help="Alternatives of a component that may be a cause: `agents.cart.components.see.use=perception.range`, "
+            "or of a parameter of one; may be repeated.",
+            metavar="PATH=VALUES",
+        ),
+    ] = None,
     agents: Annotated[
         str,
         typer.Option(
@@ -71,7 +81,7 @@ def explain(
     trust: terminal.Trust = False,
     as_json: terminal.Json = False,
 ) -> None:
-    """Find what would have prevented a violation: a true belief, messages in time, no fault, a promise that is kept."""
+    """Find what would have prevented a violation: a true belief, messages in time, no fault, another component..."""
     with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
         from symaware_cli.evidence import KINDS, draw_timeline, require_timeline_format
         from symaware_cli.evidence import explain as explained
@@ -100,6 +110,7 @@ def explain(
                 within=within,
                 budget=budget,
                 seed=seed,
+                over=over or (),
                 on_plan=None if as_json else _announce,
                 on_progress=shown,
             )
@@ -134,7 +145,8 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
     treatment = "truth" if is_about_beliefs else "making all right"
     yield f"  {'all at once':<12} {_shares(best, treatment, 'the placebo')}, from {best.instant:g} s on"
     if not found.is_among_candidates:
-        yield f"  {'cause':<12} none in {found.where}: all at once save no more futures than their placebos"
+        why = "save no more futures than their placebos" if best.has_placebo else "save too few futures"
+        yield f"  {'cause':<12} none in {found.where}: all at once {why}"
     elif not found.causes:
         which = "none that was compared" if found.uncompared else "none"
         yield f"  {'cause':<12} in {found.where}, but no single one: {which} saves more futures than its placebo"
@@ -180,12 +192,14 @@ def _cause(candidates: Sequence[Candidate], test: FutureComparison) -> str:
 def _shares(test: FutureComparison, treatment: str, control: str) -> str:
     shares = test.shares
     right, placebo = shares.first + shares.both, shares.second + shares.both
+    if not test.has_placebo:
+        return f"{treatment} saves only {right} of {shares.trials} futures"
     return f"{treatment} saves {right} of {shares.trials} futures, {control} {placebo}"
 
 
 def _cells(row: CandidateRow, count: int) -> list[str]:
     run = ["saved" if each else "-" for each in row.in_this_run] or [""] * count
     best = row.best
-    if best is None:
+    if best is None or not best.has_placebo:
         return [row.candidate.text, *run, "not compared" if row.is_uncompared else "-", "-"]
     return [row.candidate.text, *run, f"{best.shares.difference:+.0%}", f"{best.lower:+.0%}"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -170,6 +171,7 @@ class RunView:
             counts [ns]; None for no limit.
         offered: The specifications that are offered during the run.
         windows: When specifications about a region count, for regions that do not count all the time.
+        path: The log.
     """
 
     name: str
@@ -187,6 +189,7 @@ class RunView:
     spans: Mapping[str, tuple[int | None, int | None]] = field(default_factory=dict)
     offered: frozenset[str] = frozenset()
     windows: Mapping[str, Sequence[Window]] = field(default_factory=dict)
+    path: Path | None = None
 
     def quantities_of(self, topic: str, field: str, width: int) -> Sequence[tuple[str, str]]:
         """Return name and unit of each column of a topic; unnamed columns are numbered, with the name of the field."""
@@ -275,6 +278,7 @@ def run_view_of(log: Log) -> RunView:
             specifications=specification_rows(log.channels),
             spans={name: specification_span(info) for name, info in specifications.items()},
             offered=frozenset(name for name, info in specifications.items() if info.metadata.get("offered")),
+            path=log.path,
             windows=region_windows(log.channels, manifest.get("regions", {})),
             quantities={
                 topic: [(each.name, each.unit) for each in columns]

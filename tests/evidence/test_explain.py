@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from planted_causes import planted, promising, putting, talking
@@ -16,8 +17,14 @@ from symaware_cli.cli.explain import _lines
 from symaware_cli.evidence import BranchError, draw_timeline, explain, write_report
 from symaware_cli.evidence.causes import examination
 from symaware_cli.evidence.causes.candidate import LinkMessages, beliefs_of
+from symaware_cli.evidence.causes.component_alternatives import component_alternatives, possible_together
+from symaware_cli.evidence.causes.explanation_marks import Causes
 from symaware_cli.evidence.causes.paired_shares import PairedShares, holm
 from symaware_cli.language import open_scenario
+from symaware_cli.views.detail import detail_of
+from symaware_cli.views.scene.marks import Journal, Lines
+from symaware_cli.views.scene.scene import Scene
+from symaware_cli.views.views import run_view_of
 
 TOP = Path(__file__).parents[2]
 
@@ -115,7 +122,13 @@ def test_the_same_explanation_comes_from_the_command_with_its_picture(log: Path,
         ({"kinds": ["messages"]}, "nothing in .* can be a cause: no message was lost or late"),
         ({"kinds": ["faults"]}, "no fault begins before the violation"),
         ({"kinds": ["promises"]}, "no promise is broken before the violation"),
-        ({"kinds": ["luck"]}, "kinds of candidates are beliefs, messages, faults, promises; not luck"),
+        ({"kinds": ["components"]}, r"no component has an alternative \(--over\)"),
+        (
+            {"kinds": ["faults"], "over": ["agents.cart.components.see.use=perception.omniscient"]},
+            "do not include comp",
+        ),
+        ({"over": ["agents.cart.state=[0, 0]"]}, "expected a component, agents.GROUP.components.NAME.use"),
+        ({"kinds": ["luck"]}, "kinds of candidates are beliefs, messages, faults, promises, components; not luck"),
         ({"before": [100.0]}, "no instant of the grid is that long before"),
         ({"budget": 0.001}, "more than the budget of 0.001 s"),
     ],
@@ -149,6 +162,91 @@ def test_candidates_left_by_screening_without_comparison_are_in_text_json_and_pi
     said = "\n".join(_lines(found, None))
     assert "left 2; only the strongest (1) were compared" in said
     assert "not compared" in said
+
+
+def test_an_alternative_of_a_component_is_a_cause_if_it_saves_more_futures_than_a_restart(
+    log: Path, tmp_path: Path
+) -> None:
+    over = ["agents.walker-1.components.see.use=perception.self,perception.omniscient"]
+    plans: list[Any] = []
+    found = explain(log, kinds=["components"], over=over, before=[0.5], within=0.1, futures=16, on_plan=plans.append)
+    assert [each.candidate.text for each in found.causes] == ["walker-1.see as perception.omniscient"]
+    assert [each.candidate.text for each in found.rows[1:]] == ["walker-1.see as perception.self"]
+    assert len(found.everything) == 2, "two alternatives of a component are not made together"
+    assert found.where == "components with alternatives"
+    assert found.branches <= plans[0].branches
+    assert found.rows[0].candidate.document(truth=False) == {"restart": "walker-1.see"}
+    said = "\n".join(_lines(found, None))
+    assert (
+        "walker-1.see as perception.omniscient: the alternative saves 16 of 16 futures, a restart of the comp" in said
+    )
+    _, _, written = found.causes[0].command.partition("--set 'faults.true=")
+    again = tmp_path / "again.mcap"
+    branch(log, found.plan.instants[0], {"faults.true": json.loads(written.rstrip("'"))}, again)
+    violated = [event.seconds for event in open_log(again).events() if event.name == "violated"]
+    assert not violated or violated[0] > found.violated + 0.1
+
+
+def test_alternatives_of_a_component_and_of_its_parameters_are_candidates_in_sets_of_their_own(log: Path) -> None:
+    see = "agents.walker-1.components.see"
+    over = [f"{see}.with.position_noise=0.05,0.1", f"{see}.use=perception.self", "agents.cart.components.see.use=a.b"]
+    found = component_alternatives(log, over)
+    assert [each.text for each in found] == [
+        "walker-1.see with position_noise=0.05",
+        "walker-1.see with position_noise=0.1",
+        "walker-1.see as perception.self",
+        "cart.see as a.b",
+    ]
+    assert possible_together(found) == [[found[0], found[3]], [found[1]], [found[2]]]
+
+
+def test_no_placebo_is_tried_where_truth_saves_too_few_futures(tmp_path: Path) -> None:
+    own = run_with({"put": put(2.0)}, tmp_path)
+    found = explain(own, kinds=["beliefs"], before=[0.3], within=0.1, futures=16)
+    (all_at_once,) = found.everything
+    assert not all_at_once.has_placebo
+    assert (all_at_once.shares.first, all_at_once.shares.trials) == (0, 10), "10 of 16 are lost, so 7 cannot be saved"
+    assert found.to_json()["everything"][0]["saved_by_placebo"] is None
+    said = "\n".join(_lines(found, None))
+    assert "truth saves only 0 of 10 futures" in said
+    assert "none in awareness: all at once save too few futures" in said
+    own.with_name("run.explain.json").write_text(json.dumps(found.to_json()))
+    assert "0 of 10 futures saved, too few for a difference" in report(own)
+
+
+def test_a_replay_shows_the_causes_of_the_explanation_beside_the_log(tmp_path: Path) -> None:
+    own = run_with({"put": put(2.0)}, tmp_path)
+    found = explain(own, kinds=["beliefs", "faults"], before=[0.3], within=0.1, futures=16).to_json()
+    assert not causes_drawn(own)
+    row = next(each for each in found["candidates"] if each["cause"])
+    assert row["candidate"]["text"] == "fault put"
+    # The marks of a belief, since a fault is about no pair of agents.
+    row["candidate"] = {"text": "walker-1 about cart", "kind": "belief", "agent": "walker-1", "about": "cart"}
+    beside = own.with_name("run.explain.json")
+    beside.write_text(json.dumps(found))
+    lines = [each for each in causes_drawn(own) if isinstance(each, Lines)]
+    times, shown = (np.concatenate([getattr(each, name) for each in lines]) for name in ("times", "counts"))
+    begin, end = found["plan"]["instants"][0], found["violated"]
+    assert [(time >= begin * 1e9 - 1, time <= end * 1e9 + 1) for time in times[shown > 0]] == [
+        (True, True)
+    ] * shown.sum()
+    assert times.min() <= begin * 1e9 + 1
+    assert not shown[times > end * 1e9].any()
+    (journal,) = [each for each in causes_drawn(own) if isinstance(each, Journal) and len(each.times)]
+    assert journal.kinds[0] == "cause"
+    assert journal.texts[0].startswith("made right from here on, it saves this run, and 16 of 16 futures (placebo ")
+    beside.write_text(json.dumps({**found, "digest": "0"}))
+    (journal,) = causes_drawn(own)
+    assert isinstance(journal, Journal)
+    assert list(journal.texts) == ["explains another log, and is not shown"]
+
+
+def causes_drawn(log: Path) -> list[Any]:
+    """Return the marks of a whole replay by the drawing of causes."""
+    opened = open_log(log)
+    run_view = run_view_of(opened)
+    scene = Scene(run_view, detail_of(run_view, ()), [Causes])
+    return [mark for chunk in scene.chunk_reader().chunks(opened.messages()) for mark in scene.marks(chunk)]
 
 
 def report(log: Path) -> str:

@@ -13,6 +13,7 @@ from planted_causes import (
     unplanted,
     with_broken_promises,
     with_faults,
+    with_late_messages,
     with_lost_messages,
 )
 
@@ -23,6 +24,7 @@ from planted_causes import (
     [
         (planted, 3, 3),
         (with_lost_messages, 2, 2),
+        (with_late_messages, 2, 2),
         (with_faults, 2, 2),
         (with_broken_promises, 2, 2),
         (unplanted, 6, 6),

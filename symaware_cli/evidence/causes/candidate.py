@@ -1,4 +1,4 @@
-"""What may have caused a violation, and can be otherwise in a branch: beliefs, messages, faults, broken promises.
+"""What may have caused a violation, and can be otherwise in a branch: beliefs, messages, faults, promises, components.
 
 Reasons: docs/decisions/0090-explanations.md
 """
@@ -9,7 +9,7 @@ import json
 import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -256,8 +256,48 @@ class BrokenPromise(Candidate):
         return {"keep": {"promise": self.promise, "of": self.of}}
 
 
+@dataclass(frozen=True, slots=True)
+class ComponentAlternative(Candidate):
+    """Another component, or one with another parameter, that a branch puts in the place of one.
+
+    Attributes:
+        of: The agents and the name of the component, as in ``robot.2.steer``.
+        change: The change, in the form of ``--set``.
+        fault: The fault that makes the change: a kind, and what is written under it.
+    """
+
+    kind: ClassVar = "component"
+    treatment: ClassVar = "the alternative"
+    control: ClassVar = "a restart of the component"
+
+    of: str
+    change: str
+    fault: Mapping[str, Any] = field(hash=False)
+
+    @property
+    def text(self) -> str:
+        """The component and its alternative in a few words."""
+        ((kind, content),) = self.fault.items()
+        if kind == "replace":
+            return f"{self.of} as {content['use']}"
+        return f"{self.of} with {', '.join(f'{name}={_plain(value)}' for name, value in content['with'].items())}"
+
+    @property
+    def noun(self) -> str:
+        """The component in a sentence."""
+        return f"the component {self.of}"
+
+    def document(self, *, truth: bool) -> Mapping[str, Any]:
+        """The fault that puts the alternative in place, or restarts the component, as an alternative begins anew."""
+        return self.fault if truth else {"restart": self.of}
+
+
+def _plain(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
 #: The kinds of candidates, as they are chosen.
-KINDS = ("beliefs", "messages", "faults", "promises")
+KINDS = ("beliefs", "messages", "faults", "promises", "components")
 
 
 def command(candidates: Sequence[Candidate], log: Path, instant: float) -> str:

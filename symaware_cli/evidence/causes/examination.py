@@ -9,6 +9,7 @@ import fnmatch
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 from symaware_cli.evidence.branch_changes import BranchError
@@ -22,6 +23,7 @@ from symaware_cli.evidence.causes.candidate import (
     faults_of,
     promises_of,
 )
+from symaware_cli.evidence.causes.component_alternatives import component_alternatives, possible_together
 from symaware_cli.evidence.causes.explanation import (
     CandidateRow,
     CandidateSet,
@@ -36,6 +38,7 @@ from symaware_cli.language import FilePath, open_scenario
 from symaware_cli.language.build import Built
 from symaware_cli.log import INPUTS, open_log
 from symaware_cli.log.digest import digest
+from symaware_cli.studies import Over
 from symaware_cli.world import key_of
 
 #: How long before the violation candidates are made right, by default [s].
@@ -72,10 +75,11 @@ def explain(
     confidence: float = 0.95,
     budget: float | None = None,
     seed: int = 0,
+    over: Over = (),
     on_plan: Callable[[ExplanationPlan], object] | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> Explanation:
-    """Find what would have prevented a violation: a true belief, messages in time, no fault, a promise that is kept.
+    """Find what would have prevented a violation: a true belief, messages in time, no fault, another component...
 
     First all candidates are made right at once, and compared with all placebos: only if that saves more futures, single
     ones are examined. *In this run*, with all other draws as they were, each is made right from each instant on. *In
@@ -98,6 +102,7 @@ def explain(
         confidence: The probability that no reported cause is none.
         budget: The most CPU time [s]; fewer futures are drawn if it would be exceeded. None for no limit.
         seed: The seed of the redrawn futures.
+        over: The alternatives of components; see `component_alternatives`.
         on_plan: Called with the plan before any branch is run.
         on_progress: Called with the number of branches run and planned.
 
@@ -125,7 +130,9 @@ def explain(
     remote = [entry.path for entry in built.simulation.entries if entry.timing.in_process]
     if remote:
         raise BranchError(f"the run cannot be branched here: {remote[0]} computes in another process (`run_in`)")
-    candidates, over = _candidates(built, path, kinds, agents, instants, name, violated)
+    if over and "components" not in kinds:
+        raise BranchError("alternatives of components are given, and kinds of candidates do not include components")
+    candidates, passed = _candidates(built, path, kinds, agents, instants, name, violated, over)
     with branching_run(path, name, candidates) as run:
         run.begin(instants)
         if run.violated is None or abs(run.violated - violated) > 1.5 * step:
@@ -133,18 +140,20 @@ def explain(
         run.horizon = math.inf if within is None else violated + within
         end = min(run.horizon, len(run.times) * step)
         left = sum(end - each for each in instants) / len(instants) / step
-        plan = _plan(len(candidates), instants, futures, left * run.step_time * _DEARER, budget)
+        sets = possible_together(candidates)
+        plan = _plan(len(candidates), len(sets), instants, futures, left * run.step_time * _DEARER, budget)
         if on_plan is not None:
             on_plan(plan)
         examination = _Examination(run, plan, seed, 1.0 - confidence, on_progress)
-        everything = examination.everything(candidates)
+        everything = examination.everything(sets)
         best = strongest(everything)
         rows: Sequence[CandidateRow] = []
         together = None
         if best.is_established:
-            rows = examination.rows(path, candidates, best.instant)
+            rows = examination.rows(path, candidates, sets, best.instant)
             if not any(each.is_cause for each in rows):
-                together = examination.together(path, candidates, best)
+                most = sets[everything.index(best) // len(instants)]
+                together = examination.together(path, most, best, len(candidates))
         return Explanation(
             path,
             digest(open_log(path)).combined,
@@ -158,7 +167,7 @@ def explain(
             everything,
             rows,
             together,
-            over,
+            passed,
             run.times,
         )
 
@@ -171,6 +180,7 @@ def _candidates(
     instants: Sequence[float],
     specification: str,
     violated: float,
+    over: Over,
 ) -> tuple[Sequence[Candidate], Sequence[Candidate]]:
     """Return what branches make right, and what none can make right any more: see `Candidate.acts_from`.
 
@@ -178,13 +188,13 @@ def _candidates(
         BranchError: There is nothing.
     """
     found: list[Candidate] = []
-    over: list[Candidate] = []
+    late: list[Candidate] = []
     reasons = []
 
     def still(some: Sequence[Candidate]) -> bool:
         """Keep those that can be made right from some instant on, and return whether there are others."""
         passed = [each for each in some if not any(each.acts_from(instant) for instant in instants)]
-        over.extend(passed)
+        late.extend(passed)
         found.extend(each for each in some if each not in passed)
         return bool(passed)
 
@@ -208,11 +218,14 @@ def _candidates(
             # The run is used up by this; `branching_run` builds another one.
             found += links_with_losses(built, instants[0], violated)
         reasons.append("no message was lost or late")
+    if "components" in kinds:
+        found += component_alternatives(path, over)
+        reasons.append("no component has an alternative (--over)")
     found = [each for each in found if each.whose is None or fnmatch.fnmatchcase(each.whose, agents)]
     if not found:
         whose = "" if agents == "*" else f" for {agents}"
         raise BranchError(f"nothing in {path} can be a cause{whose}: {', and '.join(reasons)}")
-    return sorted(found, key=lambda each: KINDS.index(each.group)), over
+    return sorted(found, key=lambda each: KINDS.index(each.group)), late
 
 
 def _violation(path: Path, specification: str | None) -> tuple[str, float, str]:
@@ -235,16 +248,17 @@ def _instants(violated: float, before: Sequence[float], step: float) -> list[flo
 
 
 def _plan(
-    count: int, instants: Sequence[float], futures: int, branch_time: float, budget: float | None
+    count: int, sets: int, instants: Sequence[float], futures: int, branch_time: float, budget: float | None
 ) -> ExplanationPlan:
     grid = len(instants)
     rows = min(count, _MOST_ROWS) * grid
-    screening = 0 if count == 1 else (2 * count - 2) * 2 * _SCREENED
-    reduction = _most_reductions(count) * 2 * _SCREENED
+    # Each in the futures of its purpose, in which nothing is done once.
+    screening = 0 if count == 1 else (2 * count - 1) * _SCREENED
+    reduction = (_most_reductions(count) + 1) * _SCREENED if count > 2 else 0
 
     def branches(futures: int) -> int:
         together = 2 * futures if reduction else 0
-        return rows + screening + reduction + together + (1 + min(count, _MOST_TESTED)) * grid * 2 * futures
+        return rows + screening + reduction + together + (sets + min(count, _MOST_TESTED)) * grid * 2 * futures
 
     if budget is not None:
         while futures > _FEWEST and branches(futures) * branch_time > budget:
@@ -261,6 +275,10 @@ def _plan(
 def _most_reductions(count: int) -> int:
     """The number of sets that are tried at most to find a small one: enough for two candidates that matter together."""
     return 0 if count <= 2 else 4 * (count - 1).bit_length() + 4
+
+
+def _halves(some: Sequence[Candidate]) -> list[Sequence[Candidate]]:
+    return [some[: len(some) // 2], some[len(some) // 2 :]]
 
 
 class _TooManyError(Exception):
@@ -283,26 +301,29 @@ class _Examination:
         self._seed = seed
         self._alpha = alpha
         self._on_progress = on_progress
-        #: What no treatment at all saves, which is the placebo of candidates without draws, by instant and seed.
+        #: Whether a future is saved by itself, by instant and seed: the placebo of candidates without draws.
         self._untreated: dict[tuple[float, int], bool] = {}
         self._reductions = 0
+        #: The fewest futures that truth alone must save: the greatest level of Holm's procedure is alpha.
+        self._least_saved = next(each for each in count(1) if PairedShares(each, each, 0).probability <= alpha)
 
-    def everything(self, candidates: Sequence[Candidate]) -> list[FutureComparison]:
-        """Compare all candidates made right at once with all placebos at once."""
-        return self._corrected(
-            [self._compared(candidates, each, "all", self._plan.futures) for each in self._plan.instants]
-        )
+    def everything(self, sets: Sequence[Sequence[Candidate]]) -> list[FutureComparison]:
+        """Compare all candidates of each set made right at once with all placebos at once, at each instant."""
+        instants, futures = self._plan.instants, self._plan.futures
+        return self._corrected([self._compared(some, each, "all", futures) for some in sets for each in instants])
 
-    def rows(self, log: Path, candidates: Sequence[Candidate], screened_at: float) -> list[CandidateRow]:
+    def rows(
+        self, log: Path, candidates: Sequence[Candidate], sets: Sequence[Sequence[Candidate]], screened_at: float
+    ) -> list[CandidateRow]:
         """Examine single candidates, and return those that may be causes before the others."""
         instants = self._plan.instants
-        left = self._screened(candidates, screened_at) if len(candidates) > 1 else list(candidates)
+        left = self._screened(sets, screened_at) if len(candidates) > 1 else list(candidates)
         compared = set(left[:_MOST_TESTED])
         few = len(candidates) <= _MOST_ROWS
         # What comes too late to act is not tried: both arms would be equal.
         tested = [(each, at) for each in candidates if each in compared for at in instants if each.acts_from(at)]
         tests = [self._compared([each], at, f"one {each.text}", self._plan.futures) for each, at in tested]
-        corrected = self._corrected(tests, self._hypotheses(candidates))
+        corrected = self._corrected(tests, self._hypotheses(len(candidates)))
         rows = []
         for each in candidates:
             own = [test for (one, _), test in zip(tested, corrected, strict=True) if one == each]
@@ -319,13 +340,16 @@ class _Examination:
             rows.append(replace(row, command=command([each], log, at)))
         return sorted(rows, key=_order)
 
-    def together(self, log: Path, candidates: Sequence[Candidate], everything: FutureComparison) -> CandidateSet | None:
-        """Reduce the set of all candidates, of which no single one is a cause, to a small set that suffices.
+    def together(
+        self, log: Path, candidates: Sequence[Candidate], everything: FutureComparison, count: int
+    ) -> CandidateSet | None:
+        """Reduce a set of candidates, of which no single one is a cause, to a small set that suffices.
 
         Args:
             log: The log.
-            candidates: All candidates.
+            candidates: The candidates.
             everything: Their comparison at the instant at which they matter most.
+            count: The number of all candidates.
 
         Returns:
             None if no small set was found, or its difference is not established.
@@ -339,7 +363,7 @@ class _Examination:
             if len(some) > _MOST_TOGETHER:
                 return None
             fresh = self._compared(some, instant, "together", self._plan.futures)
-            (test,) = self._corrected([fresh], self._hypotheses(candidates))
+            (test,) = self._corrected([fresh], self._hypotheses(count))
         if not test.is_established:
             return None
         return CandidateSet(some, test, self._saved(instant, some), command(some, log, instant))
@@ -363,48 +387,85 @@ class _Examination:
         """
         if len(some) == 1:
             return list(some)
-        halves = [some[: len(some) // 2], some[len(some) // 2 :]]
+        halves = _halves(some)
         for half in halves:
             self._reductions += 1
             if self._reductions > _most_reductions(self._plan.candidates):
                 raise _TooManyError
-            shares = self._compared([*half, *rest], instant, "reduction", _SCREENED).shares
-            if shares.difference >= least:
+            if self._selected([*half, *rest], instant, "reduction").difference >= least:
                 return self._reduced(half, rest, instant, least)
         first = self._reduced(halves[0], [*halves[1], *rest], instant, least)
         return first + self._reduced(halves[1], [*first, *rest], instant, least)
 
-    def _hypotheses(self, candidates: Sequence[Candidate]) -> int:
-        """The number of hypotheses: one for each candidate and instant, and one for a set of several."""
-        return len(candidates) * len(self._plan.instants) + (len(candidates) > 2)
+    def _hypotheses(self, count: int) -> int:
+        """The number of hypotheses about some candidates: one for each at each instant, and one for a set of them."""
+        return count * len(self._plan.instants) + (count > 2)
 
-    def _screened(self, candidates: Sequence[Candidate], instant: float) -> list[Candidate]:
+    def _screened(self, sets: Sequence[Sequence[Candidate]], instant: float) -> list[Candidate]:
         """Halve sets of candidates as long as they save something, and return the single ones, the strongest first."""
         left: list[tuple[int, int, Candidate]] = []
-        sets = [candidates[: len(candidates) // 2], candidates[len(candidates) // 2 :]]
-        while sets:
-            some = sets.pop(0)
-            found = self._compared(some, instant, "screening", _SCREENED).shares
-            if found.first <= found.second:
+        # If all can be compared, none has to be ranked.
+        is_ranked = sum(map(len, sets)) > _MOST_TESTED
+        queue = [part for some in sets for part in (_halves(some) if len(some) > 1 else [some])]
+        while queue:
+            some = queue.pop(0)
+            if len(some) > 1 or not is_ranked:
+                if self._saves_more(some, instant):
+                    queue += _halves(some) if len(some) > 1 else []
+                    left += [(0, len(left), some[0])] if len(some) == 1 else []
                 continue
-            if len(some) == 1:
+            found = self._selected(some, instant, "screening")
+            if found.first > found.second:
                 left.append((found.second - found.first, len(left), some[0]))
-            else:
-                sets += [some[: len(some) // 2], some[len(some) // 2 :]]
         return [each for _, _, each in sorted(left, key=lambda each: each[:2])]
+
+    def _selected(self, candidates: Sequence[Candidate], instant: float, purpose: str) -> PairedShares:
+        """Compare truth with nothing done, in a few futures, to select what is examined in other futures.
+
+        In redrawn futures a placebo saves as many as nothing does, apart from what it does beside drawing anew, and
+        nothing has to be tried only once for all sets.
+        """
+        seeds = self._seeds(instant, purpose, _SCREENED)
+        second = [self._left_alone(instant, each) for each in seeds]
+        return PairedShares.of([self._saved(instant, candidates, seed=each) for each in seeds], second)
+
+    def _saves_more(self, candidates: Sequence[Candidate], instant: float) -> bool:
+        """Whether `_selected` finds that truth saves more futures than nothing, without those that cannot change it."""
+        seeds = self._seeds(instant, "screening", _SCREENED)
+        alone = [self._left_alone(instant, each) for each in seeds]
+        lead = 0
+        for number, seed in enumerate(seeds):
+            lead += self._saved(instant, candidates, seed=seed) - alone[number]
+            still_lost = sum(alone[number + 1 :])
+            if lead > still_lost or lead + (_SCREENED - number - 1) - still_lost <= 0:
+                break
+        return lead > 0
 
     def _compared(
         self, candidates: Sequence[Candidate], instant: float, purpose: str, futures: int
     ) -> FutureComparison:
-        """Compare truth and placebo in futures that are the same for both."""
-        seeds = [key_of(self._seed, "explain", purpose, round(instant * 1e9), each) >> 1 for each in range(futures)]
-        first = [self._saved(instant, candidates, truth=True, seed=each) for each in seeds]
+        """Compare truth and placebo in futures that are the same for both.
+
+        No placebo is tried if truth saves fewer futures than a difference takes that is established at any level.
+        """
+        seeds = self._seeds(instant, purpose, futures)
+        first: list[bool] = []
+        for each in seeds:
+            first.append(self._saved(instant, candidates, seed=each))
+            if first.count(False) > futures - min(self._least_saved, futures):
+                return FutureComparison(instant, PairedShares(len(first), sum(first), 0), math.nan, math.nan, False)
         second = [self._placebo(instant, candidates, each) for each in seeds]
         return FutureComparison(instant, PairedShares.of(first, second), math.nan, math.nan)
+
+    def _seeds(self, instant: float, purpose: str, count: int) -> list[int]:
+        return [key_of(self._seed, "explain", purpose, round(instant * 1e9), each) >> 1 for each in range(count)]
 
     def _placebo(self, instant: float, candidates: Sequence[Candidate], seed: int) -> bool:
         if any(each.has_placebo for each in candidates):
             return self._saved(instant, candidates, truth=False, seed=seed)
+        return self._left_alone(instant, seed)
+
+    def _left_alone(self, instant: float, seed: int) -> bool:
         if (instant, seed) not in self._untreated:
             self._untreated[instant, seed] = self._saved(instant, [], seed=seed)
         return self._untreated[instant, seed]
@@ -418,13 +479,18 @@ class _Examination:
         return saved
 
     def _corrected(self, tests: Sequence[FutureComparison], count: int | None = None) -> list[FutureComparison]:
-        levels = holm([each.shares.probability for each in tests], count or len(tests), self._alpha)
-        ends = [each.shares.interval(level) for each, level in zip(tests, levels, strict=True)]
+        levels = holm(
+            [each.shares.probability if each.has_placebo else 1.0 for each in tests], count or len(tests), self._alpha
+        )
+        ends = [
+            each.shares.interval(level) if each.has_placebo else (math.nan, math.nan)
+            for each, level in zip(tests, levels, strict=True)
+        ]
         return [each._replace(lower=low, upper=high) for each, (low, high) in zip(tests, ends, strict=True)]
 
 
 def _order(row: CandidateRow) -> tuple[bool, float, float, bool, bool]:
     """Causes before others, by the lower bound and the difference; then what screening left and what saves this run."""
     best = row.best
-    lower, difference = (best.lower, best.shares.difference) if best else (-2.0, -2.0)
+    lower, difference = (best.lower, best.shares.difference) if best and best.has_placebo else (-2.0, -2.0)
     return not row.is_cause, -lower, -difference, not row.left, not any(row.in_this_run)

@@ -50,12 +50,15 @@ class FutureComparison(NamedTuple):
         shares: The numbers of futures that each arm, or both, saved.
         lower: The lower bound of the difference, at the level of Holm's procedure.
         upper: The upper bound of the difference.
+        has_placebo: Whether the placebo was tried. If truth saves so few futures that no difference could be
+            established, it is not; `shares` then counts these as saved by truth alone, and there are no bounds.
     """
 
     instant: float
     shares: PairedShares
     lower: float
     upper: float
+    has_placebo: bool = True
 
     @property
     def is_established(self) -> bool:
@@ -65,6 +68,12 @@ class FutureComparison(NamedTuple):
     def to_json(self) -> dict[str, Any]:
         """Return the object as plain data."""
         shares = self.shares
+        if not self.has_placebo:
+            unknown = dict.fromkeys(
+                ("saved_by_placebo", "saved_by_truth_alone", "saved_by_placebo_alone", "difference", "lower", "upper")
+            )
+            known = {"at": self.instant, "futures": shares.trials, "saved_by_truth": shares.first}
+            return {**known, **unknown, "established": False}
         return {
             "at": self.instant,
             "futures": shares.trials,
@@ -218,13 +227,19 @@ class Explanation:
     @property
     def where(self) -> str:
         """Where the cause was sought, in a few words."""
-        places = {"faults": "declared faults", "promises": "promises"}
+        places = {"faults": "declared faults", "promises": "promises", "components": "components with alternatives"}
         return " or ".join(dict.fromkeys(places.get(each, "awareness") for each in self.kinds))
 
     @property
     def made_right(self) -> str:
         """What is made of the candidates, in a few words, as in "true or absent"."""
-        words = {"beliefs": "true", "messages": "in time", "faults": "absent", "promises": "kept"}
+        words = {
+            "beliefs": "true",
+            "messages": "in time",
+            "faults": "absent",
+            "promises": "kept",
+            "components": "replaced",
+        }
         return " or ".join(words[each] for each in self.kinds)
 
     @property

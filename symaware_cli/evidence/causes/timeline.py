@@ -156,4 +156,6 @@ def _difference(row: CandidateRow) -> str:
     best = row.best
     if best is None:
         return "not compared" if row.is_uncompared else "no effect when screened"
+    if not best.has_placebo:
+        return f"saves only {best.shares.first} of {best.shares.trials} futures"
     return f"saves {best.shares.difference:+.0%} of futures (at least {best.lower:+.0%})"
