@@ -21,6 +21,9 @@ from symaware_cli.specification.node import Name as NameNode
 #: The component that an agent needs to rely on promises.
 MONITOR = "promises.monitor"
 
+#: The component of agents whose promises are known only by messages.
+TELL = "promises.tell"
+
 _FORM = "always inside(position, red)"
 
 
@@ -94,8 +97,9 @@ class PromisesSection(ScenarioSection):
             if shape is None:
                 continue
             for maker in makers:
-                told = frozenset(receivers) - {maker}
-                found.append(Promise(name, maker, told, shape, each.confidence, each.on_broken))
+                to, components = frozenset(receivers) - {maker}, document.agents[ids[maker]].components
+                is_told = any(one.use == TELL for one in components.values())
+                found.append(Promise(name, maker, to, shape, each.confidence, each.on_broken, each.formula, is_told))
         return Promises(found, radii)
 
 
