@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -76,6 +76,31 @@ class Promise:
         return shape.polygon, 0.0
 
 
+class Reliance(NamedTuple):
+    """The components of agents whose results rely on promises, by name.
+
+    Attributes:
+        paid: Those whose results include the declared probability that a promise is broken.
+        if_kept: Those whose results hold if promises are kept.
+    """
+
+    paid: tuple[str, ...] = ()
+    if_kept: tuple[str, ...] = ()
+
+    def of(self, promise: Promise) -> str:
+        """Return what relying on a promise means, in words."""
+        parts = []
+        if self.paid:
+            names = " and ".join(f"`{each}`" for each in self.paid)
+            parts.append(
+                f"{names} {'includes' if len(self.paid) == 1 else 'include'} {1.0 - promise.confidence:.4g} for it"
+            )
+        if self.if_kept:
+            names = " and ".join(f"`{each}`" for each in self.if_kept)
+            parts.append(f"{names} {'holds' if len(self.if_kept) == 1 else 'hold'} if it is kept")
+        return f"relies on `{promise.name}` of {promise.of}: {'; '.join(parts)}"
+
+
 class Promises(Confinement, FurtherNames):
     """The promises of a scenario, as components find them in ``group.sections["promises"]``.
 
@@ -86,14 +111,21 @@ class Promises(Confinement, FurtherNames):
     #: Promises follow from the scenario.
     uncaptured: ClassVar[Collection[str]] = "*"
 
-    def __init__(self, promises: Sequence[Promise], radii: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        promises: Sequence[Promise],
+        radii: Mapping[str, float],
+        reliance: Mapping[str, Reliance] | None = None,
+    ) -> None:
         """Store the promises.
 
         Args:
             promises: All promises, in the order of their names.
             radii: The radius of the bounding circle of each agent's body, by id [m].
+            reliance: The components of each group that rely on promises, by the name of the group.
         """
         self.promises = tuple(promises)
+        self.reliance = reliance or {}
         self._radii = radii
 
     def to(self, receiver: str) -> list[Promise]:

@@ -22,7 +22,7 @@ from symaware_cli.core import (
 )
 from symaware_cli.geometry import Array, Mask, Pieces
 from symaware_cli.promises.breach import breach_probability
-from symaware_cli.promises.promise import PROMISE, SECTION, TRUST, Promise, Promises
+from symaware_cli.promises.promise import PROMISE, SECTION, TRUST, Promise, Promises, Reliance
 
 #: The greatest probability with which an agent believes that a promise to it is broken now.
 BREACH = Signal(
@@ -79,6 +79,8 @@ class PromiseMonitor(GroupCommunicationReceiver):
     events: ClassVar = {
         "promise-broken": "An agent believes that another has broken a promise, with a `probability` above its "
         "confidence.",
+        "promise-relied-on": "An agent relies on a promise from now on; says which of its components include the "
+        "probability that it is broken, and which hold if it is kept.",
         "promise-received": "The agent received the first message about a promise of another.",
     }
     #: These attributes follow from the scenario.
@@ -115,6 +117,8 @@ class PromiseMonitor(GroupCommunicationReceiver):
         self._sets = Pieces.of(each.promise.piece for each in self._watched)
         self._broken: Mask = np.zeros(len(self._watched), bool)
         self._stopped: Mask = np.zeros(len(group), bool)
+        #: Whether it was said that the promise is relied on.
+        self._said: Mask = np.zeros(len(self._watched), bool)
         group.awareness[TRUST.name] = np.ones((len(group), 2))
         self._write_trust()
 
@@ -165,8 +169,22 @@ class PromiseMonitor(GroupCommunicationReceiver):
             self._stopped[row] |= promise.on_broken == "stop"
         if learnt or len(broken):
             self._write_trust()
+        self._say_relied(known)
         if self._stopped.any():
             self._stop()
+
+    def _say_relied(self, known: Mask) -> None:
+        """Say of each promise, once it is known, which results hold only if it is kept."""
+        reliance = self._promises.reliance.get(self._group.name, Reliance())
+        new = np.flatnonzero(known & ~self._said)
+        self._said = self._said | known
+        if not any(reliance):
+            return
+        for place in new.tolist():
+            row, _, promise = self._watched[place]
+            facts = {"promise": promise.name, "of": promise.of, "confidence": promise.confidence}
+            names = {"paid": [*reliance.paid], "if_kept": [*reliance.if_kept]}
+            self.emit_for(row, "promise-relied-on", reliance.of(promise), **facts, **names)
 
     def _known(self) -> Mask:
         """Return which of the promises their receivers know."""
