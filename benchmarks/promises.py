@@ -2,9 +2,9 @@
 
     python benchmarks/promises.py [--runs N]
 
-It prints the tables of docs/promises.md. The first is about `scenarios/promises.yaml`. In each run of the others, Bob sees Adam for 4.5 s, with errors of a given standard
-deviation, filters what he sees, assuming a given noise of Adam's acceleration, and monitors Adam's promise to stay left
-of a line.
+It prints the tables of docs/promises.md. The first is about `scenarios/promises.yaml`. In each run of the others, Bob
+sees Adam for 4.5 s, with errors of a given standard deviation, filters what he sees, assuming a given noise of Adam's
+acceleration, and monitors Adam's promise to stay left of a line.
 In *kept* runs Adam drives up to the line, or stops a gap before it, at about 1 m/s, and turns back, so each alarm is a
 false one. In *broken* runs he crosses the line at 2 s, at 1 m/s; an alarm before that is a false one, and the delay
 counts from then on. He stops and turns at once, unlike anything that the filter assumes. The seeds are 0, 1, 2, ... for
