@@ -1,10 +1,10 @@
-"""Study of promises: how often a kept promise is believed to be broken, and a broken one is not, and what they save.
+"""Study of promises: what they save, how often a kept promise is believed to be broken, and a broken one is not.
 
     python benchmarks/promises.py [--runs N]
 
-It prints the tables of docs/promises.md. In each run, Bob sees Adam for 4.5 s, with errors of a given standard
-deviation, filters what he sees, assuming a given noise of Adam's acceleration, and monitors Adam's promise to stay left
-of a line.
+It prints the tables of docs/promises.md. The first is about `scenarios/promises.yaml`. In each run of the others, Bob
+sees Adam for 4.5 s, with errors of a given standard deviation, filters what he sees, assuming a given noise of Adam's
+acceleration, and monitors Adam's promise to stay left of a line.
 In *kept* runs Adam drives up to the line, or stops a gap before it, at about 1 m/s, and turns back, so each alarm is a
 false one. In *broken* runs he crosses the line at 2 s, at 1 m/s; an alarm before that is a false one, and the delay
 counts from then on. He stops and turns at once, unlike anything that the filter assumes. The seeds are 0, 1, 2, ... for
@@ -12,9 +12,14 @@ all rows.
 """
 
 import argparse
+import tempfile
 from collections.abc import Callable, Iterator
+from itertools import chain
 from math import ceil
+from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 import symaware_cli as sa
 from symaware_cli import Event
@@ -126,6 +131,38 @@ def _appending(times: list[float]) -> Callable[[Event], object]:
     return lambda event: times.append(event.seconds)
 
 
+#: Scenario and changes in which Bob promises to stay in his lane, so that the two may not meet.
+WAREHOUSE = Path(__file__).parents[1] / "scenarios" / "promises.yaml"
+BOTH = {
+    "agents.bob.components.map": None,
+    "regions.aisle": {"box": [1.05, 2.6, -5.0, 5.0]},
+    "promises.own": {"of": "bob", "formula": "always inside(position, aisle)", "to": "adam"},
+    "agents.adam.components.see": {"use": "perception.range", "with": {"range": 12.0}},
+    "agents.adam.components.watch": {"use": "promises.monitor"},
+}
+#: What happens to the promises, and the changes for it.
+MEETINGS: tuple[tuple[str, dict[str, object]], ...] = (
+    ("known and kept", {}),
+    (
+        "told, with a delay of 3 s",
+        {
+            "agents.adam.components.tell": {"use": "promises.tell"},
+            "topology": {"use": "complete", "channel": {"delay": 3.0}},
+        },
+    ),
+    ("broken by Adam", {"agents.adam.knowledge.waypoints": [[-1.0, 0.0], [2.0, 0.0]]}),
+)
+
+
+def evaluations(changes: dict[str, object]) -> int:
+    """Return in how many steps Bob evaluates the risk."""
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "run.mcap"
+        sa.Scenario(WAREHOUSE, changes).run(output=path)
+        series = sa.open_log(path).series("bob", "risk")
+        return int(np.isfinite(series.values).sum())
+
+
 def interval(count: int, runs: int) -> str:
     """Return the interval of a share by Clopper and Pearson, of 95 %."""
     from scipy.stats import beta
@@ -153,11 +190,21 @@ def lines(runs: int) -> Iterator[str]:
         yield f"{said}| {interval(found.missed, runs)} | {median:.1f} | {most:.1f} | {greatest:.1f} |"
 
 
+def meetings() -> Iterator[str]:
+    """Yield the lines of the table about `may_meet`."""
+    yield "| the promises are | always | `condition: may_meet(adam, bob)` | saved |"
+    yield "|---|---:|---:|---:|"
+    for title, changes in MEETINGS:
+        always = evaluations({**BOTH, **changes})
+        some = evaluations({**BOTH, **changes, "agents.bob.components.risk.condition": "may_meet(adam, bob)"})
+        yield f"| {title} | {always} | {some} | {1.0 - some / always:.0%} |"
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=400)
-    for line in lines(parser.parse_args().runs):
+    for line in chain(meetings(), [""], lines(parser.parse_args().runs)):
         print(line, flush=True)
 
 

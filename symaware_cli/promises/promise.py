@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Confined, Confinement, Part, Quantity, Tracks
+from symaware_cli.core import AgentGroup, Confined, Confinement, KnowledgeDatabase, Part, Quantity, Tracks
 from symaware_cli.geometry import Pieces, RegionShape, separation
 from symaware_cli.specification import FurtherNames, Keys, Names
 
@@ -29,6 +29,12 @@ _KEPT, _RELIED = 0, 1
 #: The key of the section, by which components find the promises.
 SECTION = "promises"
 
+#: The kind of messages that tell promises.
+PROMISE = "promise"
+
+#: The name under which an agent's knowledge of another has the names of the promises that it was told.
+_TOLD = "promises.told"
+
 #: The names that conditions may refer to.
 MAY_MEET, KEPT = "may_meet", "kept"
 
@@ -44,6 +50,8 @@ class Promise:
         shape: The convex primitive that the agent stays in.
         confidence: The declared probability with which the promise is kept.
         on_broken: The reaction of an agent that believes that the promise is broken.
+        formula: The formula as it is written.
+        is_told: Whether it is known only from a message on; otherwise from the beginning of the run.
     """
 
     name: str
@@ -52,6 +60,8 @@ class Promise:
     shape: RegionShape
     confidence: float
     on_broken: OnBroken
+    formula: str = ""
+    is_told: bool = False
 
     @property
     def piece(self) -> Piece:
@@ -66,28 +76,79 @@ class Promise:
         return shape.polygon, 0.0
 
 
+class Reliance(NamedTuple):
+    """The components of agents whose results rely on promises, by name.
+
+    Attributes:
+        paid: Those whose results include the declared probability that a promise is broken.
+        if_kept: Those whose results hold if promises are kept.
+    """
+
+    paid: tuple[str, ...] = ()
+    if_kept: tuple[str, ...] = ()
+
+    def of(self, promise: Promise) -> str:
+        """Return what relying on a promise means, in words."""
+        parts = []
+        if self.paid:
+            names = " and ".join(f"`{each}`" for each in self.paid)
+            parts.append(
+                f"{names} {'includes' if len(self.paid) == 1 else 'include'} {1.0 - promise.confidence:.4g} for it"
+            )
+        if self.if_kept:
+            names = " and ".join(f"`{each}`" for each in self.if_kept)
+            parts.append(f"{names} {'holds' if len(self.if_kept) == 1 else 'hold'} if it is kept")
+        return f"relies on `{promise.name}` of {promise.of}: {'; '.join(parts)}"
+
+
 class Promises(Confinement, FurtherNames):
     """The promises of a scenario, as components find them in ``group.sections["promises"]``.
 
-    The trust of an agent in promises is in its awareness, as the part `trust` about each other agent.
+    The trust of an agent in promises is in its awareness, as the part `trust` about each other agent. Which promises it
+    was told is in its knowledge of the others.
     """
 
     #: Promises follow from the scenario.
     uncaptured: ClassVar[Collection[str]] = "*"
 
-    def __init__(self, promises: Sequence[Promise], radii: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        promises: Sequence[Promise],
+        radii: Mapping[str, float],
+        reliance: Mapping[str, Reliance] | None = None,
+    ) -> None:
         """Store the promises.
 
         Args:
             promises: All promises, in the order of their names.
             radii: The radius of the bounding circle of each agent's body, by id [m].
+            reliance: The components of each group that rely on promises, by the name of the group.
         """
         self.promises = tuple(promises)
+        self.reliance = reliance or {}
         self._radii = radii
 
     def to(self, receiver: str) -> list[Promise]:
         """Return the promises that are made to an agent."""
         return [each for each in self.promises if receiver in each.to]
+
+    def known(self, group: AgentGroup, row: int) -> list[Promise]:
+        """Return the promises to an agent of which it knows: from the beginning, or by a message."""
+        database = group.agents[row].knowledge_database
+        return [
+            each
+            for each in self.to(group.ids[row])
+            if not each.is_told or each.name in database.get(each.of, {}).get(_TOLD, ())
+        ]
+
+    def learn(self, group: AgentGroup, row: int, of: str, names: Iterable[str]) -> list[Promise]:
+        """Add promises that another agent told to what an agent knows of it, and return those that it did not know."""
+        known = {each.name for each in self.known(group, row) if each.of == of}
+        new = [each for each in self.to(group.ids[row]) if each.of == of and each.name in {*names} - known]
+        if new:
+            about = group.agents[row].knowledge_database.setdefault(of, KnowledgeDatabase())
+            about[_TOLD] = [*about.get(_TOLD, ()), *(each.name for each in new)]
+        return new
 
     def confined(self, group: AgentGroup, tracks: Tracks) -> Confined | None:
         """See `Confinement`: the sets of the promises on which each agent relies.
@@ -99,7 +160,7 @@ class Promises(Confinement, FurtherNames):
         sets: list[Piece] = []
         breach: list[float] = []
         for row, id in enumerate(group.ids):
-            own = self.to(id)
+            own = self.known(group, row) if self.to(id) else ()
             for place in range(*tracks.pointers[row : row + 2].tolist()) if own else ():
                 other = roster.ids[tracks.others[place]]
                 if not self._relies(group, row, other):
@@ -149,7 +210,7 @@ class Promises(Confinement, FurtherNames):
             return [each.piece for each in self.promises if each.of == id]
         if not self._relies(group, row, id):
             return []
-        return [each.piece for each in self.to(viewer) if each.of == id]
+        return [each.piece for each in self.known(group, row) if each.of == id]
 
     def _relies(self, group: AgentGroup, row: int, other: str) -> bool:
         return bool(self._trust(group, row, other)[_RELIED] > 0.0)

@@ -13,13 +13,28 @@ from pydantic import Field
 from symaware_cli.core.identifiers import Name, Target
 from symaware_cli.geometry import Region
 from symaware_cli.language import Additions, ScenarioSection, Section, SectionContext, SpecificationUse, nearest
-from symaware_cli.promises.promise import OnBroken, Promise, Promises
+from symaware_cli.promises.promise import OnBroken, Promise, Promises, Reliance
 from symaware_cli.specification import ExpressionError, parse
 from symaware_cli.specification.node import Call, Node, Temporal
 from symaware_cli.specification.node import Name as NameNode
 
 #: The component that an agent needs to rely on promises.
 MONITOR = "promises.monitor"
+
+#: The component of agents whose promises are known only by messages.
+TELL = "promises.tell"
+
+#: The components that rely on promises, and how if their parameter `promises` does not say: they include the declared
+#: probability that one is broken, or hold if all are kept.
+RELYING: Mapping[str, str] = {
+    "control.barrier-filter": "if-kept",
+    "control.mpc": "if-kept",
+    "risk.collision": "paid",
+    "risk.map": "paid",
+    "risk.specification": "paid",
+    "risk.time-to-collision": "if-kept",
+    "uncertainty.conformal": "if-kept",
+}
 
 _FORM = "always inside(position, red)"
 
@@ -94,9 +109,21 @@ class PromisesSection(ScenarioSection):
             if shape is None:
                 continue
             for maker in makers:
-                told = frozenset(receivers) - {maker}
-                found.append(Promise(name, maker, told, shape, each.confidence, each.on_broken))
-        return Promises(found, radii)
+                to, components = frozenset(receivers) - {maker}, document.agents[ids[maker]].components
+                is_told = any(one.use == TELL for one in components.values())
+                found.append(Promise(name, maker, to, shape, each.confidence, each.on_broken, each.formula, is_told))
+        groups = sorted({ids[id] for each in found for id in each.to})
+        return Promises(found, radii, {group: _reliance(document.agents[group].components) for group in groups})
+
+
+def _reliance(components: Mapping[str, Any]) -> Reliance:
+    """Return which of the components of a group rely on promises, and how."""
+    how = {
+        name: (each.with_ or {}).get("promises", RELYING[each.use])
+        for name, each in components.items()
+        if each.use in RELYING
+    }
+    return Reliance(*(tuple(name for name, each in how.items() if each == kind) for kind in ("paid", "if-kept")))
 
 
 def _ids(target: str, ids: Mapping[str, str], context: SectionContext, *place: str | int) -> list[str]:

@@ -10,10 +10,13 @@ import pytest
 from promising import promising
 
 import symaware_cli as sa
+from symaware_cli.evidence import write_report
 from symaware_cli.geometry import Pieces
+from symaware_cli.language import Catalogue
 from symaware_cli.log.digest import digest
 from symaware_cli.promises.breach import breach_probability
 from symaware_cli.promises.promise import Promise
+from symaware_cli.promises.promises_section import RELYING
 
 
 def events(content: dict[str, Any], **changes: Any) -> list[tuple[float, str | None, float]]:
@@ -167,3 +170,33 @@ def test_a_run_repeats_to_the_byte_with_any_order_of_the_file(tmp_path: Path) ->
         digests.append(digest(sa.open_log(path)))
     assert digests[0].combined == digests[1].combined
     assert set(digests[0].differences(digests[2])) == texts
+
+
+def test_a_run_says_which_results_hold_if_promises_are_kept(tmp_path: Path) -> None:
+    content = promising(confidence=0.97)
+    bob = content["agents"]["bob"]["components"]
+    bob["clear"] = {"use": "risk.map", "with": {"within": [-1.0, 3.0, -1.0, 1.0], "promises": "if-kept"}}
+    bob["alone"] = {"use": "risk.time-to-collision", "with": {"promises": "ignored"}}
+    sa.scenario(content).run(output=tmp_path / "run.mcap", duration=0.5)
+    events = [each for each in sa.open_log(tmp_path / "run.mcap").events() if each.name == "promise-relied-on"]
+    assert [(each.time, each.text) for each in events] == [
+        (0, "relies on `stay` of adam: `risk` includes 0.03 for it; `clear` holds if it is kept")
+    ]
+    assert events[0].data["paid"] == ["risk"]
+    assert events[0].data["if_kept"] == ["clear"]
+    write_report(tmp_path / "run.mcap", tmp_path / "run.html", viewer=False)
+    assert "`clear` holds if it is kept" in (tmp_path / "run.html").read_text().replace("<code>", "`").replace(
+        "</code>", "`"
+    )
+
+
+def test_every_component_with_a_choice_about_promises_says_how_it_relies_on_them() -> None:
+    catalogue = Catalogue()
+    found: dict[str, str] = {}
+    for listing in catalogue.listings("component"):
+        if listing.built_in:
+            fields = catalogue.load("component", listing.name).Parameters.model_fields
+            if "promises" in fields:
+                found[listing.name] = fields["promises"].default
+    assert found
+    assert {name: RELYING[name] for name in found} == found

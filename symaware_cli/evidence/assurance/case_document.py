@@ -54,6 +54,23 @@ class SolutionUse(Section):
     )
     log: EvidencePath | None = Field(None, description="The log of a run, which is repeated.")
     budget: EvidencePath | None = Field(None, description="The `budget.json` of a budget.")
+    explanation: EvidencePath | None = Field(
+        None, description="The explanation of a violation: the output of `symaware explain --json`."
+    )
+    cause: str | None = Field(
+        None,
+        min_length=1,
+        max_length=500,
+        description="The cause that the explanation must name, as it prints it; `none` if it must have found none.",
+    )
+    study: EvidencePath | None = Field(
+        None, description="The `sweep.yaml` in the folder of a sweep with paired variants, such as an awareness study."
+    )
+    variant: str | None = Field(None, max_length=64, description="The variant that is compared with the first one.")
+    column: str | None = Field(None, max_length=200, description="The column of the table in which they are compared.")
+    difference: Literal["less", "greater"] | None = Field(
+        None, description="Whether the values of the variant must be less or greater than those of the first one."
+    )
     at_least: Any = Field(None, description="The level up to which the budget must be certified.")
     specification: str | None = Field(
         None,
@@ -70,7 +87,7 @@ class SolutionUse(Section):
         if len(kinds) != 1:
             raise ValueError(f"a solution names one of {', '.join(KINDS)}")
         needs = KINDS[kinds[0]]
-        for name in ("claim", "specification", "at_least"):
+        for name in dict.fromkeys(each for entries in KINDS.values() for each in entries):
             if (getattr(self, name) is not None) != (name in needs):
                 word = "needs" if name in needs else "does not take"
                 raise ValueError(f"a solution by a {kinds[0]} {word} `{name}`")
@@ -91,8 +108,16 @@ class SolutionUse(Section):
     @property
     def shown(self) -> str:
         """The text of the evidence in pictures and tables."""
-        said = self.text or self.claim or f"{self.specification}" if self.kind != "budget" else self.text
-        return said or f"certified up to {self.at_least}"
+        match self.kind:
+            case "budget":
+                said = f"certified up to {self.at_least}"
+            case "explanation":
+                said = f"cause of {self.specification}: {self.cause}"
+            case "study":
+                said = f"{self.column} {self.difference} with {self.variant}"
+            case _:
+                said = self.claim or str(self.specification)
+        return self.text or said
 
 
 #: The kinds of evidence, each with the entries that a solution of this kind needs.
@@ -101,6 +126,8 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "falsification": ("specification",),
     "log": ("specification",),
     "budget": ("at_least",),
+    "explanation": ("specification", "cause"),
+    "study": ("variant", "column", "difference"),
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import secrets
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,12 @@ from symaware_cli.evidence.budgeting import BUDGET
 from symaware_cli.evidence.certificate import BEFOREHAND
 from symaware_cli.evidence.certificate_check import opened
 from symaware_cli.evidence.certification import verify_certificate
-from symaware_cli.evidence.sweep_verification import Level
+from symaware_cli.evidence.sweep_verification import Level, verify_folder
 from symaware_cli.evidence.verification import verify_log
 from symaware_cli.language import ScenarioError
-from symaware_cli.log import LogError, open_log
-from symaware_cli.studies import Claim, ClaimTerm, SweepError, SweepFolder
+from symaware_cli.log import Log, LogError, UnknownNameError, open_log
+from symaware_cli.log.digest import digest
+from symaware_cli.studies import Claim, ClaimTerm, SweepError, SweepFolder, read_differences
 
 #: The largest file of evidence that is read as a whole.
 _MOST_BYTES = 64 * 2**20
@@ -46,6 +48,8 @@ class SolutionCheck:
         self._level: Level = level
         self._rows = rows
         self._seed = seed
+        #: The seed for the rows of studies.
+        self._chosen = secrets.randbits(63) if seed is None else seed
 
     def problem(self, name: str) -> str | None:
         """Return the reason why the evidence of a solution does not hold; None if it does."""
@@ -59,6 +63,8 @@ class SolutionCheck:
                 "falsification": self._falsification,
                 "log": self._log,
                 "budget": self._budget,
+                "explanation": self._explanation,
+                "study": self._study,
             }
             checked[solution.kind](solution, path)
         except _RefusedError as error:
@@ -134,18 +140,65 @@ class SolutionCheck:
         if wanted is not None and said.get("scenario_sha256") != hashlib.sha256(wanted[1]).hexdigest():
             raise _RefusedError(f"stale: it is about another scenario than {wanted[0]} is now")
 
-    def _log(self, solution: SolutionUse, path: Path) -> None:
+    def _logged(self, solution: SolutionUse, path: Path) -> Log:
+        """Return a log, and refuse it if the scenario has changed since."""
         log = open_log(path)
         wanted = self._scenario(solution)
         if wanted is not None and wanted[1] not in log.attachments.values():
             raise _RefusedError(f"stale: it is about another scenario than {wanted[0]} is now")
+        return log
+
+    def _log(self, solution: SolutionUse, path: Path) -> None:
+        log = self._logged(solution, path)
         outcomes = (log.outcome or {}).get("specifications", [])
         verdict = next((each["verdict"] for each in outcomes if each["name"] == solution.specification), None)
         if verdict != "satisfied":
             raise _RefusedError(f"contradicted: {solution.specification} is {verdict or 'not monitored'} in the run")
-        result = verify_log(path)
-        if not result.is_equal:
+        self._repeat(path)
+
+    def _repeat(self, path: Path) -> None:
+        if not verify_log(path).is_equal:
             raise _RefusedError("unsound: the run, repeated, is another one")
+
+    def _explanation(self, solution: SolutionUse, path: Path) -> None:
+        said = _json(path)
+        if said["specification"] != solution.specification:
+            raise _RefusedError(f"another claim: it explains a violation of {said['specification']}")
+        # `explain` was called somewhere; the log is there, or beside the explanation.
+        written = Path(said["log"])
+        places = (self._folder / written, path.parent / written, path.parent / written.name)
+        log = next((each for each in places if each.is_file()), None)
+        if log is None:
+            raise _RefusedError(f"missing: there is no log {written}, which it explains")
+        if digest(self._logged(solution, log)).combined != said["digest"]:
+            raise _RefusedError(f"stale: it explains another run than that of {written}")
+        causes = [each["text"] for each in said["causes"]]
+        if solution.cause == "none" and (causes or said["uncompared"] or said["together"]):
+            raise _RefusedError("contradicted: it has a cause, or candidates that were not compared")
+        if solution.cause not in ("none", *causes):
+            raise _RefusedError(f"another claim: its causes are {', '.join(causes) or 'none'}")
+        self._repeat(log)
+
+    def _study(self, solution: SolutionUse, path: Path) -> None:
+        folder = SweepFolder.opened(path.parent)
+        self._require_scenario(solution, folder)
+        found = verify_folder(folder, self._level, self._rows, self._chosen)
+        if found.missing or found.findings:
+            first = next(iter(found.findings), None)
+            told = f"{found.missing} runs are missing" if first is None else f"{first.column} is {first.found}"
+            raise _RefusedError(f"unsound: {told}")
+        try:
+            differences = read_differences(path.parent, solution.column or "")
+        except UnknownNameError as error:
+            raise _RefusedError(f"another claim: {error}") from None
+        compared = [each.comparison.mean for each in differences if each.cell.variant == solution.variant]
+        if not compared:
+            raise _RefusedError(f"another claim: {solution.variant} is not compared with another variant")
+        for mean in compared:
+            bound = mean.upper if solution.difference == "less" else mean.lower
+            if not mean.method or not (bound < 0.0 if solution.difference == "less" else bound > 0.0):
+                interval = f"{mean.value:.4g}, {mean.confidence:g}: {mean.lower:.4g} to {mean.upper:.4g}"
+                raise _RefusedError(f"contradicted: the difference in {solution.column} is {interval}")
 
     def _budget(self, solution: SolutionUse, path: Path) -> None:
         said = _json(path)

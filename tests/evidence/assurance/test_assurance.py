@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from sacm_metamodel import problems
 
 import symaware_cli as sa
 from symaware_cli.evidence import is_case
@@ -186,16 +187,42 @@ def test_the_case_is_drawn_and_exchanged_without_entities(made: Path) -> None:
     assert "<!" not in written
     root = ElementTree.fromstring(written)
     kinds = [each.get("{http://www.w3.org/2001/XMLSchema-instance}type") for each in root.iter("argumentationElement")]
-    assert kinds.count("sacm:Claim") == 5
-    assert kinds.count("sacm:AssertedEvidence") == 6
-    assert kinds.count("sacm:AssertedInference") == 1
-    assert kinds.count("sacm:AssertedContext") == 3
-    known = {each.get("gid") for each in root.iter("argumentationElement")}
-    for each in root.iter("argumentationElement"):
-        assert {*(each.get("source") or "").split(), *(each.get("target") or "").split()} <= known
+    assert kinds.count("argumentation_:Claim") == 5
+    assert kinds.count("argumentation_:AssertedEvidence") == 6
+    assert kinds.count("argumentation_:AssertedInference") == 1
+    assert kinds.count("argumentation_:AssertedContext") == 3
     page = (made / "assured" / "index.html").read_text()
     assert "Two robots &lt;meet&gt; &amp; part" in page
     assert "<svg" in page
+
+
+def test_the_exchanged_case_conforms_to_the_metamodel(folder: Path) -> None:
+    written = (folder / "assured" / "case.sacm.xml").read_text()
+    assert list(problems(written)) == []
+    (folder / "run.mcap").unlink()
+    verified(folder)
+    red = (folder / "assured" / "case.sacm.xml").read_text()
+    assert list(problems(red)) == []
+    assert 'assertionDeclaration="defeated"' in red
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "said"),
+    [
+        ("argumentation_:Claim", "argumentation_:Goal", "Goal is no class of elements"),
+        ('isCounter="false" ', "", "has 0 of isCounter"),
+        ('assertionDeclaration="assumed"', 'assertionDeclaration="hoped"', "is hoped"),
+        ('source="Sn1"', 'source="Sn9"', "AssertedEvidence.source refers to Sn9"),
+        ('reasoning="S1"', 'reasoning="G2"', "AssertedInference.reasoning refers to G2"),
+        ("<description>", "<descriptions/><description>", "contains no descriptions"),
+    ],
+)
+def test_the_check_against_the_metamodel_finds_what_violates_it(
+    made: Path, written: str, instead: str, said: str
+) -> None:
+    text = (made / "assured" / "case.sacm.xml").read_text()
+    assert written in text
+    assert any(said in each for each in problems(text.replace(written, instead, 1)))
 
 
 def test_a_goal_without_support_is_undeveloped(tmp_path: Path) -> None:
