@@ -1,6 +1,6 @@
 """Planning of paths on a grid over the map.
 
-Reasons: docs/decisions/0084-maps.md
+Reasons: docs/decisions/0084-maps.md, docs/decisions/0110-held-up-on-a-path.md
 """
 
 from __future__ import annotations

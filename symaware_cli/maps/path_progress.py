@@ -1,4 +1,7 @@
-"""The progress of agents on their paths, by which a planner notices that they are held up."""
+"""The progress of agents on their paths, by which a planner notices that they are held up.
+
+Reasons: docs/decisions/0110-held-up-on-a-path.md
+"""
 
 from __future__ import annotations
 
