@@ -10,8 +10,8 @@ goal, looked at every 0.1 s. A contact, or 100 s, is a failure; a robot that sta
 out of time without waiting for the rest. The start is that of `run.py`, (-2.25, 3), where `report_test.py` computes OT
 from (-2, 3); the goal is 10 m ahead.
 
-A seed draws the start and the errors of the lidar. There are `--runs` runs in each world, and `--draws` runs of pairs of
-a world and a seed that are drawn independently and uniformly: of these, the interval of Clopper and Pearson is exact.
+A seed draws the start and the errors of the lidar. There are `--runs` runs in each world, and `--draws` of pairs of
+a world and a seed that are drawn independently and uniformly: for these, the interval of Clopper and Pearson is exact.
 `--output` continues a file of outcomes, and `--read` prints the tables of such files.
 
 Reasons: docs/decisions/0098-barn-and-shared-maps.md

@@ -93,7 +93,7 @@ def held_up(planned: dict[str, Any]) -> dict[str, Any]:
 def test_a_robot_that_is_held_up_plans_around_what_its_lidar_sees(
     building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
-    held_up(planned)["run"]["duration"] = 20.0
+    held_up(planned)["run"]["duration"] = 13.0
     building()
     log = run(room)
     assert names(log, "robot.0") == ["path-planned", "path-planned", "goal-reached"]
@@ -107,7 +107,8 @@ def test_a_robot_that_is_held_up_plans_around_what_its_lidar_sees(
 def test_a_robot_that_is_held_up_without_another_way_keeps_its_path(
     building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
-    held_up(planned)["agents"]["parked"] |= {"count": 2, "state": [[1.5, 0.45, 0.0], [1.5, 1.55, 0.0]]}
+    held_up(planned)["run"]["duration"] = 5.0
+    planned["agents"]["parked"] |= {"count": 2, "state": [[1.5, 0.45, 0.0], [1.5, 1.55, 0.0]]}
     building()
     log = run(room)
     assert names(log, "robot.0") == ["path-planned"]
