@@ -10,8 +10,9 @@ goal, looked at every 0.1 s. A contact, or 100 s, is a failure; a robot that sta
 out of time without waiting for the rest. The start is that of `run.py`, (-2.25, 3), where `report_test.py` computes OT
 from (-2, 3); the goal is 10 m ahead.
 
-The runs of one world are made together, in copies of it that are too far apart to be seen from each other; each has
-its own draws of the start and of the errors of the lidar.
+A seed draws the start and the errors of the lidar. There are `--runs` runs in each world, and `--draws` of pairs of
+a world and a seed that are drawn independently and uniformly: for these, the interval of Clopper and Pearson is exact.
+`--output` continues a file of outcomes, and `--read` prints the tables of such files.
 
 Reasons: docs/decisions/0098-barn-and-shared-maps.md
 """
@@ -24,11 +25,12 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO, TypeAlias
 
 import symaware_cli as sa  # before NumPy, so that it selects NumPy's kernels
 
@@ -41,6 +43,8 @@ from symaware_cli.assets.xml_tree import XmlElement, xml_tree
 from symaware_cli.studies.statistics.interval_estimate import clopper_pearson
 
 FOLDER = "jackal_helper/worlds/BARN"
+#: How many worlds there are, and the least seed that is drawn: smaller ones are those of `--runs`.
+WORLDS, FIRST_DRAWN = 300, 1_000
 START, HEADING, AHEAD = (-2.25, 3.0), 1.57, 10.0
 #: The cells of reference paths, and where the first one is [m]; `path_coord_to_gazebo_coord` of `run.py`.
 CELL, CORNER = 0.15, (-4.575, 5.075)
@@ -50,8 +54,8 @@ FASTEST, LIMIT, NEAR = 2.0, 100.0, 1.0
 LENGTH, WIDTH = 0.458, 0.416
 #: A robot that stays within this distance [m] for this time [s] is taken to be out of time.
 STILL, PATIENCE = 0.25, 20.0
-#: The distance between copies of a world [m], and the range of the lidar [m].
-APART, RANGE = 16.0, 5.0
+#: The range of the lidar [m].
+RANGE = 5.0
 #: Standard deviation of the start: x and y [m], heading [rad].
 SPREAD = 0.02
 #: The largest file that is read, and the most cylinders and positions in one.
@@ -176,6 +180,9 @@ class Source(NamedTuple):
 _STEERING = {"scan": "scan", "deviation": 0.005, "speed": 1.5, "radius": 0.5 * WIDTH}
 _WINDOW = {**_STEERING, "footprint": "rectangle", "margin": 0.04, "range": 2.0}
 
+#: What the robot's map and its paths cover [m]: a world.
+AREA = [-5.0, 0.5, 0.0, 14.0]
+
 #: The components of each controller, besides the perception of the own state and the lidar `scan`.
 CONTROLLERS: dict[str, dict[str, Any]] = {
     "histogram": {
@@ -188,14 +195,14 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "map-window": {
         "belief": {
             "use": "perception.map",
-            "with": {"scan": "scan", "resolution": 0.1, "within": "AREA", "record": 0.5},
+            "with": {"scan": "scan", "resolution": 0.1, "within": AREA, "record": 0.5},
         },
         "plan": {
             "use": "planning.grid",
             "with": {
                 "on": "belief",
                 "resolution": 0.1,
-                "within": "AREA",
+                "within": AREA,
                 "radius": 0.5 * WIDTH,
                 "margin": 0.02,
                 "comfort": 0.4,
@@ -206,20 +213,12 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
 }
 
 
-def scenario(world: BarnWorld, controller: str, copies: int = 1, seed: int = 0) -> dict[str, Any]:
-    """Return the scenario of a world, with a robot in each of some copies of it side by side."""
-    offsets = APART * np.arange(copies)
+def scenario(world: BarnWorld, controller: str, seed: int = 0) -> dict[str, Any]:
+    """Return the scenario of a world, with a robot at the start."""
     entities = {
-        f"cylinder_{copy}_{number}": {"shape": {"circle": {"radius": radius}}, "position": [x + offset, y]}
-        for copy, offset in enumerate(offsets.tolist())
-        for number, ((x, y), radius) in enumerate(zip(world.centres.tolist(), world.radii.tolist(), strict=True))
+        f"cylinder_{number}": {"shape": {"circle": {"radius": radius}}, "position": centre}
+        for number, (centre, radius) in enumerate(zip(world.centres.tolist(), world.radii.tolist(), strict=True))
     }
-    area = [-5.0, float(offsets[-1]) + 0.5, 0.0, 14.0]
-    steering = json.loads(json.dumps(CONTROLLERS[controller]).replace('"AREA"', json.dumps(area)))
-    start = [
-        [{"normal": [START[0] + offset, SPREAD]}, {"normal": [START[1], SPREAD]}, {"normal": [HEADING, SPREAD]}]
-        for offset in offsets.tolist()
-    ]
     return {
         "symaware": 1,
         "name": f"barn-{controller}",
@@ -228,13 +227,12 @@ def scenario(world: BarnWorld, controller: str, copies: int = 1, seed: int = 0) 
         "environment": {"use": "kinematic", "with": {"time_step": 0.1, "on_contact": "stop"}, "entities": entities},
         "agents": {
             "robot": {
-                "count": copies,
                 "entity": {"shape": {"box": {"length": LENGTH, "width": WIDTH}}},
                 "model": {"use": "unicycle", "with": {"max_speed": FASTEST, "max_turn_rate": 2.0}},
-                "state": start,
+                "state": [{"normal": [mean, SPREAD]} for mean in (*START, HEADING)],
                 "knowledge": {
-                    "goal": [[START[0] + offset, START[1] + AHEAD] for offset in offsets.tolist()],
-                    **({"waypoints": {"all": [[0, 0]]}} if "plan" in steering else {}),
+                    "goal": [START[0], START[1] + AHEAD],
+                    **({"waypoints": [[0, 0]]} if "plan" in CONTROLLERS[controller] else {}),
                 },
                 "components": {
                     "sense": {"use": "perception.self"},
@@ -242,7 +240,7 @@ def scenario(world: BarnWorld, controller: str, copies: int = 1, seed: int = 0) 
                         "use": "perception.lidar",
                         "with": {"rays": 181, "field_of_view": 1.5 * np.pi, "range": RANGE, "noise": 0.005},
                     },
-                    **steering,
+                    **CONTROLLERS[controller],
                 },
             }
         },
@@ -263,51 +261,57 @@ class Outcome(NamedTuple):
     metric: float
 
 
-def drive(world: BarnWorld, controller: str, copies: int, seed: int = 0) -> list[Outcome]:
-    """Drive through copies of a world, and return how each robot fared."""
-    document = scenario(world, controller, copies, seed)
-    goal = np.array(document["agents"]["robot"]["knowledge"]["goal"])
-    statuses, times = [""] * copies, np.full(copies, np.nan)
-    began, collided = np.full(copies, np.nan), set[str]()
-    since = np.zeros(copies)
+def drive(world: BarnWorld, controller: str, seeds: Sequence[int]) -> Iterator[Outcome]:
+    """Drive through a world, once with each seed."""
+    # Its text is written once for all seeds.
+    given = sa.scenario(scenario(world, controller))
+    for seed in seeds:
+        status, taken = _driven_once(given, seed)
+        optimal = world.optimal_time
+        metric = optimal / np.clip(taken, 2.0 * optimal, 8.0 * optimal) if status == "succeeded" else 0.0
+        yield Outcome(status, taken, float(metric))
 
-    with sa.scenario(document).start() as simulation:
-        start = simulation.state("robot", "x", "y").copy()
-        base = start.copy()
-        simulation.subscribe("contact", lambda event: collided.update((event.value.first, event.value.second)))
-        while not simulation.done and not all(statuses):
+
+def _driven_once(given: sa.Scenario, seed: int) -> tuple[str, float]:
+    """Return the status and the actual time [s] of one run."""
+    goal = np.array([START[0], START[1] + AHEAD])
+    collided: list[sa.Event] = []
+    began, taken, since = None, 0.0, 0.0
+    with given.start(seed=seed) as simulation:
+        simulation.subscribe("contact", collided.append)
+        start = base = simulation.state("robot", "x", "y").copy()
+        while not simulation.done:
             simulation.step()
-            places = simulation.state("robot", "x", "y")
-            moved, left = _distance(places, start) >= 0.1, _distance(places, goal)
-            began = np.where(np.isnan(began) & moved, simulation.time, began)
-            taken = np.where(np.isnan(began), simulation.time, simulation.time - began)
-            away = _distance(places, base) > STILL
-            base[away], since[away] = places[away], simulation.time
-            still = simulation.time - since >= PATIENCE
-            for row in range(copies):
-                if statuses[row]:
-                    continue
-                if f"robot.{row}" in collided:
-                    statuses[row] = "collided"
-                elif left[row] <= NEAR:
-                    statuses[row] = "succeeded"
-                elif taken[row] >= LIMIT or still[row]:
-                    statuses[row] = "timeout"
-                times[row] = taken[row]
-    optimal = world.optimal_time
-    return [
-        Outcome(
-            status or "timeout",
-            float(taken),
-            float(optimal / np.clip(taken, 2.0 * optimal, 8.0 * optimal)) if status == "succeeded" else 0.0,
-        )
-        for status, taken in zip(statuses, times.tolist(), strict=True)
-    ]
+            place = simulation.state("robot", "x", "y").copy()
+            if began is None and _distance(place, start) >= 0.1:
+                began = simulation.time
+            taken = simulation.time - (began or 0.0)
+            if _distance(place, base) > STILL:
+                base, since = place, simulation.time
+            if collided:
+                return "collided", taken
+            if _distance(place, goal) <= NEAR:
+                return "succeeded", taken
+            if taken >= LIMIT or simulation.time - since >= PATIENCE:
+                break
+    return "timeout", taken
 
 
-def _distance(places: Array, others: Array) -> Array:
-    way = places - others
-    return np.asarray(np.sqrt((way * way).sum(axis=1)))
+def _distance(place: Array, other: Array) -> float:
+    way = place - other
+    return float(np.sqrt(way @ way))
+
+
+class Pair(NamedTuple):
+    """What a run is of.
+
+    Attributes:
+        world: The number of the world.
+        seed: The seed of the run.
+    """
+
+    world: int
+    seed: int
 
 
 class Row(NamedTuple):
@@ -320,7 +324,7 @@ class Row(NamedTuple):
         succeeded: How many of them reached the goal.
         collided: How many touched something.
         timeout: How many did neither within the limit.
-        time: The mean time of those that succeeded, as the mean over worlds of the means [s].
+        time: The mean time of those that succeeded [s].
         metric: The mean of the metric.
     """
 
@@ -339,28 +343,73 @@ class Row(NamedTuple):
         shares = " | ".join(f"{each / self.runs:.3f}" for each in (self.succeeded, self.collided, self.timeout))
         return (
             f"| {self.controller} | {self.worlds} | {self.runs} | {self.metric:.4f} | {shares} | {self.time:.1f} |"
-            f" {interval.lower:.3f} to {interval.upper:.3f} |"
+            f" {interval.lower:.4f} to {interval.upper:.4f} |"
         )
 
 
-def row_of(controller: str, outcomes: Mapping[int, list[Outcome]]) -> Row:
-    """Return the figures of a controller, from its outcomes in each world; the same number in each."""
-    every = [each for world in outcomes.values() for each in world]
+def row_of(controller: str, outcomes: Mapping[Pair, Outcome]) -> Row:
+    """Return the figures of a controller, from its outcomes."""
+    every = list(outcomes.values())
     succeeded, collided, timeout = (
         sum(each.status == status for each in every) for status in ("succeeded", "collided", "timeout")
     )
-    times = [[each.time for each in world if each.status == "succeeded"] for world in outcomes.values()]
-    mean = float(np.mean([np.mean(each) for each in times if each])) if any(times) else float("nan")
+    times = [each.time for each in every if each.status == "succeeded"]
+    mean = float(np.mean(times)) if times else float("nan")
     metric = float(np.mean([each.metric for each in every]))
-    return Row(controller, len(outcomes), len(every), succeeded, collided, timeout, mean, metric)
+    return Row(
+        controller, len({each.world for each in outcomes}), len(every), succeeded, collided, timeout, mean, metric
+    )
 
 
-def _job(source: Source, number: int, controller: str, copies: int, seed: int) -> tuple[list[Outcome], float]:
+class Batch(NamedTuple):
+    """Runs that are made one after the other.
+
+    Attributes:
+        controller: The name of the controller.
+        world: The number of the world.
+        seeds: The seeds.
+    """
+
+    controller: str
+    world: int
+    seeds: tuple[int, ...]
+
+
+Outcomes: TypeAlias = dict[tuple[str, Pair], Outcome]
+"""The outcome of each controller and pair."""
+
+
+def drawn_pairs(count: int, seed: int) -> list[Pair]:
+    """Draw pairs of a world and a seed, independently and uniformly."""
+    numbers = np.random.Generator(np.random.PCG64(seed)).integers([0, FIRST_DRAWN], [WORLDS, 2**32], (count, 2))
+    return [Pair(*each) for each in numbers.tolist()]
+
+
+def read_outcomes(files: Iterable[Path]) -> Outcomes:
+    """Return the outcomes in files of `--output`; a line that was not finished is left out."""
+    found: Outcomes = {}
+    for file in files:
+        for line in file.read_text(encoding="utf-8").splitlines(keepends=True):
+            if line.endswith("\n"):
+                row = json.loads(line)
+                pair = Pair(row["world"], row["seed"])
+                found[row["controller"], pair] = Outcome(row["status"], row["time"], row["metric"])
+    return found
+
+
+def batches(worlds: Sequence[int], seeds: range, drawn: Sequence[Pair], controllers: Sequence[str]) -> Iterator[Batch]:
+    """Yield the runs: the first seed in all worlds, the drawn pairs, and the other seeds, three at a time."""
+    first, others = seeds[:1], seeds[1:]
+    yield from (Batch(each, world, tuple(first)) for world in worlds if first for each in controllers)
+    yield from (Batch(each, pair.world, (pair.seed,)) for pair in drawn for each in controllers)
+    for begin in range(0, len(others), 3):
+        some = tuple(others[begin : begin + 3])
+        yield from (Batch(each, world, some) for world in worlds for each in controllers)
+
+
+def _job(source: Source, batch: Batch) -> tuple[list[Outcome], float]:
     began = time.process_time()
-    world = source.world(number)
-    # An agent's map covers one world.
-    abreast = 1 if "belief" in CONTROLLERS[controller] else copies
-    outcomes = [each for index in range(copies // abreast) for each in drive(world, controller, abreast, seed + index)]
+    outcomes = list(drive(source.world(batch.world), batch.controller, batch.seeds))
     return outcomes, time.process_time() - began
 
 
@@ -372,70 +421,103 @@ def main(arguments: list[str] | None = None) -> int:
         "--read", nargs="+", type=Path, metavar="FILE", help="print tables of such files, without driving"
     )
     parser.add_argument(
-        "--worlds", default="0:300", metavar="FIRST:END[:STEP]", help="which worlds; 0:300:6 are those of its README"
+        "--worlds",
+        default=f"0:{WORLDS}",
+        metavar="FIRST:END[:STEP]",
+        help="which worlds; 0:300:6 as in its README",
     )
     parser.add_argument("--runs", type=int, default=10, help="how many runs in each world")
-    parser.add_argument("--seed", type=int, default=0, help="the seed of the draws")
+    parser.add_argument("--seed", type=int, default=0, help="the first seed, which also draws the pairs")
+    parser.add_argument("--draws", type=int, default=0, help="how many pairs of a world and a seed are drawn")
     parser.add_argument("--controllers", nargs="+", choices=list(CONTROLLERS), default=list(CONTROLLERS))
     parser.add_argument("--jobs", type=int, default=2, help="how many processes")
-    parser.add_argument("--output", type=Path, help="a file for all outcomes, in JSON lines")
+    parser.add_argument("--output", type=Path, help="a file of outcomes, in JSON lines, to continue")
     parser.add_argument(
         "--write", type=Path, metavar="FILE", help="write the scenario of the first world and controller, and end"
     )
     given = parser.parse_args(arguments)
     source = Source(given.place)
-    worlds = list(range(300))[slice(*(int(each) for each in given.worlds.split(":")))]
+    worlds = list(range(WORLDS))[slice(*(int(each) for each in given.worlds.split(":")))]
+    seeds, drawn = range(given.seed, given.seed + given.runs), drawn_pairs(given.draws, given.seed)
     try:
         if given.write:
-            document = scenario(source.world(worlds[0]), given.controllers[0], 1, given.seed)
+            document = scenario(source.world(worlds[0]), given.controllers[0], given.seed)
             given.write.write_text(json.dumps(document, indent=1), encoding="utf-8")
             return 0
-        found = _read(given.read) if given.read else _driven(source, worlds, given)
+        if given.read:
+            found = read_outcomes(given.read)
+        else:
+            found = _driven(source, batches(worlds, seeds, drawn, given.controllers), given.output, given.jobs)
     except BarnError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    _print_tables(found, worlds, seeds, drawn, given.controllers)
+    return 0
+
+
+def _print_tables(
+    found: Outcomes, worlds: Sequence[int], seeds: range, drawn: Sequence[Pair], controllers: Sequence[str]
+) -> None:
     head = (
         "| controller | worlds | runs | metric | succeeded | collided | out of time | time [s] | success, 95 % |\n|---|"
         + "---:|" * 8
     )
-    for title, some in (("all worlds", worlds), ("worlds of the README", [each for each in worlds if each % 6 == 0])):
-        print(f"\n{title} (DWA of the README, in Gazebo, on its 50: {DWA})\n\n{head}")
-        for controller in given.controllers:
-            those = {number: found[controller, number] for number in some if (controller, number) in found}
+    # Only seeds with which a controller drove in all worlds, so that each world counts as much as another.
+    readme = [each for each in worlds if each % 6 == 0]
+    tables = {
+        "all worlds": [[Pair(world, seed) for world in worlds] for seed in seeds],
+        f"worlds of the README (DWA of the README, in Gazebo: {DWA})": [
+            [Pair(world, seed) for world in readme] for seed in seeds
+        ],
+        # Those drawn so far, in the order in which they were drawn.
+        "drawn pairs": [[pair] for pair in drawn],
+    }
+    for title, parts in tables.items():
+        print(f"\n{title}\n\n{head}")
+        for controller in controllers:
+            those: dict[Pair, Outcome] = {}
+            for pairs in parts:
+                if not all((controller, pair) in found for pair in pairs):
+                    break
+                those.update((pair, found[controller, pair]) for pair in pairs)
             if those:
                 print(row_of(controller, those).text())
-    return 0
 
 
-def _read(files: list[Path]) -> dict[tuple[str, int], list[Outcome]]:
-    """Return the outcomes in files of `--output`; those of one world are joined."""
-    found: dict[tuple[str, int], list[Outcome]] = {}
-    for file in files:
-        for line in file.read_text(encoding="utf-8").splitlines():
-            row = json.loads(line)
-            found.setdefault((row["controller"], row["world"]), []).extend(Outcome(*each) for each in row["outcomes"])
+def _driven(source: Source, wanted: Iterable[Batch], output: Path | None, jobs: int) -> Outcomes:
+    """Make the runs that a file does not have yet; append their outcomes to it as they are known."""
+    found: Outcomes = {}
+    if output is not None and output.exists():
+        found = read_outcomes([output])
+    with ExitStack() as stack:
+        file = None if output is None else stack.enter_context(_continued(output))
+        pool = stack.enter_context(ProcessPoolExecutor(jobs))
+        left = (
+            Batch(each.controller, each.world, seeds)
+            for each in wanted
+            if (seeds := tuple(s for s in each.seeds if (each.controller, Pair(each.world, s)) not in found))
+        )
+        waiting = [(batch, pool.submit(_job, source, batch)) for batch in left]
+        spent, count = 0.0, 0
+        for batch, job in waiting:
+            outcomes, seconds = job.result()
+            spent, count = spent + seconds, count + len(outcomes)
+            for seed, outcome in zip(batch.seeds, outcomes, strict=True):
+                found[batch.controller, Pair(batch.world, seed)] = outcome
+                if file is not None:
+                    row = {"controller": batch.controller, "world": batch.world, "seed": seed, **outcome._asdict()}
+                    print(json.dumps(row), file=file, flush=True)
+    print(f"{count} runs, {spent:.0f} s of CPU time")
     return found
 
 
-def _driven(source: Source, worlds: list[int], given: argparse.Namespace) -> dict[tuple[str, int], list[Outcome]]:
-    """Drive through all worlds with all controllers; report the outcomes as they are known."""
-    found: dict[tuple[str, int], list[Outcome]] = {}
-    output = given.output.open("w", encoding="utf-8") if given.output else None
-    with ProcessPoolExecutor(given.jobs) as pool:
-        jobs = [
-            (controller, number, pool.submit(_job, source, number, controller, given.runs, given.seed))
-            for controller in given.controllers
-            for number in worlds
-        ]
-        spent = 0.0
-        for controller, number, job in jobs:
-            found[controller, number], seconds = job.result()
-            spent += seconds
-            if output is not None:
-                row = {"controller": controller, "world": number, "outcomes": found[controller, number]}
-                print(json.dumps(row), file=output, flush=True)
-    print(f"{sum(map(len, found.values()))} runs, {spent:.0f} s of CPU time")
-    return found
+def _continued(output: Path) -> TextIO:
+    """Open a file to append to, without a line that was not finished."""
+    file = output.open("a+", encoding="utf-8")
+    file.seek(0)
+    content = file.read()
+    file.truncate(len(content[: content.rfind("\n") + 1].encode()))
+    return file
 
 
 if __name__ == "__main__":

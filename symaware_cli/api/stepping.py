@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -50,7 +51,7 @@ class SteppedSimulation:
         """
         self._simulation = built.simulation
         self._steps = built.steps
-        self._digest = hashlib.sha256(built.resolved).hexdigest()
+        self._built = built
         self._events: list[Event] = []
         simulation = built.simulation
         self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
@@ -257,6 +258,11 @@ class SteppedSimulation:
             The subscription, which can be cancelled with ``cancel()``.
         """
         return self._simulation.events.subscribe_matching(pattern, call, source)
+
+    @cached_property
+    def _digest(self) -> str:
+        """The SHA-256 of the scenario, which only captured states need."""
+        return hashlib.sha256(self._built.resolved).hexdigest()
 
     def capture(self) -> SimulationState:
         """Capture the state of the simulation, to `restore` it here or in another process with the same scenario.

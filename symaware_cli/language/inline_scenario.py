@@ -5,6 +5,7 @@ from __future__ import annotations
 import linecache
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path as FilePath
 from types import FrameType
 from typing import Any
@@ -60,7 +61,7 @@ class InlineScenario:
         source = self._source.copy()
         begin = len(source.line_text(self._line) or "") - len((source.line_text(self._line) or "").lstrip()) + 1
         root = SourceNode.of(self.content, source.text_span(self._line, begin, self._line + 1, 0))
-        files = {f"{self.content.get('name', 'scenario')}.yaml": dumped(self.content)}
+        files = {f"{self.content.get('name', 'scenario')}.yaml": self._text}
         found: Sequence[Problem] = ()
         try:
             composition = compose_content(root, source, files, changes)
@@ -69,6 +70,11 @@ class InlineScenario:
         # Who names a class has executed its file.
         with trusting(lambda files: set(files.named) <= self._plugins.keys()):
             return build_composition(composition, self._folder, seed, self._catalogue, found)
+
+    @cached_property
+    def _text(self) -> bytes:
+        """The document as YAML; the same for each run."""
+        return dumped(self.content)
 
     def _named(self, value: Any, path: tuple[str, ...]) -> Any:
         """Return a value in which classes and functions are replaced by names."""

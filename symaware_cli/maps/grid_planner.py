@@ -1,6 +1,6 @@
 """Planning of paths on a grid over the map.
 
-Reasons: docs/decisions/0084-maps.md
+Reasons: docs/decisions/0084-maps.md, docs/decisions/0110-held-up-on-a-path.md
 """
 
 from __future__ import annotations
@@ -12,17 +12,19 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import AgentGroup, Obstacle, ScenarioView
+from symaware_cli.engine import ScanOptions, ScanSurfaces, check_scan
 from symaware_cli.geometry import LARGEST, Array
 from symaware_cli.geometry.vectors import Mask
 from symaware_cli.maps.believed_floor import BelievedFloor, rest_of_path
 from symaware_cli.maps.free_space import FreeSpace
 from symaware_cli.maps.map_perception import MAP, MapPerception
-from symaware_cli.maps.path_planner import Distance, PathPlanner, PathRequest, floor_of_group, region_of
+from symaware_cli.maps.path_planner import Distance, PathPlanner, PathPlans, PathRequest, floor_of_group, region_of
+from symaware_cli.maps.path_progress import PathProgress, lengths_left
 from symaware_cli.maps.path_search import PathSearch
 from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.maps.planning_grid import MOST_CELLS, GridFrame, PlanningGrid
 from symaware_cli.maps.raster import UNKNOWN
-from symaware_cli.world import ParameterError
+from symaware_cli.world import ParameterError, nanoseconds
 
 
 class GridPlanner(PathPlanner):
@@ -38,6 +40,10 @@ class GridPlanner(PathPlanner):
     With `on`, agents do not know the obstacles, but only their beliefs about the map: the occupied areas of a
     `perception.map`. Unknown areas count as free. When the belief has changed, an agent plans again if its disc would
     touch an area on the rest of its path, or if it has no path.
+
+    With `scan`, agents see each other, and whatever else is not known, by a lidar. One that has come hardly nearer to
+    its goal for the time `patience` plans again, around everything that its lidar sees at that moment; if there is no
+    such path, it keeps to its present one.
 
     An agent plans in its first turn, and again when its goal or its knowledge of ``closed`` regions changes. The
     waypoints begin where it is and end at the goal. If no path exists, or none is found within the greatest number of
@@ -65,6 +71,12 @@ class GridPlanner(PathPlanner):
             min_length=1,
             description="The `perception.map` on whose belief to plan. By default all fixed obstacles are known.",
         )
+        scan: str | None = Field(
+            None, min_length=1, description="The lidar that shows what holds an agent up, to be planned around."
+        )
+        patience: float = Field(
+            5.0, gt=0, le=LARGEST, description="After what time without progress an agent plans around it [s]."
+        )
         through_unknown: bool | None = Field(
             None, description="Whether paths may lead through unknown cells. By default only through those of a belief."
         )
@@ -81,7 +93,8 @@ class GridPlanner(PathPlanner):
         super().check(group)
 
     def check_scenario(self, view: ScenarioView) -> None:
-        """Check that the belief exists."""
+        """Check that the belief and the scan exist."""
+        check_scan(view, self.parameters.scan)
         name = self.parameters.on
         if name is None:
             return
@@ -95,6 +108,9 @@ class GridPlanner(PathPlanner):
     def initialise_component(self, group: AgentGroup) -> None:
         """Compute the grid, unless it depends on beliefs."""
         super().initialise_component(group)
+        scan = self.parameters.scan
+        self._surfaces = None if scan is None else ScanSurfaces(scan, ScanOptions(), self._radius)
+        self._progress = PathProgress.none(len(group))
         floor, self._cells = floor_of_group(group), self._frame(group)
         self._searches: dict[tuple[str, ...], PathSearch] = {}
         self._grid: PlanningGrid | None = None
@@ -104,17 +120,57 @@ class GridPlanner(PathPlanner):
                 hidden = floor.raster.at(self._cells.centres()) == UNKNOWN
             self._grid = self._grid_of(self._fixed(), hidden)
 
+    def _compute(self) -> PathPlans:
+        plans = super()._compute()
+        group = self._group
+        if self._surfaces is None or not all("waypoints" in known for known in group.knowledge):
+            return plans
+        positions = group.model.positions(group.awareness.state)
+        left = lengths_left(*group.known_lists("waypoints"), positions)
+        progress = self._progress.restarted(np.array(list(plans.paths), np.intp), self.now)
+        progress = progress.after(left, self.now, self._radius)
+        # Whoever is nearer than its radius only waits for its place to become free.
+        late = (self.now - progress.since >= nanoseconds(self.parameters.patience)) & (left > self._radius)
+        held_up = np.flatnonzero(late)
+        for row in held_up.tolist():
+            path = self._search_of(row, plans.requests[row], self._seen(row)).path(
+                positions[row], np.array(plans.requests[row].goal), self.parameters.most_cells
+            )
+            if np.isfinite(path.cost):
+                plans.paths[row] = path
+        return plans._replace(progress=progress.restarted(held_up, self.now))
+
+    def _update(self, value: PathPlans) -> None:
+        super()._update(value)
+        if self._surfaces is not None and value.progress is not None:
+            self._surfaces.remember(
+                self._group, self.computed_at, self._surfaces.returns(self._group, self.computed_at)
+            )
+            self._progress = value.progress
+
+    def _seen(self, row: int) -> Array:
+        """Return where the last scan of an agent met something [m]; shape (k, 2)."""
+        assert self._surfaces is not None
+        points = self._surfaces.returns(self._group, self.now).points[row]
+        return points[np.isfinite(points).all(axis=1)]
+
     def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
+        return self._search_of(row, request).path(start, np.array(request.goal), self.parameters.most_cells)
+
+    def _search_of(self, row: int, request: PathRequest, seen: Array | None = None) -> PathSearch:
+        """Return the search for an agent, among other things around points that it sees (k, 2) [m]."""
         if self._grid is None:
             believed, hidden = BelievedFloor(self._beliefs()[row]), None
             if self.parameters.through_unknown is False:
                 hidden = ~believed.is_free(self._cells.centres())
-            search = PathSearch(
-                without_regions(self._grid_of(believed.obstacles(), hidden), self._group, request.closed)
-            )
+            grid = self._grid_of(believed.obstacles(), hidden)
+        elif seen is None:
+            return self._search(self._grid, request.closed)
         else:
-            search = self._search(self._grid, request.closed)
-        return search.path(start, np.array(request.goal), self.parameters.most_cells)
+            grid = self._grid
+        if seen is not None:
+            grid = grid.without(grid.near(seen))
+        return PathSearch(without_regions(grid, self._group, request.closed))
 
     def _beliefs(self) -> list[Array]:
         if self.parameters.on is None:

@@ -15,6 +15,7 @@ from pydantic import Field, field_validator
 from symaware_cli.core import AgentGroup, GroupComponent, Level, Obstacle
 from symaware_cli.geometry import LARGEST, Array, DiscRadius, Number, Region
 from symaware_cli.maps.floor import Floor
+from symaware_cli.maps.path_progress import PathProgress
 from symaware_cli.maps.planned_path import PlannedPath
 from symaware_cli.specification import PlacedRegion
 from symaware_cli.world import ParameterError
@@ -43,11 +44,13 @@ class PathPlans(NamedTuple):
         requests: The present request of each agent, by row.
         paths: The paths of the agents with new requests, by row.
         beliefs: The belief of each agent about the map, by row; empty if the planner knows the obstacles.
+        progress: The progress of the agents, if the planner watches it.
     """
 
     requests: list[PathRequest]
     paths: dict[int, PlannedPath]
     beliefs: list[Array]
+    progress: PathProgress | None = None
 
 
 class PathPlanner(GroupComponent):

@@ -121,6 +121,24 @@ class PlanningGrid:
         other.moves = moves.ravel()
         return other
 
+    def near(self, points: Array) -> Mask:
+        """Return the cells in which the disc would touch one of some points (m, 2) [m]; shape (n,).
+
+        Points within a cell of an obstacle are taken for points of that obstacle.
+        """
+        points = points[self._space.clearances(points) > self.frame.resolution]
+        rows, columns = self.frame.shape
+        touching = np.zeros((rows, columns), bool)
+        centres = self.frame.cells(points)
+        reach = self.radius / self.frame.resolution
+        for x, y in centres.tolist():
+            left, right = max(0, int(x - reach - 0.5)), max(0, int(x + reach + 1.5))
+            low, high = max(0, int(y - reach - 0.5)), max(0, int(y + reach + 1.5))
+            across = np.arange(left, min(columns, right)) + 0.5 - x
+            up = np.arange(low, min(rows, high)) + 0.5 - y
+            touching[low:high, left:right] |= up[:, None] ** 2 + across**2 < reach**2
+        return touching.ravel()
+
     def clear(self, starts: Array, ends: Array, radius: float) -> Mask:
         """Return whether a disc on straight lines between points, (m, 2) each, touches no obstacle; shape (m,)."""
         return self._space.clear(starts, ends, radius)

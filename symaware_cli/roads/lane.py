@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,14 @@ class Lane:
     def width(self) -> Array:
         """The width at each point of the centre line [m]; shape (k,)."""
         return lengths(self.left - self.right)
+
+    def strip(self, reach: float) -> Lane:
+        """Return the strip within a distance of the centre line, as a lane [m]."""
+        centre = self.centre
+        legs = lengths(np.diff(centre, axis=0))
+        centre = centre[np.concatenate([[True], legs > 0.0])]
+        left, right = lane_sides(centre, np.full(len(centre), 2.0 * reach))
+        return replace(self, left=left, right=right)
 
     def areas(self) -> list[RegionShape]:
         """Return convex areas whose union is the lane; they overlap by a centimetre, and are a millimetre wider.

@@ -74,6 +74,11 @@ class RoadsForm(Section):
         2.0, description="The greatest distance between two points of a curve of an OpenDRIVE file [m]."
     )
 
+    centre: Annotated[float, Field(ge=0.01, le=100.0)] | None = Field(
+        None,
+        description="If stated, `centre_<name>` is the region within this distance of the centre of each lane [m].",
+    )
+
     @model_validator(mode="after")
     def _has_content(self) -> Self:
         if self.file is None and not self.lanes:
@@ -82,7 +87,7 @@ class RoadsForm(Section):
 
 
 class RoadSection(ScenarioSection):
-    """Adds the regions `road` and `lane_<name>`, and the network of lanes for components."""
+    """Adds the regions `road`, `lane_<name>` and `centre_<name>`, and the network of lanes for components."""
 
     form: ClassVar[Any] = RoadsForm | None
     description: ClassVar[str] = "Roads, whose lanes are regions, and on which agents drive, follow and change lanes."
@@ -97,13 +102,14 @@ class RoadSection(ScenarioSection):
         if form is None:
             return Additions()
         lanes: list[Lane] = []
-        names = {f"lane_{name}" for name in form.lanes}
+        kinds = ("lane", "centre") if form.centre else ("lane",)
+        names = {f"{kind}_{name}" for name in form.lanes for kind in kinds}
         if form.file is not None:
             lanes += self._of_file(form.file, form.step, context)
         is_read = form.file is None or bool(lanes)
         if _check(form, lanes, context) and is_read:
             self._network = RoadNetwork(_joined(form, lanes))
-            return Additions(regions=_regions(self._network.lanes))
+            return Additions(regions=_regions(self._network.lanes, form.centre))
         # References to the regions of roads that cannot be read are not reported as further problems.
         return Additions(regions=dict.fromkeys(("road", *sorted(names)), _NOWHERE))
 
@@ -211,7 +217,14 @@ def _joined(form: RoadsForm, lanes: Sequence[Lane]) -> list[Lane]:
     return every
 
 
-def _regions(lanes: Sequence[Lane]) -> dict[str, Region]:
-    """Return the regions of lanes, each as an intersection of a single union, which only `LaneDrawing` draws."""
-    regions = {f"lane_{lane.name}": Region(intersection=(RegionShape(union=tuple(lane.areas())),)) for lane in lanes}
-    return {"road": Region(intersection=(RegionShape(union=tuple(regions)),)), **regions}
+def _regions(lanes: Sequence[Lane], centre: float | None) -> dict[str, Region]:
+    """Return the regions of lanes and of their centres, each as an intersection of a single union.
+
+    Only `LaneDrawing` draws such regions, and those of lanes alone.
+    """
+    areas = {f"lane_{lane.name}": lane.areas() for lane in lanes}
+    strips = {} if centre is None else {f"centre_{lane.name}": lane.strip(centre).areas() for lane in lanes}
+    regions = {
+        name: Region(intersection=(RegionShape(union=tuple(parts)),)) for name, parts in {**areas, **strips}.items()
+    }
+    return {"road": Region(intersection=(RegionShape(union=tuple(areas)),)), **regions}

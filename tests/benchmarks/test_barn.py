@@ -79,19 +79,46 @@ def test_what_is_no_world_is_refused(barn: ModuleType, content: bytes, cells: by
 def test_the_scenario_has_the_cylinders_and_is_valid(barn: ModuleType, controller: str) -> None:
     document = barn.scenario(barn.read_world(world(), path()), controller)
     assert len(document["environment"]["entities"]) == len(CENTRES)
-    assert document["agents"]["robot"]["knowledge"]["goal"] == [[-2.25, 13.0]]
+    assert document["agents"]["robot"]["knowledge"]["goal"] == [-2.25, 13.0]
     scenario(document).validate()
 
 
 def test_the_metric_is_at_most_a_half_and_nothing_for_those_that_fail(barn: ModuleType) -> None:
     found = barn.read_world(world(), path())
-    (outcome,) = barn.drive(found, "window", 1)
+    (outcome,) = barn.drive(found, "window", [0])
     assert outcome.status == "succeeded"
     optimal = found.optimal_time
     assert outcome.metric == optimal / min(max(outcome.time, 2 * optimal), 8 * optimal)
     assert 0.125 <= outcome.metric <= 0.5
-    fallen = barn.row_of("window", {0: [outcome, barn.Outcome("collided", 3.0, 0.0)]})
+    fallen = barn.row_of("window", {barn.Pair(0, 0): outcome, barn.Pair(0, 1): barn.Outcome("collided", 3.0, 0.0)})
     assert (fallen.succeeded, fallen.collided, fallen.metric) == (1, 1, 0.5 * outcome.metric)
+
+
+def test_runs_continue_a_file_and_the_table_has_the_seeds_of_all_worlds(
+    barn: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, rows = tmp_path / barn.FOLDER, tmp_path / "rows.jsonl"
+    (folder / "path_files").mkdir(parents=True)
+    for number in (0, 1):
+        (folder / f"world_{number}.world").write_bytes(world())
+        (folder / "path_files" / f"path_{number}.npy").write_bytes(path())
+    row = '{"controller": "window", "world": %d, "seed": %d, "status": "collided", "time": 7.0, "metric": 0.0}\n'
+    rows.write_text("".join(row % pair for pair in ((0, 0), (1, 0), (0, 1))) + '{"contr')
+    options = [str(tmp_path), "--worlds", "0:2", "--runs", "2", "--controllers", "window"]
+    assert barn.main([*options, "--read", str(rows)]) == 0
+    assert "| window | 2 | 2 | 0.0000 | 0.000 | 1.000 |" in capsys.readouterr().out
+    assert barn.main([*options, "--output", str(rows), "--jobs", "1"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("1 runs")
+    assert "| window | 2 | 4 |" in said
+    assert barn.read_outcomes([rows])["window", barn.Pair(1, 1)].status == "succeeded"
+
+
+def test_pairs_are_drawn_from_all_worlds_and_repeat(barn: ModuleType) -> None:
+    pairs = barn.drawn_pairs(3_000, 0)
+    assert pairs == barn.drawn_pairs(3_000, 0)
+    assert {each.world for each in pairs} == set(range(300))
+    assert min(each.seed for each in pairs) >= barn.FIRST_DRAWN
 
 
 def test_worlds_are_read_from_a_folder_or_a_git_directory(barn: ModuleType, tmp_path: Path) -> None:

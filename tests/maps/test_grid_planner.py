@@ -66,6 +66,54 @@ def test_new_goals_and_closed_regions_cause_a_new_plan(
     assert np.ptp(still, axis=0).max() < 0.05, "it stays where it is"
 
 
+def held_up(planned: dict[str, Any]) -> dict[str, Any]:
+    """A robot with a lidar on whose way another one stands, which the map does not have."""
+    planned["agents"]["robot"] |= {
+        "count": 1,
+        "state": [0.6, 0.55, 0.0],
+        "knowledge": {"goal": [2.2, 0.55], "waypoints": {"all": [[0, 0]]}},
+        "components": {
+            "sense": {"use": "perception.self"},
+            "lidar": {"use": "perception.lidar", "with": {"rays": 60, "range": 2.0}},
+            "plan": {"use": "planning.grid", "with": {"margin": 0.1, "scan": "lidar", "patience": 2.0}},
+            "steer": {
+                "use": "control.vector-field-histogram",
+                "with": {"scan": "lidar", "margin": 0.05, "lookahead": 0.4},
+            },
+        },
+    }
+    planned["agents"]["parked"] = {
+        "entity": {"shape": {"circle": {"radius": 0.15}}},
+        "model": {"use": "unicycle"},
+        "state": [1.5, 0.45, 0.0],
+    }
+    return planned
+
+
+def test_a_robot_that_is_held_up_plans_around_what_its_lidar_sees(
+    building: Callable[..., Built], room: Path, planned: dict[str, Any]
+) -> None:
+    held_up(planned)["run"]["duration"] = 13.0
+    building()
+    log = run(room)
+    assert names(log, "robot.0") == ["path-planned", "path-planned", "goal-reached"]
+    again = [each.time for each in log.events() if each.name == "path-planned"][1]
+    assert again >= 2_000_000_000
+    passed = log.series("robot.0", "world").values[:, :2]
+    assert passed[:, 1].max() > 1.3, "it takes the other side of the pillar"
+    assert not list(log.contacts())
+
+
+def test_a_robot_that_is_held_up_without_another_way_keeps_its_path(
+    building: Callable[..., Built], room: Path, planned: dict[str, Any]
+) -> None:
+    held_up(planned)["run"]["duration"] = 5.0
+    planned["agents"]["parked"] |= {"count": 2, "state": [[1.5, 0.45, 0.0], [1.5, 1.55, 0.0]]}
+    building()
+    log = run(room)
+    assert names(log, "robot.0") == ["path-planned"]
+
+
 def test_the_cost_is_written_beside_the_waypoints(
     building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:

@@ -62,6 +62,13 @@ def test_lanes_and_the_road_are_regions(road: Road) -> None:
     assert min(depth(built, "road", (50, 1.75), (100, 0.0), (50, 5.25))) > 0.0, "where lanes meet"
 
 
+def test_the_centres_of_lanes_are_regions_if_their_width_is_stated(road: Road) -> None:
+    assert "centre_west" not in road({"lanes": CROSS}, car=group([0, 0, 0], KEEPING)).simulation.groups[0].regions
+    built = road({"lanes": CROSS, "centre": 0.4}, car=group([0, 0, 0], KEEPING))
+    assert depth(built, "centre_west", (50, 0), (50, -1)) == pytest.approx([0.401, -0.599], abs=1e-9)
+    assert depth(built, "road", (50, 1.0)) == pytest.approx([0.751], abs=1e-9)
+
+
 @given(st.lists(st.floats(-0.4, 0.4), min_size=1, max_size=12), st.floats(2.0, 5.0))
 @settings(max_examples=60, deadline=None)
 def test_every_point_between_the_boundaries_is_in_the_areas_of_a_lane(turns: list[float], width: float) -> None:
