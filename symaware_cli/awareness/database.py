@@ -348,11 +348,10 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             ValueError: One is neither a motion, nor a state of its model, nor a position, or infinite.
         """
         own, roster = self._own.id, self._awareness.roster
-        if isinstance(states, StatesById) and states.snapshot.present is None:
+        if type(states) is StatesById and states.snapshot.present is None:
             places, motions, rows = states.snapshot.roster.indices, states.motions, states.rows
-        elif roster is not None and (table := roster.motions(states)) is not None:
+        elif roster is not None and (table := roster.motions(states, _check_motions)) is not None:
             places, motions, rows = table
-            require_within(_MOTION, motions, "the state of another agent")
         else:
             for id, state in states.items():
                 if id == own:
@@ -486,3 +485,8 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     def __contains__(self, id: object) -> bool:
         return id in self._known()
+
+
+def _check_motions(motions: Array) -> None:
+    """Refuse states of others that are infinite."""
+    require_within(_MOTION, motions, "the state of another agent")

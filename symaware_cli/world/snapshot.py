@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import ItemsView, Iterator, KeysView, Mapping, Sequence, ValuesView
+from itertools import chain, compress
 from typing import Any
 
 import numpy as np
@@ -194,13 +195,17 @@ class StatesById(Mapping[str, Array]):
         snapshot: The snapshot.
     """
 
-    __slots__ = ("_models", "_motions", "_rows", "snapshot")
+    __slots__ = ("_models", "_motions", "_rows", "_states", "snapshot")
 
     def __init__(self, snapshot: Snapshot, models: Sequence[Model]) -> None:
         self.snapshot = snapshot
         self._models = models
         self._motions: Array | None = None
         self._rows: dict[str, Array] | None = None
+        # Each row is one object for all readers, by which `Roster.motions` recognises it.
+        rows = zip(snapshot.roster.ids, chain.from_iterable(snapshot.states), strict=True)
+        present = None if snapshot.present is None else snapshot.present.tolist()
+        self._states: dict[str, Array] = dict(rows if present is None else compress(rows, present))
 
     @property
     def motions(self) -> Array:
@@ -225,13 +230,28 @@ class StatesById(Mapping[str, Array]):
         return self._rows
 
     def __getitem__(self, id: str) -> Array:
-        return self.snapshot.state(id)
+        return self._states[id]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.snapshot.ids)
+        return iter(self._states)
 
     def __len__(self) -> int:
-        return len(self.snapshot.ids)
+        return len(self._states)
+
+    def __contains__(self, id: object) -> bool:
+        return id in self._states
+
+    def keys(self) -> KeysView[str]:
+        """The ids of all present agents, in the roster's order."""
+        return self._states.keys()
+
+    def values(self) -> ValuesView[Array]:
+        """The states of all present agents, in the same order."""
+        return self._states.values()
+
+    def items(self) -> ItemsView[str, Array]:
+        """The ids of all present agents with their states, in the same order."""
+        return self._states.items()
 
 
 def _stacked(parts: Sequence[Array]) -> Array:

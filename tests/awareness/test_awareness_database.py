@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,6 +73,33 @@ def test_a_perception_that_returns_all_states_hands_over_one_table() -> None:
     assert one.awareness_database["robot.1"].state.tolist() == [7.0, 7.0, 0.0, 0.0]
     del one.awareness_database["robot.1"]
     assert list(one.awareness_database) == ["robot.0", "car"]
+
+
+def test_perceptions_that_fill_dictionaries_with_the_same_rows_share_their_motions() -> None:
+    class Fills(PerceptionSystem):
+        def _compute(self) -> dict[str, Any]:
+            return dict(self.environment.snapshot().states_by_id)
+
+    ready = simulation({"robot": Team({"see": Fills}, count=3)})
+    execute(ready, 2)
+    one, other, _ = ready.groups[0].agents
+    assert one.awareness_database.others.rows is other.awareness_database.others.rows is not None
+    before = one.awareness_database["robot.1"].state
+    execute(ready, 2)
+    assert one.awareness_database["robot.1"].state is not before
+
+
+def test_states_that_can_change_are_converted_each_time(ready: Simulation) -> None:
+    database = ready.groups[0].agents[0].awareness_database
+    table = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    states = dict(zip(ready.groups[0].ids, table, strict=True))
+    for writeable in (True, False):
+        # Rows made before the table is frozen can still be written.
+        table.flags.writeable = writeable
+        for position in ([7.0, 8.0], [9.0, 10.0]):
+            states["robot.1"][:] = position
+            database.set_states(states)
+            assert database["robot.1"].state[:2].tolist() == position
 
 
 @pytest.mark.parametrize("whole", [True, False])
