@@ -281,8 +281,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
         What `_update` writes refers to that time, however late it is written.
         """
-        instant: int = self.__dict__.get("_computed_at", self.now)
-        return instant
+        instant: int | None = self.__dict__.get("_computed_at")
+        return self.now if instant is None else instant
 
     @property
     def turn(self) -> Turn:

@@ -15,9 +15,10 @@ Mask = NDArray[np.bool_]
 
 def lengths(vectors: Array) -> Array:
     """Return the Euclidean lengths of vectors; (n, d) to (n,)."""
-    total = vectors[:, 0] * vectors[:, 0]
+    squares = vectors * vectors
+    total = squares[:, 0]
     for axis in range(1, vectors.shape[1]):
-        total += vectors[:, axis] * vectors[:, axis]
+        total = total + squares[:, axis]
     return np.asarray(np.sqrt(total))
 
 

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
+#: The type of the elements of usual actions.
+_DOUBLE = np.dtype(np.float64)
+
 #: Two seeds for which a fresh simulation is compared with one that returned to its initial state.
 _COMPARED = (0, 1)
 
@@ -94,51 +97,62 @@ class TeamTask:
         self._observation = task.observation(team)
         self._reward: Reward = task.reward(team)
         self._termination = task.termination(team)
-        self._everybody = np.ones(len(team.agents), bool)
-        self._seen = self._everybody
+        self._everybody = self._seen = team.everybody
 
     def begin(self) -> TeamStep:
         """Observe the beginning of an episode."""
-        self._seen = self.team.present.copy()
-        if self._functions.reward is None:
-            self._reward.begin()
-        nothing = np.zeros(len(self._seen))
-        return TeamStep(self._observed(self._seen), nothing, nothing > 0.0, self._seen)
+        with self._quiet():
+            self._seen = self.team.present.copy()
+            if self._functions.reward is None:
+                self._reward.begin()
+            nothing = np.zeros(len(self._seen))
+            return TeamStep(self._observed(self._seen), nothing, nothing > 0.0, self._seen)
 
     def step(self) -> TeamStep:
         """Observe and reward a step that was made."""
-        team, functions = self.team, self._functions
-        present, left = self._everybody, None
-        if team.of.present is not None:
-            present = team.present
-            left = self._seen & ~present
-            self._seen = self._seen | present
-        count = len(team.agents)
-        if functions.reward is None:
-            rewards = self._reward.step(count)
-        else:
-            rewards = _checked("the reward", functions.reward(team), (count,))
-        if functions.terminate is not None:
-            over = _checked("the termination", functions.terminate(team), (count,)) != 0.0
-        else:
-            over = np.zeros(count, bool) if self._termination is None else self._termination()
-        if left is None:
-            return TeamStep(self._observed(present), rewards, over, present)
-        return TeamStep(self._observed(present), np.where(present, rewards, 0.0), left | (present & over), present)
+        with self._quiet():
+            team, functions = self.team, self._functions
+            present, left = self._everybody, None
+            if team.of.present is not None:
+                present = team.present
+                left = self._seen & ~present
+                self._seen = self._seen | present
+            count = len(team.agents)
+            if functions.reward is None:
+                rewards = self._reward.step(count)
+            else:
+                rewards = _checked("the reward", self._called(functions.reward), (count,))
+            if functions.terminate is not None:
+                over = _checked("the termination", self._called(functions.terminate), (count,)) != 0.0
+            else:
+                over = np.zeros(count, bool) if self._termination is None else self._termination()
+            if left is None:
+                return TeamStep(self._observed(present), rewards, over, present)
+            return TeamStep(self._observed(present), np.where(present, rewards, 0.0), left | (present & over), present)
 
     def _observed(self, present: Truths) -> Array:
-        team, function = self.team, self._functions.observation
+        function = self._functions.observation
         if function is None:
             found = self._observation()
         else:
-            found = np.array(function(team), float)
+            found = np.array(self._called(function), float)
             found = found[:, None] if found.ndim == 1 else found
-            _checked("the observation", found, (len(team.agents), found.shape[-1]))
+            _checked("the observation", found, (len(self.team.agents), found.shape[-1]))
         if not is_finite(found):
             found[np.isnan(found)] = 0.0
         if present is not self._everybody:
             found[~present] = 0.0
         return found
+
+    def _quiet(self) -> np.errstate:
+        """Turn off NumPy's warnings, except in functions; once for all expressions, because it takes time."""
+        if any(self._functions):
+            self._settings = np.geterr()
+        return np.errstate(all="ignore")
+
+    def _called(self, function: Callable[[Team], ArrayLike]) -> ArrayLike:
+        with np.errstate(**self._settings):
+            return function(self.team)
 
 
 class Episodes:
@@ -388,11 +402,11 @@ def _given(team: Team, actions: Mapping[str, ArrayLike]) -> tuple[Given | None, 
     try:
         # All agents at once if each has an array: one agent at a time this would take as long as a component.
         joined = np.concatenate(found)  # None raises an error, which is caught
-        is_plain = joined.dtype == float and joined.shape == (len(ids) * width,) and {*map(len, found)} == {width}
+        is_plain = joined.dtype is _DOUBLE and joined.shape == (len(ids) * width,) and {*map(len, found)} == {width}
     except (TypeError, ValueError):
         is_plain = False
     if is_plain and len(ids) == len(group) and is_finite(joined):
-        return (np.ones(len(ids), bool), joined.reshape(-1, width)), len(ids)
+        return (team.everybody, joined.reshape(-1, width)), len(ids)
     mask, values = np.zeros(len(group), bool), np.zeros((len(group), width))
     for row, id, action in zip(team.rows.tolist(), ids, found, strict=True):
         if action is not None:

@@ -78,7 +78,8 @@ class LearningTask(Plugin):
         try:
             compute = make()
             if view.is_initialised and hasattr(view.groups[0], "surroundings"):
-                compute()
+                with np.errstate(all="ignore"):
+                    compute()
         except LearningError as error:
             view.report(str(error), *place, key=False, code="bad-expression")
 
@@ -142,10 +143,11 @@ class LearningTask(Plugin):
         ]
 
     def observation(self, team: Team) -> Callable[[], Array]:
-        """Return the function that computes the observations of a team; shape (n, k)."""
+        """Return the function that computes the observations of a team as a new array, shape (n, k).
+
+        Like all functions of a task it is to be called with NumPy's warnings off.
+        """
         parts = [self._observed(team, each) for each in self.content.observation]
-        if len(parts) == 1:
-            return parts[0]
         return lambda: np.concatenate([each() for each in parts], axis=1)
 
     def reward(self, team: Team) -> Reward:

@@ -106,14 +106,17 @@ class ScenarioParallelEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has 
         # Columns are converted to lists, whose elements are several times faster to read than those of arrays.
         for team, found in zip(self.episodes.teams, steps, strict=True):
             ended = found.terminated | True if over and not complete else found.terminated
-            observations.update(zip(team.agents, found.observations, strict=True))
-            rewards.update(zip(team.agents, found.rewards.tolist(), strict=True))
-            terminations.update(zip(team.agents, ended.tolist(), strict=True))
-            for id, here in zip(team.agents, found.present.tolist(), strict=True):
-                infos[id] = {"present": here}
+            ids = team.agents
+            observations.update(zip(ids, found.observations, strict=True))
+            rewards.update(zip(ids, found.rewards.tolist(), strict=True))
+            terminations.update(zip(ids, ended.tolist(), strict=True))
+            infos.update({id: {"present": here} for id, here in zip(ids, found.present.tolist(), strict=True)})
         for id in gone:
             del observations[id], rewards[id], terminations[id], infos[id]
-        self.agents = [] if over else [id for id in live if not terminations[id]]
+        if over:
+            self.agents = []
+        elif any(terminations.values()):
+            self.agents = [id for id in live if not terminations[id]]
         return observations, rewards, terminations, dict.fromkeys(live, complete), infos
 
     def record(self, output: str | os.PathLike[str] | None = None) -> Path:

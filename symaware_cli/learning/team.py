@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -36,6 +37,7 @@ class Team:
     Attributes:
         group: The name of the group.
         agents: The ids of the agents, in the order of rows.
+        everybody: Truths, read-only; shape (n,).
     """
 
     def __init__(
@@ -61,6 +63,8 @@ class Team:
         self.agents = tuple(group.ids[row] for row in rows)
         self.of = group
         self.rows = np.array(rows, np.intp)
+        self.everybody = np.ones(len(rows), bool)
+        self.everybody.flags.writeable = False
         self._all = len(rows) == len(group)
         self._specifications = tuple(specifications)
         beliefs = {name: each for name, each in regions.items() if each.around is None}
@@ -85,24 +89,27 @@ class Team:
     def present(self) -> NDArray[np.bool_]:
         """Whether each agent is in the world; shape (n,)."""
         here = self.of.present
-        return np.ones(len(self.rows), bool) if here is None else here[self.rows]
+        return self.everybody if here is None else here[self.rows]
 
     def true(self, expression: str) -> Array:
         """Evaluate an expression about the true states; shape (n, k)."""
-        return self._cached("truth", expression)()
+        return self._evaluated("truth", expression)
 
     def believed(self, expression: str) -> Array:
         """Evaluate an expression about the beliefs of the agents; shape (n, k)."""
-        return self._cached("belief", expression)()
+        return self._evaluated("belief", expression)
 
-    def _cached(self, about: About, text: str) -> Columns:
-        found = self._compiled.get((about, text))
-        if found is None:
-            found = self._compiled[about, text] = self.columns(about, text)
-        return found
+    def _evaluated(self, about: About, text: str) -> Array:
+        compute = self._compiled.get((about, text))
+        if compute is None:
+            compute = self._compiled[about, text] = self.columns(about, text)
+        with np.errstate(all="ignore"):
+            return np.array(compute())
 
     def columns(self, about: About, text: str) -> Columns:
-        """Compile an expression.
+        """Compile an expression into a function that evaluates it; to be called with NumPy's warnings off.
+
+        The array may be one that others hold, and is not to be changed.
 
         Raises:
             LearningError: It is invalid.
@@ -112,15 +119,14 @@ class Team:
 
         def compute() -> Array:
             try:
-                with np.errstate(all="ignore"):
-                    return self._shaped(evaluate(lookup))
+                return self._shaped(evaluate(lookup))
             except NO_VALUE as error:
                 raise LearningError(f"`{text}` has no value: {_said(error)}") from error
 
         return compute
 
     def condition(self, about: About, text: str) -> Callable[[], NDArray[np.bool_]]:
-        """Compile a condition; shape (n,).
+        """Compile a condition, shape (n,), into a function that evaluates it; see `columns`.
 
         Raises:
             LearningError: It is invalid.
@@ -130,8 +136,7 @@ class Team:
 
         def compute() -> NDArray[np.bool_]:
             try:
-                with np.errstate(all="ignore"):
-                    found = np.broadcast_to(evaluate(lookup), (len(self.of),))
+                found = np.broadcast_to(evaluate(lookup), (len(self.of),))
             except NO_VALUE as error:
                 raise LearningError(f"`{text}` has no value: {_said(error)}") from error
             return np.asarray(found[self.rows], bool)
@@ -146,15 +151,19 @@ class Team:
             check_momentary(tree, "a specification, whose robustness may be a reward")
         except ExpressionError as error:
             raise LearningError(f"`{text}`: {error}") from error
-        group = self.of
+        getters: dict[str, Callable[[], Any]] = {}
 
         def look_up(name: str) -> Any:
-            return _Statuses(group, name) if name in STATUS_NAMES else scope.look_up(name)
+            get = getters.get(name)
+            if get is None:
+                statuses = partial(_Statuses, self.of, name)
+                get = getters[name] = statuses if name in STATUS_NAMES else scope.getter(name)
+            return get()
 
         return tree, look_up
 
     def _shaped(self, value: Any) -> Array:
-        """Return the values of the team's agents as a new array, shape (n, k), from those of all rows of the group."""
+        """Return the values of the team's agents, shape (n, k), from those of all rows of the group."""
         found = np.asarray(value)
         if found.dtype.kind not in "fbiu":
             raise TypeError("it is not a number")
@@ -167,7 +176,7 @@ class Team:
             found = np.broadcast_to(found, (count,))[:, None]
         else:
             found = np.broadcast_to(found, (count, *found.shape[1:])).reshape(count, -1)
-        return np.array(found if self._all else found[self.rows], float)
+        return np.asarray(found if self._all else found[self.rows], float)
 
     def signal(self, name: str) -> Array:
         """Return a signal of a component, or a part of awareness; of a series, the first point; shape (n, k).

@@ -63,6 +63,10 @@ _OF_NOTHING: Mapping[np.ufunc, float | bool] = {
 }
 
 
+#: The type of the elements of nearly all arrays.
+_DOUBLE = np.dtype(np.float64)
+
+
 class KindError(TypeError):
     """A value has the wrong type for an operation; the message names both."""
 
@@ -112,6 +116,9 @@ def values(node: Node, functions: Functions | None = None) -> Evaluate:
             return lambda lookup: margin(lookup) > 0.0
         case Call():
             function, parts = functions[node.function].call, [of(each) for each in node.arguments]
+            if len(parts) == 2:
+                one, other = parts
+                return lambda lookup: function(one(lookup), other(lookup))
             return lambda lookup: function(*[part(lookup) for part in parts])
         case Element(operand=operand, key=key):
             inner = of(operand)
@@ -233,10 +240,13 @@ def _one_each(value: NDArray[Any]) -> NDArray[Any]:
 
 
 def _number(value: Any) -> Any:
-    if isinstance(value, float):
+    if isinstance(value, np.ndarray):
+        if value.dtype is _DOUBLE:  # nearly always; comparing the types of elements takes longer
+            return value
+        if value.dtype.kind in "fbiu":
+            return value if value.dtype == np.float64 else value.astype(float)
+    elif isinstance(value, float):
         return value
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fbiu":
-        return value if value.dtype == np.float64 else value.astype(float)
     if isinstance(value, int | np.number | np.bool_):
         return float(value)
     raise KindError(f"{_kind(value)} is not a number")
@@ -299,7 +309,7 @@ def _shared(numbers: NDArray[Any]) -> Any:
 
 def _flat(value: NDArray[Any]) -> NDArray[Any]:
     """Return all elements of each row; shape (n, k)."""
-    return value.reshape(len(value), math.prod(value.shape[1:]))
+    return value if value.ndim == 2 else value.reshape(len(value), math.prod(value.shape[1:]))
 
 
 def _reduced(choose: Any, value: Any) -> Any:

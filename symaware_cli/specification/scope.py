@@ -7,9 +7,8 @@ There are four scopes: the true states of the agents of a group, their beliefs, 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -144,6 +143,10 @@ class Scope(ABC):
         """The ids of the agents that the only row is about at the instant of the last `look_up`, if they change."""
         return ()
 
+    def getter(self, name: str) -> Callable[[], Any]:
+        """Return a function that returns what `look_up` does, and may be faster."""
+        return partial(self.look_up, name)
+
     def look_up(self, name: str) -> Any:
         """Return the values of a name for all rows."""
         if name == "time":
@@ -213,6 +216,14 @@ class AgentScope(Scope):
     def agents(self, row: int) -> tuple[str, ...]:
         """Return the id of an agent."""
         return (self.group.ids[row],)
+
+    def getter(self, name: str) -> Callable[[], Any]:
+        """See the base class."""
+        if name in self._known:
+            return partial(KnownValues(self.group).__getitem__, name)
+        if name == "position" and name not in {*self._elements, *self.regions}:
+            return lambda: self.group.model.positions(self.states)
+        return super().getter(name)
 
     @property
     def states(self) -> Array:
@@ -489,8 +500,10 @@ class KnownValues(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if not isinstance(self._group.knowledge[0][name], bool):
             # Before anything else, because the column is kept while nothing changes.
-            with suppress(TypeError, ValueError):
+            try:
                 return self._group.known(name)
+            except (TypeError, ValueError):
+                pass  # not numbers of one shape
         every = [knowledge[name] for knowledge in self._group.knowledge]
         if all(isinstance(value, bool) for value in every):
             return np.array(every)

@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
@@ -32,18 +32,18 @@ class ExitError(BaseException):
 _runs, _owner, _lock = 0, 0, threading.Lock()
 
 
-@contextmanager
-def exits_refused() -> Iterator[None]:
-    """Replace `os._exit` by a function that raises, so that the run fails and names the component at fault.
+class ExitsRefused:
+    """A context in which `os._exit` is a function that raises, so that the run fails and names the component at fault.
 
     Exits by native code, or by a function imported before (``from os import _exit``), are not prevented. Child
     processes end as usual: those of `multiprocessing` call this very function. Runs may overlap, in one thread or in
     several.
     """
-    _count(1)
-    try:
-        yield
-    finally:
+
+    def __enter__(self) -> None:
+        _count(1)
+
+    def __exit__(self, *error: object) -> None:
         _count(-1)
 
 
@@ -82,8 +82,7 @@ def end_process(status: int, words: str, recorder: RunRecording | None = None) -
     _exit(status)
 
 
-@contextmanager
-def deadline(timeout: float | None, recorder: RunRecording | None) -> Iterator[None]:
+def deadline(timeout: float | None, recorder: RunRecording | None) -> AbstractContextManager[None]:
     """End the process some time after a time-out if the run has not ended by then; the log is kept.
 
     An exception cannot end native code: a solver may hang.
@@ -92,9 +91,11 @@ def deadline(timeout: float | None, recorder: RunRecording | None) -> Iterator[N
         timeout: Wall time from now after which the run should end [s]; None for no limit.
         recorder: The recorder of the log, if there is one.
     """
-    if timeout is None:
-        yield
-        return
+    return nullcontext() if timeout is None else _deadline(timeout, recorder)
+
+
+@contextmanager
+def _deadline(timeout: float, recorder: RunRecording | None) -> Iterator[None]:
     words = "the time is over, and a component does not answer; the log ends without an outcome"
     timer = threading.Timer(timeout + _GRACE, end_process, (1, words, recorder))
     timer.daemon = True

@@ -31,7 +31,7 @@ from symaware_cli.engine.runtime.kernel import Kernel
 from symaware_cli.engine.runtime.membership import Membership
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.pacer import Pacer
-from symaware_cli.engine.runtime.process_exit import deadline, end_process, exits_refused
+from symaware_cli.engine.runtime.process_exit import ExitsRefused, deadline, end_process
 from symaware_cli.engine.runtime.queue import LivelockError, Queue
 from symaware_cli.engine.runtime.recording import RecordingError, RunRecording
 from symaware_cli.engine.runtime.run_summary import Observer, RunSummary
@@ -344,7 +344,7 @@ class Run:
         started = time.monotonic()
         # Numbers that are not finite are failures of the components that write them; NumPy's warnings add nothing.
         limit = self._options.timeout if self._options.may_exit else None
-        with np.errstate(all="ignore"), self._interruption, deadline(limit, self.recorder), exits_refused():
+        with np.errstate(all="ignore"), self._interruption, deadline(limit, self.recorder), ExitsRefused():
             self._interruption.shield()
             try:
                 yield

@@ -15,7 +15,7 @@ from simulating import Team, execute, present, simulation
 from symaware_cli import Component, TimeSeries, open_log
 from symaware_cli.core import Controller
 from symaware_cli.engine.runtime.options import RunOptions
-from symaware_cli.engine.runtime.process_exit import exits_refused
+from symaware_cli.engine.runtime.process_exit import ExitsRefused
 from symaware_cli.engine.runtime.run import Run
 
 GUEST = RunOptions(may_exit=False)
@@ -66,7 +66,7 @@ def test_components_await_the_outside_within_a_loop_that_runs_already() -> None:
 
 def test_runs_of_several_threads_may_overlap_in_any_order() -> None:
     before = os._exit
-    first, second = exits_refused(), exits_refused()
+    first, second = ExitsRefused(), ExitsRefused()
     first.__enter__()
     second.__enter__()
     first.__exit__(None, None, None)

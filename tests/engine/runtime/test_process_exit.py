@@ -13,7 +13,7 @@ import pytest
 from simulating import COMMAND, Command, Team, present, simulate
 
 from symaware_cli import Component, open_log
-from symaware_cli.engine.runtime.process_exit import exits_refused
+from symaware_cli.engine.runtime.process_exit import ExitsRefused
 
 SCENARIO = """
 symaware: 1
@@ -160,6 +160,6 @@ def test_child_processes_of_components_end_as_ever(tmp_path: Path) -> None:
 
 def test_afterwards_the_process_may_end_as_it_likes() -> None:
     before = os._exit
-    with exits_refused():
+    with ExitsRefused():
         assert os._exit is not before
     assert os._exit is before

@@ -59,7 +59,7 @@ class GoalSeeking(Approach):
                 self.emit_for(row, "goal-changed", "has another goal than the one it reached")
             self._reached = self._reached & ~changed
         arrived = (distance <= self.parameters.tolerance) & ~self._reached
-        if arrived.any():
+        if np.count_nonzero(arrived):  # several times as fast as `any` for few agents
             self._reached = self._reached | arrived
             for row in np.flatnonzero(arrived).tolist():
                 self.emit_for(row, "goal-reached", "reached its goal", distance=float(distance[row]))

@@ -11,6 +11,9 @@ from symaware_cli.core import AgentGroup, GroupComponent, Model, Parameters, Qua
 from symaware_cli.geometry import Array, Mask
 from symaware_cli.world import SECOND
 
+#: Up to this number of vectors one operation on all elements is faster than one for each axis.
+_FEW = 200
+
 
 class Steering(GroupComponent):
     """A controller that chooses a velocity for each agent, which its model follows, and states an intent."""
@@ -86,6 +89,8 @@ def along(position: Array, direction: Array, travelled: Array) -> Array:
 
 def differences(vectors: Array, others: Array) -> Array:
     """Return vectors (n, d) minus others (n, d)."""
+    if len(vectors) <= _FEW:
+        return vectors - others
     apart = np.empty_like(vectors)
     for axis in range(vectors.shape[1]):
         np.subtract(vectors[:, axis], others[:, axis], out=apart[:, axis])
@@ -99,6 +104,8 @@ def directions(vectors: Array, length: Array) -> Array:
 
 def scaled(vectors: Array, factor: Array) -> Array:
     """Return vectors (n, d) times factors (n,)."""
+    if len(vectors) <= _FEW:
+        return vectors * factor[:, None]
     product = np.empty_like(vectors)
     for axis in range(vectors.shape[1]):
         np.multiply(vectors[:, axis], factor, out=product[:, axis])
