@@ -1,4 +1,4 @@
-"""What a terminal of 80 or of 60 columns shows: lines are folded between words, never within a word or before a unit."""
+"""What a terminal of 80 or 60 columns shows: lines are folded between words, never within a word or before a unit."""
 
 import os
 import re

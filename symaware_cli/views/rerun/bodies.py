@@ -149,7 +149,7 @@ def _show_noses(output: ColumnReceiver, mark: Bodies, radius: float, *, new: boo
     if new:
         output.static(path, rr.LineStrips3D.from_fields(radii=[0.12 * radius]))
     facing = rotated(mark.orientations, np.array([1.0, 0.0, 0.0]))
-    # Just above the body, which would hide it from above; on a ball it slants, since what is higher is seen further out.
+    # Just above the body, which would hide it from above. On a ball it slants: what is higher is seen further out.
     top = _top(mark)
     start, above, level = (0.5, 0.9 * radius, 0.0) if top is None else (0.0, top + 0.05 * radius, top + 0.05 * radius)
     inner = mark.positions + start * radius * facing + np.array([0.0, 0.0, above])
