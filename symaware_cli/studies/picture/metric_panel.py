@@ -221,7 +221,7 @@ def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, metho
         infinite = metric.infinite if metric.infinite is not None else np.zeros(0, np.int8)
         for sign, word in ((-1, "-inf"), (1, "inf")):
             if count := int((infinite == sign).sum()):
-                yield f"{metric.name}: {word} in {count:,} runs, which no mean includes."
+                yield f"{metric.name}: {word} in {count:,} of {ended:,} runs, which no mean includes."
         missing = int(np.isnan(metric.values).sum()) - int(np.count_nonzero(infinite))
         missing -= 0 if metric.is_share else runs.failed
         if missing > 0:

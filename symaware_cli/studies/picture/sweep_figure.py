@@ -225,7 +225,8 @@ def _draw_infinite(axes: Axes, panel: MetricPanel) -> None:
         if sideways:
             axes.text(beyond, 0.97, word, transform=axes.get_xaxis_transform(), **{**small, "va": "top"})
         else:
-            axes.text(0.005, beyond, word, transform=axes.get_yaxis_transform(), **{**small, "ha": "left"})
+            # Outside the axes, where no estimate is.
+            axes.text(-0.012, beyond, word, transform=axes.get_yaxis_transform(), **{**small, "ha": "right"})
         for number, some in enumerate(counts):
             # Of a distribution, one number for each variant, one above the other.
             at = [0.06 + 0.1 * number] if sideways else _positions(panel, number)
