@@ -350,7 +350,7 @@ class _Gathering:
         return [each for each in found if each is not None]
 
     def _contacts(self) -> list[Panel]:
-        """Build a panel of the contacts of the chosen agents: a strip for each pair, for the longest if there are many."""
+        """Build a panel of the contacts of the chosen agents: a strip for each pair, of many for the longest."""
         shown = {*self.chosen.agents, *self._run_view.obstacle_views}
         marks: list[tuple[str, Modes]] = []
         for path, parts in self._marks.items():

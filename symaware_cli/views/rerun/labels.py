@@ -27,8 +27,9 @@ _LETTER, _AROUND = 7.5, np.array([10.0, 20.0])
 #: The time for which a label keeps its place beside its body [ns].
 _STEADY = 500_000_000
 
-#: Share of the colour of words in that of a label, which would often be too dark, or too pale, to be read.
-_LEGIBLE = 0.4
+#: Share of the colour of words in that of a label, which would often be too dark, or too pale, to be read. The viewer
+#: writes on dark grey, which is lighter before a light background.
+_LEGIBLE = {"dark": 0.4, "light": 0.85}
 
 #: Size of a body with a line that shows its heading, relative to the body.
 _NOSED = 1.6
@@ -160,7 +161,7 @@ class Labels:
         path = f"{what.path}/label"
         if not what.begun:
             what.begun = True
-            legible = packed(faded(colours, _LEGIBLE, output.theme.ink))
+            legible = packed(faded(colours, _LEGIBLE[output.theme.name], output.theme.ink))
             look: dict[str, Any] = {"labels": words, "colors": legible, "radii": rr.Radius.ui_points([0.0])}
             output.static(path, rr.Points3D.from_fields(show_labels=True, **look))
         output.send(path, times, rr.Points3D.columns(positions=flat(places)), [places.shape[1]] * len(times))
