@@ -160,9 +160,9 @@ def written(block: Block, folder: Path, number: int) -> Path:
 def test_a_command_prints_what_the_document_shows(document: Path, folder: Path) -> None:
     scripts = str(Path(sys.executable).parent)
     environment = {
-        **os.environ,
+        # Without the width of a terminal, lines are not folded.
+        **{name: value for name, value in os.environ.items() if name != "COLUMNS"},
         "PATH": os.pathsep.join([scripts, os.environ["PATH"]]),
-        "COLUMNS": "100",
         "XDG_CONFIG_HOME": str(folder / "configuration"),
     }
     if registers(document):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.cli.folding import folded, width_of
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
@@ -162,10 +163,12 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
             yield f"  and {len(found.rows) - _MOST:,} more (--json)"
         yield ""
         what = "the truth" if is_about_beliefs else "this"
-        yield (
+        # A paragraph, which is never a single line.
+        yield folded(
             f"  `saved`: {found.made_right} from then on, it prevents the violation of this run. In general: the share "
             f"of redrawn futures that {what} saves minus that of the placebo, and its lower bound: with confidence "
-            f"{found.confidence:g}, it is above 0 only for causes"
+            f"{found.confidence:g}, it is above 0 only for causes",
+            width_of() or 100,
         )
     yield f"  {'branches':<12} {found.branches:,}"
     if output is not None:
