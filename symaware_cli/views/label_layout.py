@@ -60,10 +60,10 @@ def labels_beside(
 def labels_among(
     candidates: Sequence[Array], sizes: Array, centres: Array, extents: Array, before: NDArray[np.intp] | None = None
 ) -> tuple[Array, NDArray[np.intp]]:
-    """Choose each label's place among some that do not move, as `labels_beside` does.
+    """Choose each label's place among some that are given, as `labels_beside` does.
 
     Args:
-        candidates: For each of m labels its possible centres (c, 2), by preference.
+        candidates: For each of m labels its possible centres (c, k, 2), by preference.
         sizes: (m, 2) width and height of the labels.
         centres: See `labels_beside`.
         extents: See `labels_beside`.
@@ -72,8 +72,7 @@ def labels_among(
     Returns:
         See `labels_beside`.
     """
-    at_rest = [np.broadcast_to(each[:, None], (len(each), len(centres), 2)) for each in candidates]
-    return _chosen(at_rest, sizes, centres, extents, before, None)
+    return _chosen(candidates, sizes, centres, extents, before, None)
 
 
 def _chosen(

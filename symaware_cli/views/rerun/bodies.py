@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,6 @@ from symaware_cli.views.rerun.columns import ColumnReceiver, each, flat, packed,
 from symaware_cli.views.rerun.lines import send_strips
 from symaware_cli.views.scene.marks import ACTIVE, PAST, TO_COME, Bodies, Figures, Ground, Solid
 from symaware_cli.views.tessellation import tessellated
-
-if TYPE_CHECKING:
-    import rerun as rr
-
 
 Array = NDArray[np.float64]
 
@@ -75,27 +71,21 @@ def show_solid(output: ColumnReceiver, mark: Solid) -> None:
     """Show a body as prisms over its outline."""
     import rerun as rr
 
-    # What moves has its label with it.
-    at_rest = not mark.positions.any()
-    if mark.label and at_rest:
+    if mark.label:
         output.label_area(mark)
     if mark.phases is not None:
-        _show_phases(output, mark, at_rest=at_rest)
+        _show_phases(output, mark)
     elif output.is_new(mark.path):
         (colour,) = shades(mark.colour, mark.transparency or mark.faded, 1, output.theme)
         for number, outline in enumerate(mark.outlines):
             vertices, triangles = prism_surface(outline, mark.low, mark.high)
             surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
             output.static(f"{mark.path}/{number}", surface)
-        if mark.label and not at_rest:
-            middle, unseen = [[*mark.label_at, mark.high]], rr.Radius.ui_points([0.0])
-            label = rr.Points3D(middle, labels=[mark.label], show_labels=True, colors=[mark.colour], radii=unseen)
-            output.static(f"{mark.path}/label", label)
     placed = rr.Transform3D.columns(translation=flat(mark.positions), quaternion=turns(mark.orientations))
     output.send(mark.path, mark.times, placed)
 
 
-def _show_phases(output: ColumnReceiver, mark: Solid, *, at_rest: bool) -> None:
+def _show_phases(output: ColumnReceiver, mark: Solid) -> None:
     """Show an area filled while it counts, else as an outline: interrupted while it is to come, faint afterwards."""
     import rerun as rr
 
@@ -119,18 +109,6 @@ def _show_phases(output: ColumnReceiver, mark: Solid, *, at_rest: bool) -> None:
         colours = shades(tint, np.repeat([_LOOK[phase] for phase in phases.tolist()], counts), len(drawn), output.theme)
         lengths = [len(line) for line in drawn]
         send_strips(output, f"{path}/outline", times, np.concatenate(drawn), lengths, counts, colours)
-    if mark.label and not at_rest:
-        if new:
-            output.static(f"{mark.path}/label", _label(mark))
-        middle = np.tile([*mark.label_at, mark.high], (count, 1))
-        labels = rr.Points3D.columns(positions=flat(middle), labels=[mark.label] * count)
-        output.send(f"{mark.path}/label", times, labels, 1 * (phases == ACTIVE))
-
-
-def _label(mark: Solid) -> rr.Points3D:
-    import rerun as rr
-
-    return rr.Points3D.from_fields(show_labels=True, colors=[mark.colour], radii=rr.Radius.ui_points([0.0]))
 
 
 def _discs(output: ColumnReceiver, path: str, mark: Bodies, centres: Array, radius: float) -> None:

@@ -32,7 +32,7 @@ class ColumnReceiver(Protocol):
         """Take bodies at (k, n, 3) positions [m], whose labels are placed later, with those of others."""
 
     def label_area(self, mark: Solid) -> None:
-        """Take an area that does not move, whose label is placed later, with those of others."""
+        """Take an area, whose label is placed later, with those of others."""
 
     def static(self, path: str, *archetypes: rr.AsComponents) -> None:
         """Log archetypes that are valid at all times."""

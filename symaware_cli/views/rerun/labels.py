@@ -65,15 +65,15 @@ class _Group:
 
 @dataclass
 class _Area:
-    """An area that does not move: its label, and whether it is shown since labels were placed."""
+    """An area: the places of its label relative to it, and its positions since labels were placed; NaN if hidden."""
 
     path: str
     text: str
     colour: NDArray[np.uint8]
     places: Array  # (c, 3) [m]
     times: list[NDArray[np.int64]] = field(default_factory=list)
-    shown: list[NDArray[np.bool_]] = field(default_factory=list)
-    last: bool = False
+    positions: list[Array] = field(default_factory=list)
+    last: Array = field(default_factory=lambda: np.full(3, np.nan))
     begun: bool = False
 
 
@@ -95,14 +95,15 @@ class Labels:
         group.positions.append(positions)
 
     def take_area(self, mark: Solid) -> None:
-        """Take an area that does not move."""
+        """Take an area; marks of a path come in order of time."""
         if mark.path not in self._areas:
             size = self._size(mark.label)
             places = np.pad(_places(mark, size), ((0, 0), (0, 1)), constant_values=mark.high)
             self._areas[mark.path] = _Area(mark.path, mark.label, np.array(mark.colour, np.uint8), places)
         area = self._areas[mark.path]
         area.times.append(mark.times)
-        area.shown.append(np.ones(len(mark.times), bool) if mark.phases is None else mark.phases == ACTIVE)
+        is_shown = np.ones(len(mark.times), bool) if mark.phases is None else mark.phases == ACTIVE
+        area.positions.append(np.where(is_shown[:, None], mark.positions, np.nan))
 
     def show(self, output: ColumnReceiver) -> None:
         """Place the labels at the instants since the last call."""
@@ -122,12 +123,16 @@ class Labels:
         rows = [list(group.mark.labels) for group in groups]
         labelled = [int(start) + row for start, some in zip(starts, rows, strict=False) for row in some]
         sizes = self._sizes([text for group in groups for text in group.mark.labels.values()])
-        candidates = [self._view.viewpoint.project(area.places) for area in areas]
-        wide, shown = self._sizes([area.text for area in areas]), [_shown(area, times) for area in areas]
+        wide, moved = self._sizes([area.text for area in areas]), [_moved(area, times) for area in areas]
+        candidates = [
+            self._view.viewpoint.project(area.places[:, None] + at) for area, at in zip(areas, moved, strict=True)
+        ]
         middles = np.empty((len(times), len(labelled), 2))
         choices = np.full((len(times), len(areas)), -1, np.intp)
         for window in np.split(np.arange(len(times)), np.flatnonzero(np.diff(times // _STEADY)) + 1):
-            within, self._within = labels_among(candidates, wide, centres[window], extents, self._within)
+            here = [each[:, window] for each in candidates]
+            before = self._within if self._within is not None and len(self._within) == len(areas) else None
+            within, self._within = labels_among(here, wide, centres[window], extents, before)
             choices[window] = self._within
             others = PlacedLabels(within, wide)
             before = self._beside if self._beside is not None and len(self._beside) == len(labelled) else None
@@ -135,7 +140,8 @@ class Labels:
         below = np.array(self._view.viewpoint.up) * 0.5 * self._view.scale * _AROUND[1]
         for number, area in enumerate(areas):
             chosen = choices[:, number]
-            where = np.where((shown[number] & (chosen >= 0))[:, None], area.places[chosen] + below, np.nan)
+            is_shown = (chosen >= 0) & np.isfinite(moved[number]).all(axis=1)
+            where = np.where(is_shown[:, None], area.places[chosen] + below, np.nan)
             self._send(output, area, times, where[:, None], [area.text], area.colour[None])
         axes = np.array([self._view.viewpoint.right, self._view.viewpoint.up])
         offsets, first = (middles - centres[:, labelled]) @ axes + below, 0
@@ -182,14 +188,14 @@ def _places(mark: Solid, size: Array) -> Array:
     middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low) - 0.6 * size, 0.0)
     steps = [(0, 1), (0, -1), (-1, 0), (1, 0), (-1, 1), (1, 1), (-1, -1), (1, -1)]
     above = np.array([middle[0], high[1] + 0.6 * size[1]])
-    return np.array([mark.label_at, *(middle + half * step for step in steps), above]) + mark.positions[0, :2]
+    return np.array([mark.label_at, *(middle + half * step for step in steps), above])
 
 
-def _shown(area: _Area, times: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return whether the label of an area is shown at some instants (k,)."""
+def _moved(area: _Area, times: NDArray[np.int64]) -> Array:
+    """Return the positions of an area at some instants (k, 3); NaN where it is not shown."""
     own = np.concatenate([np.empty(0, np.int64), *area.times])
-    known = np.concatenate([[area.last], *area.shown])
-    area.times, area.shown, area.last = [], [], bool(known[-1])
+    known = np.concatenate([area.last[None], *area.positions])
+    area.times, area.positions, area.last = [], [], known[-1]
     return known[np.searchsorted(own, times, side="right")]
 
 

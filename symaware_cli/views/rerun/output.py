@@ -71,7 +71,7 @@ class RerunOutput:
         self._labels.take(mark, positions)
 
     def label_area(self, mark: marks.Solid) -> None:
-        """Take an area that does not move; its label is placed when the data leave this process."""
+        """Take an area; its label is placed when the data leave this process."""
         self._labels.take_area(mark)
 
     def flush(self) -> None:
