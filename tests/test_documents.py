@@ -176,7 +176,7 @@ def test_a_command_prints_what_the_document_shows(
     scripts = str(Path(sys.executable).parent)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("PATH", os.pathsep.join([scripts, os.environ["PATH"]]))
-    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.delenv("COLUMNS", raising=False)  # Without the width of a terminal, lines are not folded.
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "configuration"))
     if registers(document):
         installed(document, folder)

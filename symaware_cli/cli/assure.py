@@ -26,7 +26,7 @@ def assure(
     as_json: terminal.Json = False,
 ) -> None:
     """Check the evidence of an assurance case, and draw it. Exit status 3 if the top goal is not supported."""
-    with terminal.trouble_shown(as_json, case), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import assure
 
         with terminal.progress_shown("solutions", not as_json) as shown:
@@ -34,7 +34,7 @@ def assure(
     if as_json:
         terminal.print_json(made.to_json())
     else:
-        typer.echo("\n".join([*case_lines(case, made), f"  {'to read':<12} {output / 'index.html'}"]))
+        terminal.say("\n".join([*case_lines(case, made), f"  {'to read':<12} {output / 'index.html'}"]))
     raise typer.Exit(0 if made.is_supported else terminal.VIOLATED)
 
 

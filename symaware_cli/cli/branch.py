@@ -39,7 +39,7 @@ def branch(
     as_json: terminal.Json = False,
 ) -> None:
     """Repeat a run up to an instant, and continue with something changed; with --over, with each of several values."""
-    with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import branch as branched
         from symaware_cli.evidence import branch_rows, branches, write_branch_table
         from symaware_cli.language import unused_path
@@ -71,12 +71,12 @@ def branch(
 def _print(log: Path, result: BranchResult) -> None:
     _print_head(log, result)
     for change in result.changes:
-        typer.echo(f"  {'changed':<12} {terminal.printable(change)}")
+        terminal.say(f"  {'changed':<12} {terminal.printable(change)}")
     summary = result.summary
-    typer.echo(f"  {'status':<12} {summary.status}, {summary.log}")
+    terminal.say(f"  {'status':<12} {summary.status}, {summary.log}")
     for each in summary.specifications:
         robustness = "" if each.robustness is None else f", robustness {each.robustness:.4g}"
-        typer.echo(f"  {'':<12} `{each.name}` is {each.verdict}{robustness}")
+        terminal.say(f"  {'':<12} `{each.name}` is {each.verdict}{robustness}")
 
 
 def _print_table(log: Path, results: Sequence[BranchResult], rows: Sequence[dict[str, Cell]], table: Path) -> None:
@@ -85,14 +85,14 @@ def _print_table(log: Path, results: Sequence[BranchResult], rows: Sequence[dict
     _print_head(log, results[0])
     shared = sum(each.way == "capture" for each in results)
     if shared:
-        typer.echo(f"  {'captured':<12} {shared} of {len(results)} continue from the state of one run to the instant")
+        terminal.say(f"  {'captured':<12} {shared} of {len(results)} continue from the state of one run to the instant")
     for why in dict.fromkeys(each.reason for each in results if each.reason and len(results) > 1):
-        typer.echo(f"  {'repeated':<12} {sum(each.reason == why for each in results)}: {terminal.printable(why)}")
-    for line in aligned(branch_cells(rows), ">", indent=""):
-        typer.echo(f"  {terminal.printable(line)}")
-    typer.echo(f"  {'table':<12} {table}")
+        terminal.say(f"  {'repeated':<12} {sum(each.reason == why for each in results)}: {terminal.printable(why)}")
+    for line in aligned(branch_cells(rows), ">"):
+        terminal.say(terminal.printable(line))
+    terminal.say(f"  {'table':<12} {table}")
 
 
 def _print_head(log: Path, first: BranchResult) -> None:
-    typer.echo(f"{log}: {'the same run' if not first.changes else f'another run from {first.at:g} s on'}")
-    typer.echo(f"  {'equal':<12} {first.equal:,} messages before")
+    terminal.say(f"{log}: {'the same run' if not first.changes else f'another run from {first.at:g} s on'}")
+    terminal.say(f"  {'equal':<12} {first.equal:,} messages before")

@@ -49,7 +49,7 @@ def budget(
     as_json: terminal.Json = False,
 ) -> None:
     """Find up to which degradation a claim is certified. Exit status 3 if it is at no level."""
-    with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import budget
 
         try:
@@ -70,7 +70,7 @@ def budget(
     if as_json:
         terminal.print_json(found.to_json())
     else:
-        typer.echo("\n".join(_lines(scenario, found)))
+        terminal.say("\n".join(_lines(scenario, found)))
     raise typer.Exit(0 if found.certified else terminal.VIOLATED)
 
 

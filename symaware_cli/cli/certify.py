@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli.result_files import Results, note
-from symaware_cli.cli.terminal import VIOLATED, WRONG_INPUT, Json, fail, output_kept, print_json, trouble_shown
+from symaware_cli.cli.terminal import VIOLATED, WRONG_INPUT, Json, fail, output_kept, print_json, say, trouble_shown
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def certify(
     if as_json:
         print_json(made.to_json())
     else:
-        typer.echo("\n".join(_lines(folder, made)))
+        say("\n".join(_lines(folder, made)))
     raise typer.Exit(0 if made.is_established else VIOLATED)
 
 

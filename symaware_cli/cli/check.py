@@ -23,6 +23,7 @@ from symaware_cli.cli.terminal import (
     fail,
     print_json,
     printable,
+    say,
     trouble_shown,
 )
 from symaware_cli.cli.text_table import aligned
@@ -95,12 +96,12 @@ def check(
         found = [result.to_json() for result in results]
         print_json(found[0] if len(found) == 1 and paths[0].is_file() else {"logs": found})
     elif len(results) == 1:
-        typer.echo("\n".join(_lines(results[0])))
+        say("\n".join(_lines(results[0])))
     else:
-        typer.echo("\n".join(_table(results)))
+        say("\n".join(_table(results)))
         for result in results:
             if result.damage:
-                typer.echo(f"symaware: {result.log}: {result.damage}", err=True)
+                say(f"symaware: {result.log}: {result.damage}", err=True)
     if any(result.violated for result in results):
         raise typer.Exit(VIOLATED)
     raise typer.Exit(DATA_LOST if any(result.damage for result in results) else 0)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli.result_files import Results, note
-from symaware_cli.cli.terminal import FAILED, WRONG_INPUT, Json, fail, print_json, printable, trouble_shown
+from symaware_cli.cli.terminal import FAILED, WRONG_INPUT, Json, fail, print_json, printable, say, trouble_shown
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
@@ -74,7 +74,7 @@ def diff(
     if as_json:
         print_json(result.to_json())
     else:
-        typer.echo("\n".join(lines))
+        say("\n".join(lines))
     raise typer.Exit(0 if result.is_equal else FAILED)
 
 

@@ -17,7 +17,7 @@ from typing import Annotated
 import typer
 
 from symaware_cli.cli.self_test import BROKEN, MISSING, MODULES, UNKNOWN, WORKS
-from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, printable
+from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, printable, say
 from symaware_cli.help_place import in_help
 
 #: Extras that are no feature: all others together, and the tools to develop this package.
@@ -63,14 +63,14 @@ def doctor(
         found.append(each)
         if not as_json:
             mark = {WORKS: "ok", MISSING: "-", BROKEN: "BROKEN", UNKNOWN: "?"}[each.status]
-            typer.echo(f"{mark:<7} {printable(each.name):<22} {printable(each.message)}".rstrip())
+            say(f"{mark:<7} {printable(each.name):<22} {printable(each.message)}".rstrip())
             if each.remedy:
-                typer.echo(f"{'':<30} {printable(each.remedy)}")
+                say(f"{'':<30} {printable(each.remedy)}")
     broken = [each.name for each in found if each.status == BROKEN]
     if as_json:
         print_json({"works": not broken, "found": [asdict(each) for each in found]})
     else:
-        typer.echo(f"broken: {', '.join(map(printable, broken))}" if broken else "nothing that is installed is broken")
+        say(f"broken: {', '.join(map(printable, broken))}" if broken else "nothing that is installed is broken")
     raise typer.Exit(DATA_LOST if broken else 0)
 
 

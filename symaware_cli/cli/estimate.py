@@ -41,7 +41,7 @@ def estimate(
     as_json: terminal.Json = False,
 ) -> None:
     """Estimate how probable a rare event is, by splitting runs where they come closer to it."""
-    with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import EVENT_KINDS, estimate
 
         kind = next((each for each in EVENT_KINDS if each == event), None)
@@ -68,7 +68,7 @@ def estimate(
     if as_json:
         terminal.print_json(found.to_json())
     else:
-        typer.echo("\n".join(_lines(found)))
+        terminal.say("\n".join(_lines(found)))
 
 
 def _numbers(text: str | None, as_json: bool) -> Sequence[float] | None:

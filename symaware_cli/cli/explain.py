@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli import terminal
+from symaware_cli.cli.folding import folded, width_of
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
@@ -82,7 +83,7 @@ def explain(
     as_json: terminal.Json = False,
 ) -> None:
     """Find what would have prevented a violation: a true belief, messages in time, no fault, another component..."""
-    with terminal.trouble_shown(as_json, log), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import KINDS, draw_timeline, require_timeline_format
         from symaware_cli.evidence import explain as explained
 
@@ -119,14 +120,14 @@ def explain(
     if as_json:
         terminal.print_json(found.to_json())
     else:
-        typer.echo("\n".join(_lines(found, output)))
+        terminal.say("\n".join(_lines(found, output)))
     sys.stdout.flush()
 
 
 def _announce(plan: ExplanationPlan) -> None:
     """Say what it will cost, on the standard error, since the time differs from machine to machine."""
     size = f"{_counted(plan.candidates, 'candidate')}, {_counted(len(plan.instants), 'instant')}"
-    typer.echo(
+    terminal.say(
         f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time ({size}, {plan.futures} futures)",
         err=True,
     )
@@ -174,9 +175,13 @@ def _lines(found: Explanation, output: Path | None) -> Iterator[str]:
             yield f"  and {len(found.rows) - _MOST:,} more (--json)"
         yield ""
         what = "the truth" if is_about_beliefs else "this"
-        yield f"  `saved`: {found.made_right} from then on, it prevents the violation of this run. In general: the"
-        yield f"  share of redrawn futures that {what} saves minus that of the placebo, and its lower bound: with"
-        yield f"  confidence {found.confidence:g}, it is above 0 only for causes"
+        # A paragraph, which is never a single line.
+        yield folded(
+            f"  `saved`: {found.made_right} from then on, it prevents the violation of this run. In general: the share "
+            f"of redrawn futures that {what} saves minus that of the placebo, and its lower bound: with confidence "
+            f"{found.confidence:g}, it is above 0 only for causes",
+            width_of() or 100,
+        )
     yield f"  {'branches':<12} {found.branches:,}"
     if output is not None:
         yield f"  {'picture':<12} {output}"

@@ -87,9 +87,9 @@ def export(
         damage = str(log.damage) if log.damage else None
         terminal.print_json({"log": str(path), "output": str(place), **exported.facts, "damage": damage})
     else:
-        typer.echo(_text(path, place, exported))
+        terminal.say(_text(path, place, exported))
         if lost:
-            typer.echo(f"symaware: {log.damage}", err=True)
+            terminal.say(f"symaware: {log.damage}", err=True)
     raise typer.Exit(terminal.DATA_LOST if lost else 0)
 
 

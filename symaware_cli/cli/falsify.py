@@ -44,7 +44,7 @@ def falsify(
     as_json: terminal.Json = False,
 ) -> None:
     """Search for a violation of a specification, and simplify it. Exit status 3 if one is found."""
-    with terminal.trouble_shown(as_json, scenario), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import falsify
 
         with terminal.progress_shown("runs", not as_json) as shown:
@@ -64,7 +64,7 @@ def falsify(
     if as_json:
         terminal.print_json(found.to_json())
     else:
-        typer.echo("\n".join(_lines(found)))
+        terminal.say("\n".join(_lines(found)))
     raise typer.Exit(terminal.VIOLATED if found.is_found else 0)
 
 

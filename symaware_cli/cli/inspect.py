@@ -28,7 +28,7 @@ def inspect(
             if as_json:
                 terminal.print_json(of_sweep.to_json())
             else:
-                typer.echo("\n".join(_lines(of_sweep)))
+                terminal.say("\n".join(_lines(of_sweep)))
             return
         from symaware_cli.log import open_log, overview_of
 
@@ -39,7 +39,7 @@ def inspect(
         else:
             from symaware_cli.cli.log_views import overview_text
 
-            typer.echo(overview_text(summary))
+            terminal.say(overview_text(summary))
         if log.damage and log.damage.lost:
             raise typer.Exit(terminal.DATA_LOST)
 

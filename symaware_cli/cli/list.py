@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, OwnPlugins, bold, fail, print_json
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, OwnPlugins, bold, fail, print_json, say
 from symaware_cli.help_place import in_help
 
 
@@ -44,8 +44,8 @@ def list_plugins(
     for plural, same in listings.items():
         if not same:
             continue
-        typer.echo(bold(plural))
+        say(bold(plural))
         for listing in same:
             note = " (not used: the name is built in)" if catalogue.is_shadowed(listing) else ""
-            typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}{note}")
-    typer.echo("\nsymaware show NAME lists the parameters of one.")
+            say(f"  {listing.name:<{width}}  {listing.package} {listing.version}{note}")
+    say("\nsymaware show NAME lists the parameters of one.")

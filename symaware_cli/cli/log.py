@@ -179,5 +179,5 @@ def _opened(path: Path, as_json: bool) -> Iterator[Log]:
         opened = open_log(path)
         yield opened
         if opened.damage and opened.damage.lost:
-            typer.echo(f"symaware: {opened.damage}", err=True)
+            terminal.say(f"symaware: {opened.damage}", err=True)
             raise typer.Exit(terminal.DATA_LOST)

@@ -9,11 +9,10 @@ from itertools import chain, islice
 from typing import Any
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from symaware_cli.api import size_in_words
-from symaware_cli.cli.terminal import WRONG_INPUT, fail, print_array, print_json, printable
+from symaware_cli.cli.terminal import WRONG_INPUT, fail, print_array, print_json, printable, say
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.language import nearest
 from symaware_cli.log import EntryFilter, Log, LogError, Overview, Series, UnknownNameError
@@ -130,7 +129,7 @@ def show_entries(log: Log, view: str, wanted: EntryFilter, limit: int | None, as
     entries = chain(first, entries)
     if not as_json:
         for entry in entries:
-            typer.echo(line(entry))
+            say(line(entry))
         return
     try:
         print_array(plain(entry) for entry in entries)
@@ -143,13 +142,13 @@ def _explain(log: Log, view: str, wanted: EntryFilter) -> None:
     """Explain on stderr why nothing is listed, and which entries exist."""
     everything = list(dict.fromkeys(_called(entry) for entry in _VIEWS[view][0](EntryFilter(), log)))
     if not everything:
-        typer.echo(f"symaware: {log.path} has no {view}", err=True)
+        say(f"symaware: {log.path} has no {view}", err=True)
         return
     asked = wanted.name or wanted.kind
     near = nearest(asked, everything) if asked and asked not in everything else None
     hint = f"; did you mean `{near}`?" if near else ""
     there = f"; there are {', '.join(sorted(everything))}" if "" not in everything else ""
-    typer.echo(f"symaware: none of the {view} matches{there}{hint}", err=True)
+    say(f"symaware: none of the {view} matches{there}{hint}", err=True)
 
 
 def _called(entry: Any) -> str:
@@ -250,10 +249,11 @@ def show_series(
     numbers = [*values[shown].tolist(), *(row.tolist() for row in extremes.values())]
     lines = [["time [s]", *heads]]
     lines += [[first, *map(_number, row)] for first, row in zip([*instants, *extremes], numbers, strict=True)]
-    shown_lines = aligned(lines, ">", indent="")
-    typer.echo("\n".join([*shown_lines[: len(instants) + 1], "", *shown_lines[len(instants) + 1 :]]))
+    # An empty line before the extremes.
+    lines.insert(1 + len(instants), [""] * len(lines[0]))
+    say("\n".join(aligned(lines, ">", indent="")))
     left_out = f", {len(shown):,} of them shown" if len(shown) < len(times) else ""
-    typer.echo(f"of {len(times):,} instants{left_out}")
+    say(f"of {len(times):,} instants{left_out}")
 
 
 def _columns(log: Log, name: str, series: Series, column: str | None) -> tuple[list[str], list[str], Array]:

@@ -12,7 +12,7 @@ import typer
 
 from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
-from symaware_cli.cli.terminal import DATA_LOST, Json, is_lively, print_json, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, Json, is_lively, print_json, say, trouble_shown
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
@@ -48,11 +48,11 @@ def merge(
     if as_json:
         print_json(_plain(parts, merged, lost))
     else:
-        typer.echo(_text(parts, merged))
+        say(_text(parts, merged))
         for part in lost:
-            typer.echo(f"symaware: {part.log.path}: {part.log.damage}", err=True)
+            say(f"symaware: {part.log.path}: {part.log.damage}", err=True)
         if merged.missing:
-            typer.echo(f"symaware: {missing_in_words(merged.missing)}", err=True)
+            say(f"symaware: {missing_in_words(merged.missing)}", err=True)
     raise typer.Exit(DATA_LOST if lost or merged.missing else 0)
 
 

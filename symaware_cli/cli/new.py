@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from symaware_cli.cli.terminal import WRONG_INPUT, fail
+from symaware_cli.cli.terminal import WRONG_INPUT, fail, say
 from symaware_cli.help_place import in_help
 
 #: The panels of the help of ``symaware new plugin``.
@@ -80,7 +80,7 @@ def scenario(
         fail(f"{path} exists already", WRONG_INPUT)
     except OSError as error:
         fail(f"cannot write {path}: {(error.strerror or str(error)).lower()}", WRONG_INPUT)
-    typer.echo(f"Wrote {path}. Run it with: symaware run {path}")
+    say(f"Wrote {path}. Run it with: symaware run {path}")
 
 
 @new.command()
@@ -161,4 +161,4 @@ def plugin(
         write_package(Path(), name, kind)
     except ScaffoldError as error:
         fail(str(error), WRONG_INPUT)
-    typer.echo(f"Wrote {name}. Install and test it with: pip install -e {name} && pytest {name}")
+    say(f"Wrote {name}. Install and test it with: pip install -e {name} && pytest {name}")

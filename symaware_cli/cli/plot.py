@@ -122,9 +122,9 @@ def plot(
     if as_json:
         terminal.print_json(facts)
     else:
-        typer.echo(_text(facts))
+        terminal.say(_text(facts))
     if damage:
-        typer.echo(f"symaware: {damage}", err=True)
+        terminal.say(f"symaware: {damage}", err=True)
         raise typer.Exit(terminal.DATA_LOST)
 
 
@@ -167,11 +167,11 @@ def _plot_sweep(
         terminal.print_json(facts)
         return
     shown = ", ".join(dict.fromkeys(each.metric.name for each in picture.panels))
-    typer.echo(f"{file}: {shown}; {size_in_words(facts['size'])}")
+    terminal.say(f"{file}: {shown}; {size_in_words(facts['size'])}")
     failed = f", {runs.failed:,} of them failed or lost" if runs.failed else ""
-    typer.echo(_line("runs", f"{len(runs.indices):,}{failed}"))
+    terminal.say(_line("runs", f"{len(runs.indices):,}{failed}"))
     for note in picture.notes:
-        typer.echo(_line("note", note))
+        terminal.say(_line("note", note))
 
 
 @in_help("look", 55)
@@ -220,12 +220,12 @@ def trajectories(
     if as_json:
         terminal.print_json(facts)
         return
-    typer.echo(f"{file}: trajectories; {size_in_words(facts['size'])}")
+    terminal.say(f"{file}: trajectories; {size_in_words(facts['size'])}")
     violating = sum(panel["violating"] for panel in panels)
     said = f", {violating:,} of them violate a specification" if picture.specifications else ""
-    typer.echo(_line("runs", f"{picture.runs:,}{said}"))
+    terminal.say(_line("runs", f"{picture.runs:,}{said}"))
     for note in picture.notes:
-        typer.echo(_line("note", note))
+        terminal.say(_line("note", note))
 
 
 def _measures(size: str | None, *, as_json: bool) -> tuple[float, float] | None:

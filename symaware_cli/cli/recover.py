@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symaware_cli.api import size_in_words
-from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, say, trouble_shown
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def recover(
     if as_json:
         print_json(_plain(log, recovery))
     else:
-        typer.echo(_text(log, recovery))
+        say(_text(log, recovery))
     raise typer.Exit(DATA_LOST if damage and damage.lost else 0)
 
 

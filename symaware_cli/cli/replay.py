@@ -74,7 +74,11 @@ def replay(
     ] = None,
     theme: Annotated[
         str | None,
-        typer.Option("--theme", help="The colours of --video: light, the default, or dark.", rich_help_panel=_PICTURE),
+        typer.Option(
+            "--theme",
+            help="The colours of the scene: light or dark; by default dark in the viewer, light in a video.",
+            rich_help_panel=_WHAT,
+        ),
     ] = None,
     at: Annotated[
         float | None,
@@ -149,7 +153,6 @@ def replay(
         (size is not None and not (screenshot or video), "--size goes with --screenshot or --video"),
         (speed is not None and not video, "--speed goes with --video"),
         (speed is not None and not 0.01 <= speed <= 1e6, "--speed is a number from 0.01 to a million"),
-        (theme is not None and not video, "--theme goes with --video"),
         (theme not in (None, "light", "dark"), f"--theme is light or dark, not {theme}"),
         (view not in (None, *_VIEWS), f"--view is one of {', '.join(_VIEWS)}, not {view}"),
         (port is not None and not web, "--port is the port of --web"),
@@ -171,11 +174,11 @@ def replay(
         if not video:
             require()
         log = _opened(path, follow=follow)
-        if log.foreign and (agents or is_part or view or video):
-            options = "--agents, --against, --from, --to, --view and --video"
+        if log.foreign and (agents or is_part or view or video or theme):
+            options = "--agents, --against, --from, --to, --view, --theme and --video"
             terminal.fail(f"{path} was not written by SymAware; leave out {options}", terminal.WRONG_INPUT, as_json)
         _require_shown(moment, log, first, last, as_json=as_json)
-        shown = _replay_session(log, terminal.names(agents), first, last, against, view)
+        shown = _replay_session(log, terminal.names(agents), first, last, against, view, theme)
         facts["shown"] = shown.words
         try:
             if video:
@@ -204,7 +207,7 @@ def replay(
             terminal.fail(str(error), terminal.FAILED, as_json)
     # A log that is still being written has no end yet.
     if not follow and log.damage and log.damage.lost:
-        typer.echo(f"symaware: {log.damage}", err=True)
+        terminal.say(f"symaware: {log.damage}", err=True)
         raise typer.Exit(terminal.DATA_LOST)
 
 
@@ -241,17 +244,26 @@ def _film(
 
 
 def _replay_session(
-    log: Log, agents: Sequence[str], first: int | None, last: int | None, against: Path | None, view: str | None
+    log: Log,
+    agents: Sequence[str],
+    first: int | None,
+    last: int | None,
+    against: Path | None,
+    view: str | None,
+    theme: str | None,
 ) -> ReplaySession | ForeignReplaySession:
     if log.foreign:
         from symaware_cli.views import ForeignReplaySession
 
         return ForeignReplaySession(log)
+    from symaware_cli.views import THEMES
     from symaware_cli.views.replay_session import replay_session
 
     # Times are whole nanoseconds: the interval after the last one begins with the next.
     other = None if against is None else _opened(against, follow=False)
-    return replay_session(log, agents, first, None if last is None else last + 1, other, view or "")
+    return replay_session(
+        log, agents, first, None if last is None else last + 1, other, view or "", THEMES[theme or "dark"]
+    )
 
 
 def _present(
@@ -340,13 +352,13 @@ def _tell(facts: dict[str, object], *, as_json: bool) -> None:
         terminal.print_json(facts)
         return
     if "file" in facts:
-        typer.echo(f"{facts['file']}: {size_in_words(int(str(facts['size'])))}")
+        terminal.say(f"{facts['file']}: {size_in_words(int(str(facts['size'])))}")
     if "link" in facts:
-        typer.echo(f"{facts['link']}\nCtrl-C ends it.")
+        terminal.say(f"{facts['link']}\nCtrl-C ends it.")
     if "video" in facts:
-        typer.echo(f"  {facts['video']}")
-    typer.echo(f"  {facts['shown']}")
+        terminal.say(f"  {facts['video']}")
+    terminal.say(f"  {facts['shown']}")
     for report in facts.get("reports", ()):  # type: ignore[attr-defined]
-        typer.echo(f"  {report}", err=True)
+        terminal.say(f"  {report}", err=True)
     # Flushed, so that a reader of a pipe receives it before the viewer is closed.
     sys.stdout.flush()

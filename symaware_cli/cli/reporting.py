@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import Json, output_kept, print_json, trouble_shown
+from symaware_cli.cli.terminal import Json, output_kept, print_json, say, trouble_shown
 from symaware_cli.help_place import in_help
 
 
@@ -32,7 +32,7 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write a page of HTML that needs no network: what ran, a map to play, figures, verdicts; or a folder's index."""
-    with trouble_shown(as_json, path), output_kept(as_json):
+    with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api import size_in_words
         from symaware_cli.evidence import write_report
         from symaware_cli.language import unused_path
@@ -46,4 +46,4 @@ def report(
         print_json({"source": str(path), "file": str(page), "size": sizes[0], **printed})
     else:
         for file, size in zip(files, sizes, strict=True):
-            typer.echo(f"{file}: {size_in_words(size)}")
+            say(f"{file}: {size_in_words(size)}")

@@ -138,7 +138,7 @@ def run(
         if shows:
             from symaware_cli.language import render
 
-            typer.echo(render(found, colour=terminal.is_lively(sys.stderr), noun="warning"), err=True)
+            terminal.say(render(found, colour=terminal.is_lively(sys.stderr), noun="warning"), err=True)
 
     with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.api import Scenario
@@ -170,19 +170,21 @@ def run(
         note(lambda: _cases(result.summary, source, overrides))
     summary, shortfall = result.summary, processor.shortfall()
     if shortfall and not quiet:
-        typer.echo(f"symaware: {shortfall}", err=True)
+        terminal.say(f"symaware: {shortfall}", err=True)
     if as_json:
         from symaware_cli.language import to_json
 
         terminal.print_json({**summary.to_json(), "scenario_warnings": to_json(doubtful)})
     elif not quiet:
-        typer.echo(result)
+        terminal.say(result)
+    elif result.status == "interrupted":
+        terminal.say(f"symaware: {terminal.interruption([Path(summary.log)] if summary.log else [])}", err=True)
     if summary.failure and not as_json:
-        typer.echo(f"symaware: {summary.failure}", err=True)
+        terminal.say(f"symaware: {summary.failure}", err=True)
         if summary.log is None:
             typer.echo(summary.traceback or "", err=True, nl=False)
         elif summary.traceback:
-            typer.echo(f"The traceback is in the log: symaware log events {summary.log}", err=True)
+            terminal.say(f"The traceback is in the log: symaware log events {summary.log}", err=True)
     sys.stdout.flush()
     if result.viewer:
         # Ctrl-C now closes the view.
@@ -225,7 +227,7 @@ _TOLD = ("waiting", "joined", "rejoined", "lost", "rejected", "restored", "not-r
 
 def _tell(event: Event) -> None:
     """Print an event of the other processes."""
-    typer.echo(f"symaware: {event.text}", err=True)
+    terminal.say(f"symaware: {event.text}", err=True)
 
 
 def _place(

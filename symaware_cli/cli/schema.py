@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, OwnPlugins, fail
+from symaware_cli.cli.terminal import WRONG_INPUT, OwnPlugins, fail, say
 from symaware_cli.help_place import in_help
 
 
@@ -32,7 +32,7 @@ def schema(
     content, broken = described(built_in_only=built_in, catalogue=with_files(Catalogue(), plugins or ()))
     text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"
     for problem in broken:
-        typer.echo(f"symaware: left out: {problem}", err=True)
+        say(f"symaware: left out: {problem}", err=True)
     if output is None:
         typer.echo(text, nl=False)
         return

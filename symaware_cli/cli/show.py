@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, OwnPlugins, Trust, bold, fail, print_json, trouble_shown
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, OwnPlugins, Trust, bold, fail, print_json, say, trouble_shown
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def show(
     if as_json:
         print_json([description.to_json() for description in descriptions])
         return
-    typer.echo("\n\n".join(_text(description) for description in descriptions))
+    say("\n\n".join(_text(description) for description in descriptions))
 
 
 def _draw(scenario: Path, output: Path | None, plugins: Sequence[Path], *, as_json: bool) -> None:
@@ -92,8 +92,8 @@ def _draw(scenario: Path, output: Path | None, plugins: Sequence[Path], *, as_js
         return
     for name, each in facts.items():
         noun = "cells" if len(models[name].bounds) and not models[name].parts() else "states"
-        typer.echo(f"{name}: {each['cells']} {noun}, {each['transitions']} transitions")
-    typer.echo(f"drawn in {file}")
+        say(f"{name}: {each['cells']} {noun}, {each['transitions']} transitions")
+    say(f"drawn in {file}")
 
 
 def _text(description: Description) -> str:

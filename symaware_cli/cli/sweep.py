@@ -150,7 +150,7 @@ def plan(
     if as_json:
         terminal.print_json(shown)
     else:
-        typer.echo(_plan_text(shown))
+        terminal.say(_plan_text(shown))
 
 
 def _request(
@@ -203,7 +203,10 @@ def _conduct(
     if as_json:
         terminal.print_json(outcome.to_json())
     elif not quiet:
-        typer.echo(_text(outcome))
+        terminal.say(_text(outcome))
+    elif outcome.is_interrupted:
+        made = f"{outcome.counts.done:,} of {outcome.planned:,} runs"
+        terminal.say(f"symaware: {terminal.interruption([folder.path])} with {made}", err=True)
     if outcome.is_interrupted:
         raise typer.Exit(terminal.INTERRUPTED)
     raise typer.Exit(terminal.FAILED if outcome.counts.done < outcome.planned else 0)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symaware_cli.cli import terminal
-from symaware_cli.cli.terminal import print_array, printable
+from symaware_cli.cli.terminal import print_array, printable, say
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 
@@ -64,8 +64,8 @@ def rows(
                 lists = [each.name for each in shown.schema if pyarrow.types.is_list(each.type)]
                 shown = shown.drop_columns([name for name in shown.column_names if name in (*_QUIET, *lists, *empty)])
             if shown.num_rows:
-                typer.echo("\n".join(_aligned(shown.to_pylist())))
-            typer.echo(f"{table.num_rows:,} of {planned:,} runs" + (f", {limit:,} of them shown" if limit else ""))
+                say("\n".join(_aligned(shown.to_pylist())))
+            say(f"{table.num_rows:,} of {planned:,} runs" + (f", {limit:,} of them shown" if limit else ""))
 
 
 @in_help("look", 35)
@@ -79,7 +79,7 @@ def shares(folder: Folder, as_json: terminal.Json = False) -> None:
             print_array(each.to_json() for each in found)
             return
         if not found:
-            typer.echo("the scenario has no specifications")
+            say("the scenario has no specifications")
             return
         lines = [
             {
@@ -92,7 +92,7 @@ def shares(folder: Folder, as_json: terminal.Json = False) -> None:
             }
             for each in found
         ]
-        typer.echo("\n".join(_with_method(lines, found[0].interval)))
+        say("\n".join(_with_method(lines, found[0].interval)))
 
 
 @in_help("compare", 20)
@@ -123,8 +123,8 @@ def compare(
             for each in found
         ]
         first = found[0].comparison.mean
-        typer.echo(f"{column}, less that of {found[0].against}, run by run")
-        typer.echo("\n".join(_with_method(lines, first, f", {first.count:,} pairs")))
+        say(f"{column}, less that of {found[0].against}, run by run")
+        say("\n".join(_with_method(lines, first, f", {first.count:,} pairs")))
 
 
 def _with_method(lines: Sequence[Mapping[str, Any]], estimate: IntervalEstimate, more: str = "") -> list[str]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
 import typer
 
 from symaware_cli.cli import result_files
+from symaware_cli.cli.folding import folded, width_of
 
 if TYPE_CHECKING:
     from symaware_cli.plugin_files import FileSet
@@ -68,7 +69,7 @@ def _trust(ctx: typer.Context, given: bool) -> bool:
 
 def _trust_aloud(files: FileSet) -> bool:
     for name, digest in files.digests.items():
-        typer.echo(f"symaware: trusted {name}, SHA-256 {digest}", err=True)
+        say(f"symaware: trusted {name}, SHA-256 {digest}", err=True)
     return True
 
 
@@ -150,6 +151,16 @@ def bold(text: str) -> str:
     return typer.style(text, bold=True) if is_lively(sys.stdout) else text
 
 
+def say(text: object, *, err: bool = False) -> None:
+    """Print a text for people, folded at the width of the terminal; not for JSON, tables for programs, or tracebacks.
+
+    Args:
+        text: The text.
+        err: Whether to print it on stderr.
+    """
+    typer.echo(folded(str(text), width_of(sys.stderr if err else sys.stdout)), err=err)
+
+
 def print_json(content: Any) -> None:
     """Print a value as JSON."""
     typer.echo(json.dumps(_finite(content), indent=2, allow_nan=False, default=str))
@@ -185,7 +196,7 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
     if as_json:
         print_json({"error": message})
     else:
-        typer.echo(f"symaware: {message}", err=True)
+        say(f"symaware: {message}", err=True)
     raise typer.Exit(status)
 
 
@@ -243,27 +254,27 @@ def span(start: float | None, end: float | None, as_json: bool = False) -> tuple
 
 
 @contextmanager
-def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator[None]:
-    """Report errors that the user can correct without a traceback, and exit with their status.
+def trouble_shown(as_json: bool = False) -> Iterator[None]:
+    """Report errors that the user can correct without a traceback, and what was saved before Ctrl-C; exit.
 
     Args:
         as_json: Whether to report them as JSON.
-        interrupted: The subject of the message after Ctrl-C, such as a path; None to exit without a message.
     """
     from symaware_cli.entry_points import PluginError
     from symaware_cli.language import ScenarioError, nearest, render, to_json
-    from symaware_cli.log import UnknownNameError
+    from symaware_cli.log import UnknownNameError, outputs_noted
     from symaware_cli.world import UserError
 
+    saved: list[Path] = []
     try:
-        with _plugins_reported():
+        with _plugins_reported(), outputs_noted() as saved:
             yield
     except ScenarioError as error:
         result_files.note_problems(error.problems)
         if as_json:
             print_json({"valid": False, "problems": to_json(error.problems)})
         else:
-            typer.echo(render(error.problems, colour=is_lively(sys.stderr)), err=True)
+            say(render(error.problems, colour=is_lively(sys.stderr), width=width_of(sys.stderr) or 100), err=True)
         raise typer.Exit(WRONG_INPUT) from None
     except UnknownNameError as error:
         near = nearest(error.name, error.known)
@@ -275,9 +286,17 @@ def trouble_shown(as_json: bool = False, interrupted: object = None) -> Iterator
         more = f"; expected {error.expected}" if error.expected and not hint else ""
         fail(f"{error}{hint or more}", FAILED if error.code == "failed-plugin" else WRONG_INPUT, as_json)
     except KeyboardInterrupt:
-        if interrupted is None:
-            raise typer.Exit(INTERRUPTED) from None
-        fail(f"{interrupted}: interrupted", INTERRUPTED, as_json)
+        fail(interruption(saved), INTERRUPTED, as_json)
+
+
+def interruption(saved: Iterable[Path]) -> str:
+    """Return what a command says after Ctrl-C.
+
+    Args:
+        saved: What was written; files that no longer exist are left out, such as those of an unfinished folder.
+    """
+    there = [str(path) for path in saved if path.exists()]
+    return f"interrupted; saved: {', '.join(map(printable, there))}" if there else "interrupted; nothing was saved"
 
 
 @contextmanager
@@ -295,7 +314,7 @@ def _plugins_reported() -> Iterator[None]:
                 shown(message, category, *rest, **more)
             elif str(message) not in said:
                 said.add(str(message))
-                typer.echo(f"symaware: {message}", err=True)
+                say(f"symaware: {message}", err=True)
 
         warnings.showwarning = show
         warnings.simplefilter("always", PluginWarning)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, fail, print_json, trouble_shown
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, fail, print_json, say, trouble_shown
 from symaware_cli.help_place import in_help
 
 
@@ -34,7 +34,7 @@ def trust(
         elif not forget_folder(folder):
             fail(f"{folder} is not trusted", WRONG_INPUT, as_json)
         elif not as_json:
-            typer.echo(f"{folder} is no longer trusted")
+            say(f"{folder} is no longer trusted")
 
 
 def _print(folders: Mapping[str, Mapping[str, str]], *, as_json: bool) -> None:
@@ -42,8 +42,8 @@ def _print(folders: Mapping[str, Mapping[str, str]], *, as_json: bool) -> None:
         print_json(folders)
         return
     for folder, files in folders.items():
-        typer.echo(f"{folder} is trusted, until one of these files changes:")
+        say(f"{folder} is trusted, until one of these files changes:")
         for name, digest in files.items():
-            typer.echo(f"  {digest[:16]}  {name}")
+            say(f"  {digest[:16]}  {name}")
     if not folders:
-        typer.echo("No folder is trusted.")
+        say("No folder is trusted.")

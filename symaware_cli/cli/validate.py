@@ -18,6 +18,7 @@ from symaware_cli.cli.terminal import (
     is_lively,
     output_kept,
     print_json,
+    say,
     trouble_shown,
 )
 from symaware_cli.help_place import in_help
@@ -57,8 +58,8 @@ def validate(
             if not as_json:
                 if outline.warnings:
                     warnings = render(outline.warnings, colour=is_lively(sys.stderr), noun="warning")
-                    typer.echo(warnings, err=True)
-                typer.echo(f"{path}: sound; {outline.headline}")
+                    say(warnings, err=True)
+                say(f"{path}: sound; {outline.headline}")
         if problems:
             raise ScenarioError(problems)
     if as_json:

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from symaware_cli.cli.terminal import WRONG_INPUT, fail, fail_for, trouble_shown
+from symaware_cli.cli.terminal import INTERRUPTED, WRONG_INPUT, fail, fail_for, interruption, trouble_shown
 from symaware_cli.cli.verbs import Verbs
 
 
@@ -83,6 +83,8 @@ class VerbGroup(TyperGroup):
             fail_for(error, as_json)
         except (typer.Exit, typer.Abort):
             raise
+        except KeyboardInterrupt:
+            fail(interruption(()), INTERRUPTED, as_json)
         except Exception:
             # Only if one of these modules is imported can the error be one of a scenario or a log.
             if not {"symaware_cli.log.error", "symaware_cli.language.problem"} & sys.modules.keys():

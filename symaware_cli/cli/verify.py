@@ -63,7 +63,7 @@ def verify(
         raise typer.Exit(_verify_case(path, level, rows, seed, quiet=quiet, as_json=as_json))
     if path.is_dir():
         raise typer.Exit(_verify_sweep(path, level, rows, seed, quiet=quiet, as_json=as_json))
-    with terminal.trouble_shown(as_json, path), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import verify_log
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
@@ -72,7 +72,7 @@ def verify(
     if as_json:
         terminal.print_json(result.to_json())
     elif not quiet:
-        typer.echo("\n".join(_lines(result)))
+        terminal.say("\n".join(_lines(result)))
     sys.stdout.flush()
     raise typer.Exit(0 if result.is_equal else terminal.FAILED)
 
@@ -87,7 +87,7 @@ def _verify_case(folder: Path, level: str, rows: int, seed: int | None, *, quiet
     """Check the evidence of an assurance case again, and return the exit status."""
     from symaware_cli.cli.assure import case_lines
 
-    with terminal.trouble_shown(as_json, folder), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import verify_case
 
         with terminal.progress_shown("solutions", not (quiet or as_json)) as shown:
@@ -95,13 +95,13 @@ def _verify_case(folder: Path, level: str, rows: int, seed: int | None, *, quiet
     if as_json:
         terminal.print_json(result.to_json())
     elif not quiet:
-        typer.echo("\n".join(case_lines(folder, result)))
+        terminal.say("\n".join(case_lines(folder, result)))
     return 0 if result.is_supported else terminal.FAILED
 
 
 def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, *, quiet: bool, as_json: bool) -> int:
     """Verify the folder of a sweep, and return the exit status."""
-    with terminal.trouble_shown(as_json, folder), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.api import verify_sweep
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
@@ -110,7 +110,7 @@ def _verify_sweep(folder: Path, level: str, rows: int, seed: int | None, *, quie
     if as_json:
         terminal.print_json(result.to_json())
     elif not quiet:
-        typer.echo("\n".join(_report(result)))
+        terminal.say("\n".join(_report(result)))
     return 0 if result.is_sound else terminal.FAILED
 
 
@@ -118,7 +118,7 @@ def _verify_certificate(
     path: Path, level: str, rows: int, seed: int | None, key: Path | None, *, quiet: bool, as_json: bool
 ) -> int:
     """Verify a certificate and the folder of its sweep, and return the exit status."""
-    with terminal.trouble_shown(as_json, path), terminal.output_kept(as_json):
+    with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.evidence import verify_certificate
 
         with terminal.progress_shown("repeats", not (quiet or as_json)) as shown:
@@ -131,15 +131,15 @@ def _verify_certificate(
         terminal.print_json(result.to_json())
     elif not quiet:
         findings = result.findings
-        typer.echo(f"{path}: {_outcome(findings)}")
+        terminal.say(f"{path}: {_outcome(findings)}")
         if result.public_key is not None:
             whose = "the key that was asked for" if result.is_known_signer else "nobody says whose: --key does"
             if any(each.column == "signature" for each in findings):
                 whose = "which is not accepted"
-            typer.echo(f"  {'signed by':<12} {result.public_key}, {whose}")
+            terminal.say(f"  {'signed by':<12} {result.public_key}, {whose}")
         else:
-            typer.echo(f"  {'signed by':<12} nobody")
-        typer.echo("\n".join([*_findings(findings), *_report(result.sweep)]))
+            terminal.say(f"  {'signed by':<12} nobody")
+        terminal.say("\n".join([*_findings(findings), *_report(result.sweep)]))
     return 0 if result.is_sound else terminal.FAILED
 
 

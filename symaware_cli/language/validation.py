@@ -20,6 +20,7 @@ from pydantic_core import ErrorDetails
 
 from symaware_cli.language.compose import Composition
 from symaware_cli.language.problem import Problem, dotted, is_inside, nearest, quoted
+from symaware_cli.language.section import IDENTIFIER
 from symaware_cli.language.source import Path
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
@@ -146,6 +147,13 @@ class _ErrorTranslator:
             return self._unknown(inner)
         if error["loc"] and error["loc"][-1] == "[key]":
             name = quoted(str(inner[-1]))
+            if context.get("pattern") == IDENTIFIER:
+                minus = ", in which - is a minus" if "-" in str(inner[-1]) else ""
+                said = f"{name} is not a name for expressions{minus}"
+                other = str(inner[-1]).replace("-", "_")
+                other = other if re.match(IDENTIFIER, other) else None
+                rule = "a letter or _, then letters, digits or _; at most 64 in all"
+                return self._composition.problem("bad-name", said, path, key=True, expected=rule, suggestion=other)
             return self._composition.problem("bad-name", f"{name} is not a name", path, key=True, expected=_NAME_RULE)
         if kind in _TYPES:
             expected, suggestion = self._type(kind, inner, value)

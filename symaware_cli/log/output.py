@@ -4,9 +4,31 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 from symaware_cli.log.error import LogError, OutputError, reason
+
+#: The files and folders that were written since `outputs_noted` was entered.
+_NOTED: ContextVar[list[Path] | None] = ContextVar("outputs", default=None)
+
+
+@contextmanager
+def outputs_noted() -> Iterator[list[Path]]:
+    """Collect the files and folders that are written completely from now on, to report them after an interruption."""
+    noted: list[Path] = []
+    token = _NOTED.set(noted)
+    try:
+        yield noted
+    finally:
+        _NOTED.reset(token)
+
+
+def note_output(path: Path) -> None:
+    """Note that a file or folder is complete."""
+    noted = _NOTED.get()
+    if noted is not None and path not in noted:
+        noted.append(path)
 
 
 @contextmanager
@@ -91,6 +113,7 @@ def _replacing(path: Path) -> Iterator[Path]:
     with _partial(path) as partial:
         yield partial
         os.replace(partial, path)
+        note_output(path)
 
 
 @contextmanager

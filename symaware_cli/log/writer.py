@@ -37,6 +37,7 @@ from symaware_cli.log.log_schema import (
     json_values,
 )
 from symaware_cli.log.log_summary import LogSummary, indexed, serialise
+from symaware_cli.log.output import note_output
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log time, publish time
 _MESSAGE_HEADER = _MESSAGE.size - 9
@@ -364,6 +365,7 @@ class LogWriter:
             self.flush()
             self.metadata(OUTCOME, json_values(outcome))
             self.close()
+        note_output(self.path)
 
     def close(self) -> None:
         """Close the log without an outcome, or with one that was written by `metadata`.

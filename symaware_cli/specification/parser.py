@@ -6,6 +6,7 @@ It is an operator-precedence parser; `PRECEDENCE` is its table. Work and memory 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from typing import Literal, NamedTuple, NoReturn, TypeAlias, cast
 
@@ -54,6 +55,8 @@ _COMPARISONS = PRECEDENCE[LEVEL["<"]]
 _TEMPORAL = frozenset((*FUTURE, *PAST))
 #: Words that cannot be names.
 RESERVED = frozenset((*_TEMPORAL, "implies", "and", "or", "not", "true", "false", "True", "False", "None"))
+#: A name with hyphens, which an expression reads as differences.
+_HYPHENS = re.compile(r"[A-Za-z_]\w*(?:-[A-Za-z0-9_]+)+")
 #: Python keywords without a meaning here, each with the error message.
 _FOREIGN: Mapping[str, str] = {
     "is": "the comparisons are <, <=, >, >=, == and !=",
@@ -340,7 +343,11 @@ class _Parser:
             raise foreign
         if name in _ELSEWHERE:
             raise ExpressionError(_ELSEWHERE[name], token.span)
-        raise ExpressionError(f"there is no `{name}` here", token.span, name, {*self._names, *self._definitions})
+        said = f"there is no `{name}` here"
+        whole = _HYPHENS.match(self._text, token.span[0])
+        if whole is not None:
+            said += f', and - is a minus: names with a hyphen are texts, as in position["{whole.group()}"]'
+        raise ExpressionError(said, token.span, name, {*self._names, *self._definitions})
 
     def _brackets(self, token: Token) -> Node:
         closing = ")" if token.text == "(" else "]"

@@ -17,8 +17,10 @@ from symaware_cli.core import Part
 from symaware_cli.log import Log, LogMessage, logged_events, read_json
 from symaware_cli.views.detail import Detail
 from symaware_cli.views.outline import outlines
-from symaware_cli.views.palette import BACKGROUND
+from symaware_cli.views.palette import DARK, ReplayTheme
 from symaware_cli.views.rerun.columns import TIMELINE
+from symaware_cli.views.rerun.labels import SceneView
+from symaware_cli.views.scale_bar import round_interval
 from symaware_cli.views.scene.curves import plotted, unit_paths
 from symaware_cli.views.scene.goals import known_ways
 from symaware_cli.views.scene.scenery import region_pieces
@@ -34,6 +36,10 @@ Array = NDArray[np.float64]
 _HALF_VIEW = 0.52
 #: Aspect ratio of the main view in a window of usual size.
 _ASPECT = 1.15
+#: Height of the main view in a window of usual size [points].
+_HEIGHT = 900.0
+#: Part of the height of the main view by which it is higher than what it is fitted to.
+_MARGIN = 0.12
 #: Aspect ratio of the view in an agent's tab.
 _NEAR_ASPECT = 1.9
 #: Maximum distance shown around the agent in its tab [m].
@@ -72,7 +78,12 @@ class ReplayContent:
 
 
 def blueprint(
-    run_view: RunView, detail: Detail, content: ReplayContent, panels: Sequence[str] = (), viewpoint: str = ""
+    run_view: RunView,
+    detail: Detail,
+    content: ReplayContent,
+    panels: Sequence[str] = (),
+    viewpoint: str = "",
+    theme: ReplayTheme = DARK,
 ) -> rrb.Blueprint:
     """Create the layout of the views for a log.
 
@@ -82,18 +93,19 @@ def blueprint(
         content: The extent and the topics of the log.
         panels: The panels of drawings.
         viewpoint: The name of the viewpoint of the scene; empty for the usual one.
+        theme: The colours of what is around agents.
     """
     import rerun.blueprint as rrb
 
-    name = viewpoint or ("angle" if run_view.is_spatial else "above")
+    seen = _viewpoint(run_view, viewpoint)
     shown = ["+ world/**", "+ awareness/**", "+ other/**"]
-    scene = _spatial(run_view, detail, content, "Scene", shown, viewpoint=VIEWPOINTS[name])
-    tabs = [_agent(run_view, detail, content, agent) for agent in detail.focus]
+    scene = _spatial(run_view, detail, content, "Scene", shown, viewpoint=seen, theme=theme)
+    tabs = [_agent(run_view, detail, content, agent, theme) for agent in detail.focus]
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Tabs(scene, *tabs, active_tab=int(detail.single)),
             rrb.Vertical(
-                *_overviews(run_view, detail, content, panels),
+                *_overviews(run_view, detail, content, panels, theme),
                 row_shares=[*_row_shares(run_view, content), *[3] * len(panels), 4],
             ),
             column_shares=[5, 3],
@@ -113,24 +125,21 @@ def _spatial(
     contents: list[str],
     follow: str | None = None,
     viewpoint: Viewpoint | None = None,
+    theme: ReplayTheme = DARK,
 ) -> rrb.Spatial3DView:
     """Create a view of the world: from a viewpoint, or following an agent; from above if planar, else at an angle."""
     import rerun.blueprint as rrb
 
-    middle, size = 0.5 * (content.low + content.high), np.maximum(content.high - content.low, 1.0)
+    middle, size = 0.5 * (content.low + content.high), _size(content)
     if follow:
         group_view = run_view.group_views[run_view.place[follow][0]]
         # An agent with a figure is shown larger, so that its details are visible.
         reach = min(group_view.perception_range or np.inf, _CLOSE * group_view.extent if group_view.figure else _NEAR)
         # Twice the size, so that an agent at one side sees everything up to the other side.
         size = np.minimum(2.0 * size, 2.0 * reach)
-    seen = viewpoint or VIEWPOINTS["angle" if run_view.is_spatial else "above"]
-    if seen.name != "above":
-        distance = _distance(size, _NEAR_ASPECT if follow else _ASPECT, -seen.towards)
-        position, up = middle + distance * seen.towards, (0.0, 0.0, 1.0)
-    else:
-        distance = 0.5 * 1.12 * max(float(size[1]), float(size[0]) / (_NEAR_ASPECT if follow else _ASPECT)) / _HALF_VIEW
-        position, up = middle + np.array([0.0, 0.0, distance]), (0.0, 1.0, 0.0)
+    seen = viewpoint or _viewpoint(run_view)
+    distance = _distance(size, _NEAR_ASPECT if follow else _ASPECT, seen)
+    position, up = middle + distance * seen.towards, (0.0, 1.0, 0.0) if seen.name == "above" else (0.0, 0.0, 1.0)
     eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=middle, eye_up=up)
     if follow:
         eye = rrb.EyeControls3D(
@@ -141,10 +150,10 @@ def _spatial(
             tracking_entity=f"as/{follow}/place",
         )
     spacing = 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-3) / 4.0))
-    grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(110, 115, 130, 60))
+    grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(*theme.faint, 60))
     trails = [f"{root}/agents/{name}/trail" for root in ("world", "other") for name in run_view.group_views]
     overrides: dict[Any, Any] = {trail: _recent(detail.trail) for trail in trails}
-    background = rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor)
+    background = rrb.Background(color=theme.background, kind=rrb.BackgroundKind.SolidColor)
     return rrb.Spatial3DView(
         origin="/",
         name=name,
@@ -156,8 +165,54 @@ def _spatial(
     )
 
 
-def _distance(size: Array, aspect: float, direction: Array) -> float:
-    """Return the distance of the camera, which looks in a direction, from a box (3,) that it sees whole [m]."""
+def scene_view(run_view: RunView, content: ReplayContent, viewpoint: str = "") -> SceneView:
+    """Determine the fitted view of the scene, in which labels are placed.
+
+    Args:
+        run_view: The run to show.
+        content: The extent of the log.
+        viewpoint: The name of the viewpoint; empty for the usual one.
+    """
+    seen = _viewpoint(run_view, viewpoint)
+    return SceneView(seen, 2.0 * _HALF_VIEW * _distance(_size(content), _ASPECT, seen) / _HEIGHT)
+
+
+def scale_bar(content: ReplayContent, view: SceneView) -> tuple[Array, str]:
+    """Choose a bar of a round length at the lower left corner of what is shown.
+
+    Args:
+        content: The extent of the log.
+        view: The fitted view of the scene.
+
+    Returns:
+        Its ends (2, 3) [m], and its length in words.
+    """
+    length = round_interval(_HEIGHT * view.scale, 5)
+    size, right, up = _size(content), np.array(view.viewpoint.right), np.array(view.viewpoint.up)
+    if view.viewpoint.name == "angle":
+        # Along the ground, in front of everything.
+        right, start = np.array([1.0, 0.0, 0.0]), content.low - np.array([0.0, 0.03 * size[1], 0.0])
+    else:
+        middle = 0.5 * (content.low + content.high)
+        below = 0.5 * (_HEIGHT * view.scale) * (1.0 - 0.6 * _MARGIN)
+        start = middle - (0.5 * size @ np.abs(right)) * right - below * up
+    return np.stack([start, start + length * right]), f"{length:g} m"
+
+
+def _viewpoint(run_view: RunView, name: str = "") -> Viewpoint:
+    return VIEWPOINTS[name or ("angle" if run_view.is_spatial else "above")]
+
+
+def _size(content: ReplayContent) -> Array:
+    """Return the extent (3,) to which the view is fitted [m]."""
+    return np.maximum(content.high - content.low, 1.0)
+
+
+def _distance(size: Array, aspect: float, seen: Viewpoint) -> float:
+    """Return the distance of the camera at a viewpoint from a box (3,) that it sees whole [m]."""
+    if seen.name == "above":
+        return 0.5 * (1.0 + _MARGIN) * max(float(size[1]), float(size[0]) / aspect) / _HALF_VIEW
+    direction = -seen.towards
     aside = np.cross(direction, (0.0, 0.0, 1.0))
     aside /= np.linalg.norm(aside)
     above = np.cross(aside, direction)
@@ -166,7 +221,7 @@ def _distance(size: Array, aspect: float, direction: Array) -> float:
     return 1.05 * float(np.max(away - corners @ direction))
 
 
-def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str) -> rrb.Vertical:
+def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str, theme: ReplayTheme) -> rrb.Vertical:
     """Create the tab of an agent: the world as the agent believes it to be, and its awareness as curves."""
     import rerun.blueprint as rrb
 
@@ -184,7 +239,7 @@ def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str
         *bodies,
     ]
     contents += ["+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
-    view = _spatial(run_view, detail, content, f"as {agent} believes", contents, follow=agent)
+    view = _spatial(run_view, detail, content, f"as {agent} believes", contents, follow=agent, theme=theme)
     told = [(name, topic) for name, topic in plotted(group_view) if topic in content.topics]
     fields = [name for name, _ in told if isinstance(group_view.signals[name], Part)]
     fields += ["control"] * (f"/world/{group}/control" in content.topics)
@@ -199,10 +254,12 @@ def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str
     return rrb.Vertical(view, rrb.Grid(*curves, grid_columns=across), row_shares=[3, 2], name=agent)
 
 
-def _overviews(run_view: RunView, detail: Detail, content: ReplayContent, panels: Sequence[str]) -> Iterable[Any]:
+def _overviews(
+    run_view: RunView, detail: Detail, content: ReplayContent, panels: Sequence[str], theme: ReplayTheme
+) -> Iterable[Any]:
     import rerun.blueprint as rrb
 
-    cameras = _cameras(run_view, detail, content)
+    cameras = _cameras(run_view, detail, content, theme)
     if cameras:
         yield rrb.Grid(*cameras, grid_columns=min(len(cameras), 2), name="Cameras")
     if _has_table(run_view):
@@ -225,7 +282,7 @@ def _overviews(run_view: RunView, detail: Detail, content: ReplayContent, panels
     yield rrb.Tabs(*journals, *modes, about, active_tab=0)
 
 
-def _cameras(run_view: RunView, detail: Detail, content: ReplayContent) -> list[rrb.Spatial2DView]:
+def _cameras(run_view: RunView, detail: Detail, content: ReplayContent, theme: ReplayTheme) -> list[rrb.Spatial2DView]:
     """Create a view for each camera of the first few agents."""
     import rerun.blueprint as rrb
 
@@ -237,7 +294,7 @@ def _cameras(run_view: RunView, detail: Detail, content: ReplayContent) -> list[
         rrb.Spatial2DView(
             origin=f"cameras/{agent}/{sensor}/colour",
             name=f"{sensor} of {agent}",
-            background=rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
+            background=rrb.Background(color=theme.background, kind=rrb.BackgroundKind.SolidColor),
         )
         for agent, sensor in cameras[:_CAMERAS]
     ]

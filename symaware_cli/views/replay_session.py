@@ -15,10 +15,10 @@ import numpy as np
 
 from symaware_cli.entry_points import Listing
 from symaware_cli.log import Log, LogError, LogMessage, OutputError, first_difference, reason, whole_file
-from symaware_cli.views.blueprint import ReplayContent, blueprint, content_of, content_with
+from symaware_cli.views.blueprint import ReplayContent, blueprint, content_of, content_with, scale_bar, scene_view
 from symaware_cli.views.chunk import Chunk, ChunkReader
 from symaware_cli.views.detail import Detail, detail_of
-from symaware_cli.views.palette import SCENERY
+from symaware_cli.views.palette import DARK, SCENERY, ReplayTheme
 from symaware_cli.views.rerun.output import RerunOutput
 from symaware_cli.views.scene.drawing import Drawing
 from symaware_cli.views.scene.marks import Bodies, Mark
@@ -204,6 +204,7 @@ class ReplaySession:
         end: The instant at which to stop, exclusive [ns]; None for the end.
         beside: A second run to show beside it.
         view: The name of the viewpoint of the scene; empty for the usual one.
+        theme: The colours of what is around agents.
     """
 
     log: Log
@@ -213,6 +214,7 @@ class ReplaySession:
     end: int | None = None
     beside: OtherRun | None = None
     view: str = ""
+    theme: ReplayTheme = DARK
 
     @property
     def words(self) -> str:
@@ -326,12 +328,15 @@ class ReplaySession:
         messages = self.log.messages(start=self.start, end=self.end)
         self._replay(recording).draw(messages, on_progress, start=self.start or 0, earlier=self._earlier())
         if self.beside is not None:
-            self.beside.draw(self.detail, RerunOutput(recording), self.start, self.end)
+            self.beside.draw(self.detail, RerunOutput(recording, self.theme), self.start, self.end)
 
     def _replay(self, recording: rr.RecordingStream) -> Replay:
         beside = self.beside.words if self.beside else ""
         scene = Scene(self.run_view, self.detail, self._drawings)
-        return Replay(self.run_view, scene, self.detail.words, RerunOutput(recording), beside)
+        view = scene_view(self.run_view, self.content, self.view)
+        output = RerunOutput(recording, self.theme, view)
+        output.scale_bar("world/scale", *scale_bar(self.content, view))
+        return Replay(self.run_view, scene, self.detail.words, output, beside)
 
     @cached_property
     def _drawings(self) -> Mapping[type[Drawing], Listing]:
@@ -348,7 +353,7 @@ class ReplaySession:
 
     def _blueprint(self) -> Any:
         panels = [drawing.panel for drawing in self._drawings if drawing.panel]
-        return blueprint(self.run_view, self.detail, self.content, panels, self.view)
+        return blueprint(self.run_view, self.detail, self.content, panels, self.view, self.theme)
 
     def _middle(self) -> int:
         first = self.log.start_time or 0 if self.start is None else self.start
@@ -363,6 +368,7 @@ def replay_session(
     end: int | None = None,
     against: Log | None = None,
     view: str = "",
+    theme: ReplayTheme = DARK,
 ) -> ReplaySession:
     """Create a replay session of a log.
 
@@ -373,6 +379,7 @@ def replay_session(
         end: The instant at which to stop, exclusive [ns].
         against: The log of a second run, to show beside it; None for none.
         view: The name of the viewpoint of the scene; empty for the usual one.
+        theme: The colours of what is around agents.
 
     Raises:
         LogError: A log is foreign, has no such agents, or has no messages in the interval.
@@ -384,7 +391,7 @@ def replay_session(
         lost = f"; {log.damage}" if log.damage and log.damage.lost else ""
         raise LogError(f"{log.path} has nothing to show{where}{lost}")
     beside = None if against is None else other_run(log, against)
-    return ReplaySession(log, run_view, detail, start, end, beside, view)
+    return ReplaySession(log, run_view, detail, start, end, beside, view, theme)
 
 
 @contextmanager

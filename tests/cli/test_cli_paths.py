@@ -327,6 +327,15 @@ FITTING: Mapping[tuple[str, str], tuple[int, Sequence[str]]] = {
 """The call of a verb in which a parameter has a meaning, and the options that it needs, where it is not the first."""
 
 
+TAKE_FOLDERS = {
+    *((verb, "folder") for verb in CALLS),
+    ("check", "paths"),
+    ("trust", "folder"),
+    ("report", "path"),
+}
+"""Parameters that an empty folder fits, or fails for another reason."""
+
+
 @pytest.mark.parametrize(("verb", "name"), READ)
 def test_a_missing_or_a_broken_file_has_the_same_status_with_every_verb_and_is_named(
     verb: str, name: str, sound: Path, here: Path
@@ -336,8 +345,13 @@ def test_a_missing_or_a_broken_file_has_the_same_status_with_every_verb_and_is_n
     broken = here / f"broken{suffix}"
     broken.write_bytes(b"\x00{[: nothing that a program can read\xff")
     (here / "room.yaml").write_text(SCENARIO)
-    # Any bytes are a secret key.
-    for path in (here / f"missing{suffix}", *([broken] * (name != "key_file"))):
+    text, folder = here / f"text{suffix}", here / f"folder{suffix}"
+    text.write_text("Dear reader: this is no such file.\n" * 40)
+    folder.mkdir()
+    # Any bytes are a secret key; folders are searched for logs, tried as sweeps, trusted, or described as an index.
+    wrong = [here / f"missing{suffix}", *([broken, text] * (name != "key_file"))]
+    wrong += [folder] * ((verb, name) not in TAKE_FOLDERS)
+    for path in wrong:
         status, said = called([*line(verb, number, name, str(path), sound), *more])
         # Without the frame around errors of options, within which long paths are broken.
         assert (status, path.name in re.sub(r"[\s│]", "", said)) == (2, True), (path.name, said)

@@ -15,9 +15,10 @@ from symaware_cli.log.error import LogError, OutputError, UnknownNameError
 from symaware_cli.views.plotting.content import gather
 from symaware_cli.views.plotting.figure import _Layout, prepared
 from symaware_cli.views.plotting.paper_preset import GREY_SAFE, PRESETS
-from symaware_cli.views.plotting.plane import extent, round_interval
+from symaware_cli.views.plotting.plane import extent
 from symaware_cli.views.plotting.plot import plot
 from symaware_cli.views.plotting.request import PlotRequest, SeriesName
+from symaware_cli.views.scale_bar import round_interval
 
 
 @pytest.fixture(scope="module")

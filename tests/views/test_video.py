@@ -10,9 +10,9 @@ from rerun_files import STEP, Script, group
 from simulating import untyped
 
 from symaware_cli.log import LogError, UnknownNameError, wire
+from symaware_cli.views.label_layout import labels_beside
 from symaware_cli.views.palette import AGENTS, DARK, LIGHT
 from symaware_cli.views.replay_session import ReplaySession, replay_session
-from symaware_cli.views.video.label_layout import labels_beside
 from symaware_cli.views.video.video import VideoRequest, film_of, write_replay
 from symaware_cli.views.video.video_file import check_video
 from symaware_cli.views.video.viewpoint import VIEWPOINTS

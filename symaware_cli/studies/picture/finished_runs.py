@@ -86,6 +86,8 @@ class MetricColumn:
         is_share: Whether it is 0 or 1 for each run, so that its mean is a share.
         values: The value of each run; NaN where it has none. Shape (n,).
         bounds: The least and the greatest possible value; None if not declared.
+        infinite: -1 or 1 for each run whose value is -inf or inf, which has no mean and is NaN in `values`; else 0.
+            None if no value is infinite.
     """
 
     name: str
@@ -93,6 +95,7 @@ class MetricColumn:
     is_share: bool
     values: Array
     bounds: tuple[float, float] | None = None
+    infinite: NDArray[np.int8] | None = None
 
     @property
     def label(self) -> str:
@@ -103,7 +106,8 @@ class MetricColumn:
     def varies(self) -> bool:
         """Whether the metric differs between runs."""
         present = self.values[~np.isnan(self.values)]
-        return len(present) > 0 and bool(present.min() < present.max())
+        infinite = 0 if self.infinite is None else len(np.unique(self.infinite[self.infinite != 0]))
+        return infinite + bool(len(present)) > 1 or (len(present) > 0 and bool(present.min() < present.max()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +201,7 @@ class CellEstimates:
         high: The ninetieth.
         count: The number of runs with a value.
         method: The methods of the intervals; several if the numbers of runs differ.
+        infinite: The numbers of runs whose value is -inf, and inf.
     """
 
     value: Array
@@ -206,6 +211,7 @@ class CellEstimates:
     high: Array
     count: Array
     method: tuple[str, ...]
+    infinite: tuple[Array, Array]
 
 
 def estimated(
@@ -238,7 +244,9 @@ def estimated(
         columns[:, cell] = found.value, found.lower, found.upper, low, high, found.count
         methods.add(found.method)
     value, lower, upper, low, high, counts = (column.reshape(shape) for column in columns)
-    return CellEstimates(value, lower, upper, low, high, counts, tuple(sorted(methods - {""})))
+    signs = np.zeros(len(cells), np.int8) if metric.infinite is None else metric.infinite
+    below, above = (np.bincount(cells[signs == sign], minlength=count).reshape(shape) for sign in (-1, 1))
+    return CellEstimates(value, lower, upper, low, high, counts, tuple(sorted(methods - {""})), (below, above))
 
 
 def _estimate(runs: FinishedRuns, metric: MetricColumn, values: Array, cell: int) -> IntervalEstimate:
@@ -307,17 +315,25 @@ def _metrics(rows: Sequence[Row], specifications: Sequence[str], document: Sweep
     for name in specifications:
         verdicts = [None if row.state == "lost" else row.verdicts.get(name) == "satisfied" for row in rows]
         yield MetricColumn(f"satisfied.{name}", "", True, _numbers(verdicts))
-        yield MetricColumn(f"robustness.{name}", "", False, _numbers([row.robustness.get(name) for row in rows]))
+        robustness = [row.robustness.get(name) for row in rows]
+        yield MetricColumn(f"robustness.{name}", "", False, _numbers(robustness), None, _infinite(robustness))
     further = [each for each in CustomMetrics(document, Catalogue()).descriptions() if each.kind != "text"]
     for each in [*NUMERIC, *further]:
         values = _numbers([row.metrics.get(each.name) for row in rows])
         low, high = document.bounds.get(each.name, (math.inf, -math.inf))
         is_within = bool(((values >= low) & (values <= high) | np.isnan(values)).all())
         declared = (low, high) if is_within and low < high else None
-        yield MetricColumn(each.name, each.unit, each.kind == "truth", values, declared)
+        infinite = _infinite([row.metrics.get(each.name) for row in rows])
+        yield MetricColumn(each.name, each.unit, each.kind == "truth", values, declared, infinite)
 
 
 def _numbers(values: Sequence[Any]) -> Array:
     numbers = np.array([math.nan if each is None else float(each) for each in values], float)
     # Infinite values, such as the robustness of a specification that cannot be violated, have no mean.
     return np.where(np.isfinite(numbers), numbers, np.nan)
+
+
+def _infinite(values: Sequence[Any]) -> NDArray[np.int8] | None:
+    numbers = np.array([0.0 if each is None else float(each) for each in values], float)
+    found = np.where(np.isinf(numbers), np.sign(numbers), 0.0).astype(np.int8)
+    return found if found.any() else None

@@ -48,6 +48,7 @@ class MetricPanel:
         samples: The values of each series' runs, only for a distribution or a scatter.
         drawn: The values that these runs drew, only for a scatter.
         scale: The scale of a scatter's axis.
+        infinite: The numbers of runs whose value is -inf, and inf; of the same shape as `value`.
     """
 
     kind: Kind
@@ -63,6 +64,7 @@ class MetricPanel:
     samples: tuple[Array, ...] = ()
     drawn: tuple[Array, ...] = ()
     scale: Scale = "linear"
+    infinite: tuple[Array, Array] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +182,7 @@ def _panels(
             () if shown else tuple(metric.values[own] for own in _own(runs, metric, fixed)),
             tuple(parts.parameter.values[own] for own in _own(runs, metric, fixed)) if parts else (),
             parts.parameter.scale if parts else "linear",
+            None if metric.infinite is None else (part(estimates.infinite[0]), part(estimates.infinite[1])),
         )
 
 
@@ -215,6 +218,11 @@ def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, metho
     if runs.failed:
         yield f"{runs.failed:,} of {ended:,} runs failed or were lost, and have no metrics."
     for metric in metrics:
-        missing = int(np.isnan(metric.values).sum()) - (0 if metric.is_share else runs.failed)
+        infinite = metric.infinite if metric.infinite is not None else np.zeros(0, np.int8)
+        for sign, word in ((-1, "-inf"), (1, "inf")):
+            if count := int((infinite == sign).sum()):
+                yield f"{metric.name}: {word} in {count:,} of {ended:,} runs, which no mean includes."
+        missing = int(np.isnan(metric.values).sum()) - int(np.count_nonzero(infinite))
+        missing -= 0 if metric.is_share else runs.failed
         if missing > 0:
             yield f"{metric.name}: {missing:,} runs have no value."

@@ -18,7 +18,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullForm
 from symaware_cli.studies.picture.finished_runs import Array, ParameterAxis
 from symaware_cli.studies.picture.metric_panel import MetricPanel, SweepPicture
 from symaware_cli.studies.picture.panel_grid import columns_of, natural_size
-from symaware_cli.views import SMALL, FigureSheet, Handles, PaperPreset, colour_of, type_scale
+from symaware_cli.views import INK, SMALL, FigureSheet, Handles, PaperPreset, colour_of, type_scale
 
 #: Width and height of a panel [inch].
 _PANEL = (4.3, 3.0)
@@ -104,6 +104,8 @@ def _draw_panel(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[fl
         _draw_shares(axes, panel)
     else:
         _draw_distribution(axes, panel)
+    if panel.infinite is not None and panel.kind != "map":
+        _draw_infinite(axes, panel)
     axes.set_title(panel.metric.label, loc="left")
     if panel.caption:
         # Below the name of the metric, on a separate line.
@@ -192,12 +194,66 @@ def _draw_map(figure: Figure, axes: Axes, panel: MetricPanel, limits: tuple[floa
         return
     for (row, column), value in np.ndenumerate(values):
         if math.isnan(value):
+            if text := _infinities(panel, row, column).strip():
+                axes.text(column, row, text, ha="center", va="center", fontsize=0.75 * SMALL * type_scale())
             continue
         red, green, blue, _ = mesh.cmap(mesh.norm(value))
         dark = 0.3 * red + 0.59 * green + 0.11 * blue < 0.5
         colour = "white" if dark else "black"
         size = 0.75 * SMALL * type_scale()
-        axes.text(column, row, f"{value:.3g}", ha="center", va="center", color=colour, fontsize=size)
+        text = f"{value:.3g}{_infinities(panel, row, column)}"
+        axes.text(column, row, text, ha="center", va="center", color=colour, fontsize=size)
+
+
+def _infinities(panel: MetricPanel, row: int, column: int) -> str:
+    """Return a line with the numbers of infinite values in a cell of a map; empty if there are none."""
+    found = zip(panel.infinite or (), ("-inf", "inf"), strict=False)
+    return "".join(f"\n{word}: {int(counts[0].T[row, column])}" for counts, word in found if counts[0].T[row, column])
+
+
+def _draw_infinite(axes: Axes, panel: MetricPanel) -> None:
+    """Mark infinite values, which no axis reaches: triangles beyond all others, each with its number of runs."""
+    assert panel.infinite is not None
+    sideways = panel.kind == "distribution"
+    low, high = axes.get_xlim() if sideways else axes.get_ylim()
+    small: dict[str, Any] = {"fontsize": SMALL * type_scale(), "ha": "center", "va": "center"}
+    for counts, word, markers, edge in zip(panel.infinite, ("-inf", "inf"), ("<v", ">^"), (low, high), strict=True):
+        if not counts.any():
+            continue
+        beyond = edge + (0.14 if word == "inf" else -0.14) * (high - low)
+        (axes.axvline if sideways else axes.axhline)(beyond, color=INK, linewidth=0.6, linestyle=":", zorder=1)
+        if sideways:
+            axes.text(beyond, 0.97, word, transform=axes.get_xaxis_transform(), **{**small, "va": "top"})
+        else:
+            # Outside the axes, where no estimate is.
+            axes.text(-0.012, beyond, word, transform=axes.get_yaxis_transform(), **{**small, "ha": "right"})
+        for number, some in enumerate(counts):
+            # Of a distribution, one number for each variant, one above the other.
+            at = [0.06 + 0.1 * number] if sideways else _positions(panel, number)
+            for place, runs in zip(at, np.atleast_1d(some).tolist(), strict=True):
+                if not runs:
+                    continue
+                x, y = (beyond, place) if sideways else (place, beyond)
+                axis = axes.get_xaxis_transform() if sideways else axes.transData
+                look: dict[str, Any] = {"color": colour_of(number), "clip_on": False, "transform": axis, "zorder": 4}
+                axes.plot([x], [y], marker=markers[0] if sideways else markers[1], markersize=5, **look)
+                beside: dict[str, Any] = {**small, "ha": "left", "xycoords": axis, "textcoords": "offset points"}
+                axes.annotate(f"{int(runs):,}", (x, y), (7, 0), **beside)
+        (axes.set_xlim if sideways else axes.set_ylim)(
+            *((beyond - 0.08 * (high - low), None) if word == "-inf" else (None, beyond + 0.08 * (high - low)))
+        )
+    ticks = axes.xaxis if sideways else axes.yaxis
+    ticks.set_major_locator(FixedLocator([each for each in ticks.get_majorticklocs().tolist() if low <= each <= high]))
+
+
+def _positions(panel: MetricPanel, number: int) -> list[float]:
+    """Return where the estimates of a variant are on the horizontal axis."""
+    (axis,) = panel.axes
+    if panel.kind == "scatter" and panel.scale != "options":
+        return [float(each) for each in axis.values]
+    if axis.positions is not None:
+        return [float(each) for each in axis.positions]
+    return [place + _APART * (number - (len(panel.series) - 1) / 2) for place in range(len(axis.values))]
 
 
 def _draw_shares(axes: Axes, panel: MetricPanel) -> None:
@@ -215,7 +271,8 @@ def _draw_shares(axes: Axes, panel: MetricPanel) -> None:
 
 def _draw_distribution(axes: Axes, panel: MetricPanel) -> None:
     """Draw a histogram of the runs' values, with the mean and its interval."""
-    edges = _edges(np.concatenate(panel.samples))
+    values = np.concatenate(panel.samples)
+    edges = _edges(values if len(values) else np.zeros(1))
     for number, sample in enumerate(panel.samples):
         colour = colour_of(number)
         counts, _ = np.histogram(sample, edges)

@@ -25,6 +25,7 @@ from symaware_cli.views.plotting.offer_timeline import offer_timeline
 from symaware_cli.views.plotting.panels import Content, Distances, Panel, Trajectories
 from symaware_cli.views.plotting.paper_preset import GREY_SAFE
 from symaware_cli.views.plotting.request import PlotRequest, SeriesName, Window
+from symaware_cli.views.scene.contacts import contact_time
 from symaware_cli.views.scene.drawing import Drawing
 from symaware_cli.views.scene.marks import Bodies, Crosses, Curves, Lines, Mark, Modes, Numbers, Points, Solid, joined
 from symaware_cli.views.scene.scene import Scene, installed_drawings
@@ -179,6 +180,8 @@ class _Gathering:
                 views += [self._run_view.group_views[self._run_view.place[agent][0]] for agent in around]
                 knowledge = [f"/agents/{view.name}/knowledge" for view in views]
                 return [*places, *(view.state_topic for view in views), *knowledge, "/contacts", *paths]
+            case "contacts":
+                return ["/contacts"]
             case "separation" | "speed" | "altitude":
                 return places
             case "offers":
@@ -244,6 +247,8 @@ class _Gathering:
                 return [self._trajectories(motion)] if motion else []
             case "separation":
                 return self._separation(motion) if motion else []
+            case "contacts":
+                return self._contacts()
             case "specifications":
                 return self._specifications()
             case "verdicts":
@@ -343,6 +348,19 @@ class _Gathering:
                 shown = curves.marked(mark, f"specification {name}", styles, self.window)
                 found.append(shown and replace(shown, stepwise=True, note="upper bound of robustness", named=True))
         return [each for each in found if each is not None]
+
+    def _contacts(self) -> list[Panel]:
+        """Build a panel of the contacts of the chosen agents: a strip for each pair, of many for the longest."""
+        shown = {*self.chosen.agents, *self._run_view.obstacle_views}
+        marks: list[tuple[str, Modes]] = []
+        for path, parts in self._marks.items():
+            pair = path.removeprefix("contacts/").split(" ")
+            if path.startswith("contacts/") and isinstance(parts[0], Modes) and {*pair} <= shown:
+                marks.append((" and ".join(pair), joined(parts)))
+        marks.sort(key=lambda each: -contact_time(each[1], self.window.end))
+        title = "contacts" if len(marks) <= _PAIRS else f"contacts: the longest {_PAIRS} of {len(marks)} pairs"
+        timeline = mode_timeline("contacts", title, marks[:_PAIRS], self.window)
+        return [timeline] if timeline else []
 
     def _modes(self, name: str, title: str) -> list[Panel]:
         """Build a panel of the modes at the paths that begin with the name."""
@@ -491,9 +509,23 @@ def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurve
 
 
 #: The default panels.
-_DEFAULT = ("trajectories", "separation", "verdicts", "specifications", "offers", "risk", "speed", "altitude")
+_DEFAULT = (
+    "trajectories",
+    "separation",
+    "contacts",
+    "verdicts",
+    "specifications",
+    "offers",
+    "risk",
+    "speed",
+    "altitude",
+)
+
+#: The maximum number of pairs with a strip of their contacts.
+_PAIRS = 8
 
 _REASONS = {
+    "contacts": "there were no contacts of these agents",
     "specifications": "its scenario has none for these agents, or their robustness has no finite upper bound",
     "verdicts": "its scenario has no specifications, or more than fit",
     "modes": "nothing that happened to these agents changes",

@@ -26,6 +26,7 @@ from symaware_cli.views.plotting.line_styles import LineStyle
 from symaware_cli.views.plotting.panels import Trajectories
 from symaware_cli.views.plotting.region_labels import LabelledRegion, label_places
 from symaware_cli.views.plotting.time import DASHES, INK
+from symaware_cli.views.scale_bar import round_interval
 from symaware_cli.views.scene.marks import ACTIVE, PAST, TO_COME
 
 Array = NDArray[np.float64]
@@ -39,9 +40,6 @@ _PHASES: Mapping[int, Mapping[str, Any]] = {
 
 #: Number of shades of a path.
 _STROKES = 12
-
-#: Round intervals, up to a power of ten.
-_INTERVALS = (1.0, 2.0, 5.0, 10.0)
 
 #: Margin around the agents in which obstacles are shown, relative to the extent of the paths.
 _AROUND = 0.5
@@ -144,14 +142,6 @@ def extent(content: Trajectories, further: Array | None = None) -> tuple[Array, 
     # A straight path still needs a panel with some height.
     thin = np.maximum(0.12 * float((high - low).max()) - (high - low), 0.0) / 2
     return low - margin - thin, high + margin + thin
-
-
-def round_interval(span: float, count: int = 8) -> float:
-    """Choose a round interval that divides a span into about `count` parts."""
-    if span <= 0:
-        return 1.0
-    scale = 10.0 ** np.floor(np.log10(span / count))
-    return float(min((scale * each for each in _INTERVALS), key=lambda each: abs(span / each - count)))
 
 
 def _outlined(pieces: Sequence[Piece]) -> list[tuple[Array, float]]:

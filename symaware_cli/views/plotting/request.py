@@ -14,6 +14,7 @@ from symaware_cli.views.plotting.paper_preset import PaperPreset
 PANELS = (
     "trajectories",
     "separation",
+    "contacts",
     "verdicts",
     "specifications",
     "modes",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,6 @@ from symaware_cli.views.rerun.lines import send_strips
 from symaware_cli.views.scene.marks import ACTIVE, PAST, TO_COME, Bodies, Figures, Ground, Solid
 from symaware_cli.views.tessellation import tessellated
 
-if TYPE_CHECKING:
-    import rerun as rr
-
-
 Array = NDArray[np.float64]
 
 #: Share of the background in the filling of an area while it counts, and in its outline by phase.
@@ -27,8 +23,6 @@ _FILLING = 0.55
 _LOOK = {TO_COME: 0.45, ACTIVE: 0.0, PAST: 0.78}
 #: Height of an outline above the filling [m].
 _ABOVE = 0.005
-
-_NOSE = np.array((240, 240, 240), np.uint8)
 
 
 def show_bodies(output: ColumnReceiver, mark: Bodies) -> None:
@@ -68,7 +62,7 @@ def show_bodies(output: ColumnReceiver, mark: Bodies) -> None:
             # The radius of points without a size is in pixels.
             static(path, rr.Points3D.from_fields(radii=[shape.radius] if shape else rr.Radius.ui_points([4.0])))
         output.send(path, times, rr.Points3D.columns(positions=flat(positions), colors=colours), counts)
-    _show_labels(output, mark, positions, new=new)
+    output.label(mark, positions)
     if mark.nosed and mark.ring is None and shape is not None:
         _show_noses(output, mark, shape.radius, new=new)
 
@@ -77,18 +71,16 @@ def show_solid(output: ColumnReceiver, mark: Solid) -> None:
     """Show a body as prisms over its outline."""
     import rerun as rr
 
+    if mark.label:
+        output.label_area(mark)
     if mark.phases is not None:
         _show_phases(output, mark)
     elif output.is_new(mark.path):
-        (colour,) = shades(mark.colour, mark.transparency or mark.faded, 1)
+        (colour,) = shades(mark.colour, mark.transparency or mark.faded, 1, output.theme)
         for number, outline in enumerate(mark.outlines):
             vertices, triangles = prism_surface(outline, mark.low, mark.high)
             surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
             output.static(f"{mark.path}/{number}", surface)
-        if mark.label:
-            middle, unseen = [[*mark.label_at, mark.high]], rr.Radius.ui_points([0.0])
-            label = rr.Points3D(middle, labels=[mark.label], show_labels=True, colors=[mark.colour], radii=unseen)
-            output.static(f"{mark.path}/label", label)
     placed = rr.Transform3D.columns(translation=flat(mark.positions), quaternion=turns(mark.orientations))
     output.send(mark.path, mark.times, placed)
 
@@ -105,7 +97,7 @@ def _show_phases(output: ColumnReceiver, mark: Solid) -> None:
     for number, outline in enumerate(mark.outlines):
         path, (vertices, triangles) = f"{mark.path}/{number}", prism_surface(outline, mark.low, mark.high)
         if new:
-            filling = shades(tint, _FILLING, 1)[0]
+            filling = shades(tint, _FILLING, 1, output.theme)[0]
             output.static(path, rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=filling))
             output.static(f"{path}/outline", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5])))
         shape = rr.Mesh3D.columns(vertex_positions=flat(np.tile(vertices, (count, 1))))
@@ -114,21 +106,9 @@ def _show_phases(output: ColumnReceiver, mark: Solid) -> None:
         lines = {phase: (dashes if phase == TO_COME else closed)(outline, above) for phase in _LOOK}
         drawn = [line for phase in phases.tolist() for line in lines[phase]]
         counts = [len(lines[phase]) for phase in phases.tolist()]
-        colours = shades(tint, np.repeat([_LOOK[phase] for phase in phases.tolist()], counts), len(drawn))
+        colours = shades(tint, np.repeat([_LOOK[phase] for phase in phases.tolist()], counts), len(drawn), output.theme)
         lengths = [len(line) for line in drawn]
         send_strips(output, f"{path}/outline", times, np.concatenate(drawn), lengths, counts, colours)
-    if mark.label:
-        if new:
-            output.static(f"{mark.path}/label", _label(mark))
-        middle = np.tile([*mark.label_at, mark.high], (count, 1))
-        labels = rr.Points3D.columns(positions=flat(middle), labels=[mark.label] * count)
-        output.send(f"{mark.path}/label", times, labels, 1 * (phases == ACTIVE))
-
-
-def _label(mark: Solid) -> rr.Points3D:
-    import rerun as rr
-
-    return rr.Points3D.from_fields(show_labels=True, colors=[mark.colour], radii=rr.Radius.ui_points([0.0]))
 
 
 def _discs(output: ColumnReceiver, path: str, mark: Bodies, centres: Array, radius: float) -> None:
@@ -139,22 +119,6 @@ def _discs(output: ColumnReceiver, path: str, mark: Bodies, centres: Array, radi
     output.send(path, mark.times, discs, each(centres))
 
 
-def _show_labels(output: ColumnReceiver, mark: Bodies, positions: Array, *, new: bool) -> None:
-    import rerun as rr
-
-    path, rows = f"{mark.path}/label", list(mark.labels)
-    if new:
-        labels: Any = list(mark.labels.values())
-        radii = rr.Radius.ui_points([0.0])
-        output.static(path, rr.Points3D.from_fields(labels=labels, show_labels=True, radii=radii))
-    if rows:
-        # Below the bodies in the view, so that labels hide none.
-        below = np.array([0.0, 0.0, -mark.extent] if mark.spatial else [0.0, -mark.extent, 0.0])
-        places = positions[:, rows] + below
-        colours = packed(np.broadcast_to(mark.label_colours[rows], places.shape))
-        output.send(path, mark.times, rr.Points3D.columns(positions=flat(places), colors=colours), each(places))
-
-
 def _show_noses(output: ColumnReceiver, mark: Bodies, radius: float, *, new: bool) -> None:
     """Show headings as lines outward from the centres."""
     import rerun as rr
@@ -163,24 +127,28 @@ def _show_noses(output: ColumnReceiver, mark: Bodies, radius: float, *, new: boo
     if new:
         output.static(path, rr.LineStrips3D.from_fields(radii=[0.12 * radius]))
     facing = rotated(mark.orientations, np.array([1.0, 0.0, 0.0]))
-    # Just above the body, which would hide it from above.
-    inner = mark.positions + np.array([0.0, 0.0, _top(mark) + 0.05 * radius])
-    ends = np.stack([inner, inner + 1.5 * radius * facing], axis=2)
+    # Just above the body, which would hide it from above. On a ball it slants: what is higher is seen further out.
+    top = _top(mark)
+    start, above, level = (0.5, 0.9 * radius, 0.0) if top is None else (0.0, top + 0.05 * radius, top + 0.05 * radius)
+    inner = mark.positions + start * radius * facing + np.array([0.0, 0.0, above])
+    outer = mark.positions + 1.5 * radius * facing + np.array([0.0, 0.0, level])
+    ends = np.stack([inner, outer], axis=2)
     count = ends.shape[0] * ends.shape[1]
-    colours = np.broadcast_to(_NOSE, (count, 3))
+    colours = np.broadcast_to(np.array(output.theme.ink, np.uint8), (count, 3))
     send_strips(output, path, mark.times, ends.reshape(-1, 3), np.full(count, 2), each(mark.positions), colours)
 
 
-def _top(mark: Bodies) -> float:
-    """Return the height of bodies above their centres [m]."""
+def _top(mark: Bodies) -> float | None:
+    """Return the height of bodies above their centres [m]; None for balls."""
     shape = mark.shape
-    if shape is None or not mark.spatial or not (shape.box or shape.cylinder):
-        return shape.radius if shape else 0.0
-    return 0.5 * (shape.box.upright if shape.box else shape.cylinder.height if shape.cylinder else 0.0)
+    if shape is not None and shape.box:
+        return 0.5 * shape.box.upright if mark.spatial else 0.01
+    if shape is not None and shape.cylinder and mark.spatial:
+        return 0.5 * shape.cylinder.height
+    return 0.0 if shape is None or shape.polygon else None
 
 
-#: Colour and half extent of the ground [m], and its offset below its height, so that lines on it are visible [m].
-_GROUND = (30, 33, 41)
+#: Half extent of the ground [m], and its offset below its height, so that lines on it are visible [m].
 _GROUND_REACH = 500.0
 _BELOW = 2e-3
 
@@ -218,7 +186,7 @@ def show_ground(output: ColumnReceiver, mark: Ground) -> None:
         vertex_positions=np.column_stack([corners, np.full(4, mark.height - _BELOW)]),
         triangle_indices=[(0, 1, 2), (0, 2, 3)],
         vertex_normals=np.zeros((4, 3)),
-        albedo_factor=_GROUND,
+        albedo_factor=output.theme.ground,
     )
     output.static(mark.path, surface)
 

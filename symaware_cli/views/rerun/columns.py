@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.views.palette import faded
-from symaware_cli.views.scene.marks import Colours, Times
+from symaware_cli.views.palette import ReplayTheme, faded
+from symaware_cli.views.scene.marks import Bodies, Colours, Solid, Times
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -20,7 +20,19 @@ TIMELINE = "time"
 
 
 class ColumnReceiver(Protocol):
-    """Takes columns for a recording, as `RerunOutput` does; below, k is a number of instants."""
+    """Takes columns for a recording, as `RerunOutput` does; below, k is a number of instants.
+
+    Attributes:
+        theme: The colours of what is around agents.
+    """
+
+    theme: ReplayTheme
+
+    def label(self, mark: Bodies, positions: Array) -> None:
+        """Take bodies at (k, n, 3) positions [m], whose labels are placed later, with those of others."""
+
+    def label_area(self, mark: Solid) -> None:
+        """Take an area, whose label is placed later, with those of others."""
 
     def static(self, path: str, *archetypes: rr.AsComponents) -> None:
         """Log archetypes that are valid at all times."""
@@ -54,11 +66,11 @@ def each(points: Array) -> list[int]:
     return [points.shape[1]] * len(points)
 
 
-def shades(colours: ArrayLike, transparency: ArrayLike, count: int) -> Colours:
+def shades(colours: ArrayLike, transparency: ArrayLike, count: int, theme: ReplayTheme) -> Colours:
     """Return colours (count, 3), mixed with the background in place of transparency, which Rerun does not support."""
     own = np.broadcast_to(np.asarray(colours, np.uint8), (count, 3))
     share = np.asarray(transparency, float)
-    return faded(own, share) if share.any() else own
+    return faded(own, share, theme.background) if share.any() else own
 
 
 def packed(colours: Colours) -> NDArray[np.uint32]:

@@ -10,30 +10,45 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.log.sensor_channels import hits
 from symaware_cli.views.outline import circle
-from symaware_cli.views.palette import CONTACT, faded
+from symaware_cli.views.palette import CONTACT, DARK, ReplayTheme
 from symaware_cli.views.rerun.bodies import show_bodies, show_figures, show_ground, show_solid
 from symaware_cli.views.rerun.columns import TIMELINE, flat, packed, shades, turns
+from symaware_cli.views.rerun.labels import Labels, SceneView
 from symaware_cli.views.rerun.lines import show_crosses, show_lines
 from symaware_cli.views.scene import marks
 
 if TYPE_CHECKING:
     import rerun as rr
 
-#: The colours of level lines, and of the ring of an agent's perception range.
+#: The colour of level lines.
 _LEVEL = CONTACT
-_REACH = faded(np.array([180, 180, 190], np.uint8), 0.5)
 _LEVELS = {"DEBUG": "DEBUG", "INFO": "INFO", "WARNING": "WARN", "ERROR": "ERROR"}
 
 
-class RerunOutput:
-    """Shows marks in a Rerun recording; below, k is a number of instants."""
+Array = NDArray[np.float64]
 
-    def __init__(self, recording: rr.RecordingStream) -> None:
-        self._recording = recording
+
+class RerunOutput:
+    """Shows marks in a Rerun recording; below, k is a number of instants.
+
+    Attributes:
+        theme: The colours of what is around agents.
+    """
+
+    def __init__(self, recording: rr.RecordingStream, theme: ReplayTheme = DARK, view: SceneView | None = None) -> None:
+        """Begin with an empty recording.
+
+        Args:
+            recording: The recording.
+            theme: The colours of what is around agents.
+            view: The view in which labels are placed; None if it is not known how large the scene is.
+        """
+        self._recording, self.theme = recording, theme
+        self._labels = Labels(view or SceneView())
         # Simulated time is the only timeline.
         recording.set_log_time_enabled(False)
         recording.set_log_tick_enabled(False)
@@ -51,13 +66,33 @@ class RerunOutput:
 
         self.static(path, rr.TextDocument(text, media_type="text/markdown"))
 
+    def label(self, mark: marks.Bodies, positions: Array) -> None:
+        """Take bodies at (k, n, 3) positions [m]; their labels are placed when the data leave this process."""
+        self._labels.take(mark, positions)
+
+    def label_area(self, mark: marks.Solid) -> None:
+        """Take an area; its label is placed when the data leave this process."""
+        self._labels.take_area(mark)
+
     def flush(self) -> None:
-        """Wait until all data have left this process.
+        """Place the labels, and wait until all data have left this process.
 
         Raises:
             RuntimeError: They could not be written or sent.
         """
+        self._labels.show(self)
         self._recording.flush()
+
+    def scale_bar(self, path: str, ends: Array, text: str) -> None:
+        """Show a bar (2, 3) [m] at all times, with its length below it."""
+        import rerun as rr
+
+        bar = rr.LineStrips3D([ends], colors=[self.theme.faint], radii=rr.Radius.ui_points([1.5]))
+        unseen = rr.Radius.ui_points([0.0])
+        middle = [ends.mean(axis=0)]
+        label = rr.Points3D(middle, labels=[text], show_labels=True, colors=[self.theme.ink], radii=unseen)
+        self.static(path, bar)
+        self.static(f"{path}/label", label)
 
     def static(self, path: str, *archetypes: rr.AsComponents) -> None:
         """Log archetypes that are valid at all times."""
@@ -86,7 +121,7 @@ def _show_points(output: RerunOutput, mark: marks.Points) -> None:
 
     if output.is_new(mark.path):
         output.static(mark.path, rr.Points3D.from_fields(radii=rr.Radius.ui_points([mark.size])))
-    colours = packed(shades(mark.colours, mark.transparency, len(mark.positions)))
+    colours = packed(shades(mark.colours, mark.transparency, len(mark.positions), output.theme))
     output.send(mark.path, mark.times, rr.Points3D.columns(positions=flat(mark.positions), colors=colours), mark.counts)
 
 
@@ -97,7 +132,7 @@ def _show_rings(output: RerunOutput, mark: marks.Rings) -> None:
         thick = rr.Radius.ui_points([mark.width])
         look = rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
         output.static(mark.path, look)
-    colours = packed(shades(mark.colours, mark.transparency, len(mark.centres)))
+    colours = packed(shades(mark.colours, mark.transparency, len(mark.centres), output.theme))
     rings = rr.Cylinders3D.columns(centers=flat(mark.centres), radii=mark.radii.astype(np.float32), colors=colours)
     output.send(mark.path, mark.times, rings, mark.counts)
 
@@ -112,7 +147,7 @@ def _show_ellipsoids(output: RerunOutput, mark: marks.Ellipsoids) -> None:
         centers=flat(mark.centres),
         half_sizes=flat(mark.half_sizes),
         quaternions=turns(mark.orientations),
-        colors=packed(shades(mark.colours, mark.transparency, len(mark.centres))),
+        colors=packed(shades(mark.colours, mark.transparency, len(mark.centres), output.theme)),
     )
     output.send(mark.path, mark.times, shown, mark.counts)
 
@@ -125,7 +160,7 @@ def _show_place(output: RerunOutput, mark: marks.FocusPoint) -> None:
         output.static(mark.path, rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
         if mark.reach:
             ring = np.pad(circle(mark.reach, corners=96), ((0, 0), (0, 1)))
-            shown = rr.LineStrips3D([ring], colors=[_REACH], radii=rr.Radius.ui_points([1.0]))
+            shown = rr.LineStrips3D([ring], colors=[output.theme.faint], radii=rr.Radius.ui_points([1.0]))
             output.static(f"{mark.path}/range", shown)
     output.send(mark.path, mark.times, rr.Transform3D.columns(translation=flat(mark.positions)))
 

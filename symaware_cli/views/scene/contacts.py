@@ -13,9 +13,9 @@ from symaware_cli.log import logged_events
 from symaware_cli.views.chunk import Chunk
 from symaware_cli.views.detail import Detail
 from symaware_cli.views.outline import circle
-from symaware_cli.views.palette import CONTACT
+from symaware_cli.views.palette import CONTACT, Colour
 from symaware_cli.views.scene.drawing import Drawing
-from symaware_cli.views.scene.marks import Lines, Points
+from symaware_cli.views.scene.marks import Lines, Modes, Points
 from symaware_cli.views.views import RunView, in_space
 
 Array = NDArray[np.float64]
@@ -141,6 +141,45 @@ class Contacts(Drawing):
             self.run_view.group_views[self.run_view.place[who][0]].extent for who in pair if who in self.run_view.place
         ]
         return min(radii, default=0.0) or _POINT
+
+
+#: The modes of a pair of bodies, with their tints.
+_APART, _TOUCHING = "apart", "in contact"
+_TINTS: dict[str, Colour] = {_APART: (232, 235, 240), _TOUCHING: CONTACT}
+
+
+class ContactEpisodes(Drawing):
+    """Draws for each pair of bodies that meet when they were in contact."""
+
+    outputs: ClassVar = frozenset({"plot"})
+    order: ClassVar = 290
+
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
+        self._start: int | None = None
+        self._met: set[tuple[str, str]] = set()
+
+    def marks(self, chunk: Chunk) -> Iterator[Modes]:
+        """Yield the beginnings and ends of contacts, apart from those with the ground."""
+        self._start = chunk.start if self._start is None else self._start
+        changes: dict[tuple[str, str], list[tuple[int, str]]] = {}
+        for time, message in chunk.entries.get("/contacts", ()):
+            entry = logged_events.contact(time, message)
+            pair = entry.a, entry.b
+            if all(who in self.run_view.place or who in self.run_view.obstacle_views for who in pair):
+                changes.setdefault(pair, []).append((entry.time, _APART if entry.stage == "END" else _TOUCHING))
+        for pair, found in changes.items():
+            if pair not in self._met:
+                self._met.add(pair)
+                found.insert(0, (self._start, _APART))
+            times = np.array([time for time, _ in found], np.int64)
+            yield Modes(path=f"contacts/{' '.join(pair)}", times=times, modes=[mode for _, mode in found], tints=_TINTS)
+
+
+def contact_time(mark: Modes, end: int) -> int:
+    """Return for how long a pair was in contact up to an instant [ns]."""
+    spans = zip(mark.times.tolist(), [*mark.times[1:].tolist(), end], mark.modes, strict=True)
+    return sum(max(last - first, 0) for first, last, mode in spans if mode == _TOUCHING)
 
 
 class ContactPoints(Drawing):

@@ -121,9 +121,7 @@ class RegionsDrawing(Drawing):
         drawn = sorted((name for name in found if found[name]), key=lambda name: _size(found[name]), reverse=True)
         self._found = {name: found[name] for name in drawn}
         self._colours = {
-            name: REGIONS[number % len(REGIONS)]
-            if (said := run_view.regions[name].colour) is None
-            else REGION_COLOURS[said]
+            name: REGION_COLOURS.get(run_view.regions[name].colour or name, REGIONS[number % len(REGIONS)])
             for number, name in enumerate(drawn)
         }
         self._begun, self._end = False, 0
@@ -166,8 +164,9 @@ class RegionsDrawing(Drawing):
         number = list(self._found).index(name)
         level = _BELOW + _STEP * number
         corners = np.concatenate(outlines(pieces))
-        # Agents that are to be in an area would hide a label in its middle.
+        # Agents that are to be in an area, or that it is around, would hide a label in its middle.
         middle, top = corners.mean(axis=0), corners[:, 1].max()
+        is_aside = name in self.run_view.windows or self.run_view.regions[name].around is not None
         return Solid(
             path=f"world/regions/{name}",
             layer="regions",
@@ -180,7 +179,7 @@ class RegionsDrawing(Drawing):
             transparency=_TRANSPARENCY,
             phases=phases(self.run_view.windows[name], times) if name in self.run_view.windows else None,
             label=name,
-            label_at=(float(middle[0]), float(middle[1] if name not in self.run_view.windows else top)),
+            label_at=(float(middle[0]), float(top if is_aside else middle[1])),
             positions=positions,
             orientations=about((0.0, 0.0, 1.0), headings),
         )

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry import rotated
 from symaware_cli.log.sensor_channels import hits
+from symaware_cli.views.label_layout import labels_beside
 from symaware_cli.views.outline import circle, dashes, outlines
 from symaware_cli.views.palette import Colour, ReplayTheme, hexadecimal
 from symaware_cli.views.plotting.figure_style import styled
-from symaware_cli.views.plotting.plane import round_interval
 from symaware_cli.views.plotting.region_labels import LabelledRegion, label_places
+from symaware_cli.views.scale_bar import round_interval
 from symaware_cli.views.scene import marks
 from symaware_cli.views.scene.marks import ACTIVE, PAST
-from symaware_cli.views.video.label_layout import labels_beside
 from symaware_cli.views.video.viewpoint import Viewpoint
 
 Array = NDArray[np.float64]

@@ -65,3 +65,29 @@ def test_a_preset_has_the_width_and_the_type_of_a_column_and_colours_that_differ
     assert hexadecimal(AGENTS[0]) not in text
     draw(picture, tmp_path / "usual.svg")
     assert hexadecimal(AGENTS[0]) in (tmp_path / "usual.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    "runs",
+    [
+        swept({}, 40, is_infinite=True),
+        swept({"a": [1, 2, 3]}, 8, ["slow", "fast"], is_infinite=True),
+        swept({"a": ["x", "y"]}, 8, is_infinite=True),
+        swept({"a": [1, 2], "b": [1, 2]}, 8, is_infinite=True),
+        swept({}, 60, is_drawn=True, is_infinite=True),
+    ],
+    ids=["distribution", "variants", "texts", "map", "drawn"],
+)
+def test_infinite_values_are_marked_with_their_number_of_runs(runs: FinishedRuns, tmp_path: Path) -> None:
+    picture = composed(runs, ["robustness.safe"])
+    (panel, *_) = picture.panels
+    assert panel.infinite is not None
+    assert (
+        sum(int(each.infinite[0].sum()) for each in picture.panels if each.infinite is not None)
+        >= len(runs.indices) // 4
+    )
+    assert any("-inf in" in note for note in picture.notes)
+    assert not any("have no value" in note for note in picture.notes)
+    draw(picture, tmp_path / "picture.svg", dpi=50)
+    words = re.findall(r"<text[^>]*>([^<]*)</text>", (tmp_path / "picture.svg").read_text())
+    assert any("-inf" in word for word in words)
