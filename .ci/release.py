@@ -1,11 +1,13 @@
 """Builds a release, checks it in fresh environments, and describes it. Nothing is uploaded.
 
-    .venv/bin/python .ci/release.py FOLDER [--python INTERPRETER]...
+    .venv/bin/python .ci/release.py FOLDER [--python INTERPRETER]... [--key KEY]
 
-Writes into FOLDER: the sdist, the wheel that is built from it, `sbom.cdx.json` (CycloneDX 1.6: what an installation
-with the extra `plot` consists of), `provenance.json` (an in-toto statement with the predicate of SLSA, not signed: it
-says from which commit the files were built, and proves nothing by itself) and `SHA256SUMS`. Each interpreter installs
-the wheel with the pins, runs and verifies a new scenario, and must give the same digest as the others.
+Builds the last commit, whose version is that of its tag (`v0.2.0`); without a tag it is a trial, with a version such as
+`0.2.0.dev7+g1234567`. Writes into FOLDER: the sdist, the wheel that is built from it, `sbom.cdx.json` (CycloneDX 1.6:
+what an installation with the extra `plot` consists of), `provenance.json` (an in-toto statement with the predicate of
+SLSA, signed if a key of Ed25519 is given: it says from which commit the files were built) and `SHA256SUMS`. Each
+interpreter installs the wheel with the pins, runs and verifies a new scenario, executes a notebook, and must give the
+same digest of the run as the others.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,7 +26,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from symaware_cli import LogError
+from symaware_cli.evidence.signed_statement import TYPE, written
+
 TOP = Path(__file__).resolve().parents[1]
+NOTEBOOKS = TOP / "docs" / "notebooks"
 
 #: What a fresh environment prints about its packages, as JSON.
 LISTING = """
@@ -44,58 +51,55 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Build and check a release.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--python", action="append", default=[], metavar="INTERPRETER")
+    parser.add_argument("--key", type=Path, help="signs the provenance: a private key of Ed25519 in PEM")
     arguments = parser.parse_args()
     folder: Path = arguments.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):
         raise ReleaseError(f"{folder} is not empty")
     commit = output("git", "rev-parse", "HEAD", at=TOP)
-    check_version(version_of(TOP), tags_at(commit))
     built(folder, commit)
     files = sorted(folder.iterdir())
     (wheel,) = (path for path in files if path.suffix == ".whl")
+    version = wheel.name.split("-")[1]
+    check_version(version, output("git", "tag", "--points-at", commit, at=TOP).split(), TOP)
     checked = [checked_in(python, wheel) for python in arguments.python or [sys.executable]]
     if len({digest for digest, _ in checked}) != 1:
         raise ReleaseError("the digest of a run differs between the interpreters")
-    documents = {
-        "sbom.cdx.json": bill_of_materials(version_of(TOP), checked[0][1]),
-        "provenance.json": provenance(files, commit),
-    }
-    for name, document in documents.items():
-        (folder / name).write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-    listed = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    bill = json.dumps(bill_of_materials(version, checked[0][1]), indent=2)
+    (folder / "sbom.cdx.json").write_text(bill + "\n", encoding="utf-8")
+    (folder / "provenance.json").write_bytes(written(provenance(files, commit), arguments.key))
+    listed = sorted(folder.iterdir())
     (folder / "SHA256SUMS").write_text("".join(f"{sha256(path)}  {path.name}\n" for path in listed))
     print(f"{folder}: {', '.join(path.name for path in listed)}; checked with {len(checked)} interpreters")
 
 
-def version_of(checkout: Path) -> str:
-    """Return the version that a checkout states."""
-    found = re.search(r'__version__ = "([^"]+)"', (checkout / "symaware_cli" / "version.py").read_text())
-    if found is None:
-        raise ReleaseError("symaware_cli/version.py states no version")
-    return found[1]
+def check_version(version: str, tags: Sequence[str], checkout: Path) -> None:
+    """Check the version of a commit: that of its tag, if it has one, with an entry in the changelog.
 
-
-def tags_at(commit: str) -> list[str]:
-    """Return the tags of a commit."""
-    return output("git", "tag", "--points-at", commit, at=TOP).split()
-
-
-def check_version(version: str, tags: Sequence[str]) -> None:
-    """Check that a version is that of the tag of its commit, if there is one, and has an entry in the changelog."""
-    others = [tag for tag in tags if tag.startswith("v") and tag != f"v{version}"]
-    if others:
-        raise ReleaseError(f"the commit is tagged {', '.join(others)}, and its version is {version}")
-    if f"## [{version}]" not in (TOP / "CHANGELOG.md").read_text(encoding="utf-8"):
-        raise ReleaseError(f"CHANGELOG.md has no entry for {version}")
+    Raises:
+        ReleaseError: The tag is another one, or the changelog of a tagged version is not complete.
+    """
+    released = [tag for tag in tags if re.match(r"v\d", tag)]
+    if not released:
+        return
+    if released != [f"v{version}"]:
+        raise ReleaseError(f"the commit is tagged {', '.join(released)}, and its version is {version}")
+    if not re.search(
+        rf"(?m)^## \[{re.escape(version)}\] - \d", (checkout / "CHANGELOG.md").read_text(encoding="utf-8")
+    ):
+        raise ReleaseError(f"CHANGELOG.md has no entry with a date for {version}: towncrier build --version {version}")
+    if fragments := sorted((checkout / "changes").glob("*.md")):
+        raise ReleaseError(f"{fragments[0].name} is not in the changelog yet: towncrier build --version {version}")
 
 
 def built(folder: Path, commit: str) -> None:
     """Build the sdist of a commit, and the wheel from the sdist, with the time of the commit in both."""
     time = output("git", "show", "--no-patch", "--format=%ct", commit, at=TOP)
     with tempfile.TemporaryDirectory() as copy:
-        archive = subprocess.run(["git", "archive", commit], cwd=TOP, check=True, capture_output=True).stdout
-        subprocess.run(["tar", "-x", "-C", copy], input=archive, check=True)
+        # A clone, since the version is found in the tags.
+        output("git", "clone", "--quiet", "--shared", "--no-checkout", str(TOP), copy, at=TOP)
+        output("git", "checkout", "--quiet", commit, at=Path(copy))
         environment = {**os.environ, "SOURCE_DATE_EPOCH": time}
         command = [sys.executable, "-P", "-m", "build", "--outdir", str(folder), copy]
         subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
@@ -106,13 +110,20 @@ def checked_in(python: str, wheel: Path) -> tuple[str, list[dict[str, str]]]:
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([python, "-m", "venv", "env"], cwd=folder, check=True)
         own = str(Path(folder, "env", "bin", "python"))
-        pins = str(TOP / "constraints.txt")
-        subprocess.run([own, "-m", "pip", "install", "--quiet", "-c", pins, f"{wheel}[plot]"], cwd=folder, check=True)
+        install = [own, "-m", "pip", "install", "--quiet", "--no-compile", "-c", str(TOP / "constraints.txt")]
+        subprocess.run([*install, f"{wheel}[plot]"], cwd=folder, check=True)
         packages: list[dict[str, str]] = json.loads(output(own, "-c", LISTING, at=Path(folder)))
         symaware = [own, "-P", "-m", "symaware_cli"]
         for line in ("new mine", "run mine.yaml --quiet", "plot mine.mcap", "verify mine.mcap --quiet"):
             subprocess.run([*symaware, *line.split()], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-        return output(*symaware, "log", "digest", "mine.mcap", at=Path(folder)).split()[-1], packages
+        digest = output(*symaware, "log", "digest", "mine.mcap", at=Path(folder)).split()[-1]
+        # What executes notebooks, and nothing else.
+        subprocess.run([*install, "ipykernel", "nbclient"], cwd=folder, check=True)
+        notebook = shutil.copy(NOTEBOOKS / "first-scenario.ipynb", folder)
+        subprocess.run(
+            [own, "-P", str(NOTEBOOKS / "execute.py"), notebook], cwd=folder, check=True, stdout=subprocess.DEVNULL
+        )
+        return digest, packages
 
 
 def bill_of_materials(version: str, packages: Sequence[Mapping[str, str]]) -> dict[str, Any]:
@@ -155,7 +166,7 @@ def bill_of_materials(version: str, packages: Sequence[Mapping[str, str]]) -> di
 def provenance(files: Sequence[Path], commit: str) -> dict[str, Any]:
     """Return from what files were built: an in-toto statement, version 1, with the predicate of SLSA 1.0."""
     return {
-        "_type": "https://in-toto.io/Statement/v1",
+        "_type": TYPE,
         "subject": [{"name": path.name, "digest": {"sha256": sha256(path)}} for path in files],
         "predicateType": "https://slsa.dev/provenance/v1",
         "predicate": {
@@ -164,7 +175,7 @@ def provenance(files: Sequence[Path], commit: str) -> dict[str, Any]:
                 "externalParameters": {"command": "python .ci/release.py"},
                 "resolvedDependencies": [{"name": "source", "digest": {"gitCommit": commit}}],
             },
-            "runDetails": {"builder": {"id": "urn:symaware:unsigned-local-build"}},
+            "runDetails": {"builder": {"id": "urn:symaware:local-build"}},
         },
     }
 
@@ -182,5 +193,7 @@ def output(*command: str, at: Path) -> str:
 if __name__ == "__main__":
     try:
         main()
-    except (ReleaseError, subprocess.CalledProcessError) as failure:
+    except (ReleaseError, LogError) as failure:
         sys.exit(f"release: {failure}")
+    except subprocess.CalledProcessError as failure:
+        sys.exit(f"release: {failure}\n{failure.stderr or ''}")

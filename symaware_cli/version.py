@@ -1,3 +1,6 @@
-"""The version of the package: the one place that says it."""
+"""The version of the package: from the tags of the repository, at the time of the installation."""
 
-__version__ = "0.1.0"
+try:
+    from symaware_cli.installed_version import __version__ as __version__
+except ModuleNotFoundError:  # sources that are not installed
+    __version__ = "0+unknown"

@@ -28,7 +28,7 @@ VOLATILE = (
     r"[\d.,]+ (kB|MB|B)\b",
     r"wall time .*",
     r"[\d.]+ s of wall time",
-    r"\b\d+\.\d+\.\d+\b",  # a version
+    r"\b\d+\.\d+\.\d+\b(\.dev\d+)?(\+\w+(\.\w+)*)?",  # a version
     r"and \d+ more \(--json\)",
     r"/timing .*",
     r"SHA-256 \S+",
