@@ -184,7 +184,7 @@ def test_a_package_of_each_kind_is_green_without_an_edit(tmp_path: Path, monkeyp
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
-            timeout=600,
+            timeout=1800,
             check=False,
         )
         assert done.returncode == 0, done.stdout + done.stderr
