@@ -137,9 +137,9 @@ def _lines(found: ExplanationFile) -> Iterator[tuple[int, str, str, str]]:
     for row in found.candidates:
         general = {each.at: each for each in row.in_general}
         for each in row.in_this_run:
-            said = f"made right from here on, it {'saves' if each.saved else 'does not save'} this run"
+            said = f"{'saves' if each.saved else 'does not save'} this run"
             test = general.get(each.at)
             if test is not None and test.saved_by_placebo is not None:
-                said += f", and {test.saved_by_truth} of {test.futures} futures (placebo {test.saved_by_placebo})"
+                said += f", {test.saved_by_truth} of {test.futures} futures (placebo {test.saved_by_placebo})"
             kind = "cause" if test is not None and test.established else "candidate"
             yield nanoseconds(each.at), kind, row.candidate.text, said
