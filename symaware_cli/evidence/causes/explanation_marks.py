@@ -1,4 +1,7 @@
-"""The causes of a violation in replays, from the explanation beside the log."""
+"""The causes of a violation in replays, from the explanation beside the log.
+
+Reasons: docs/decisions/0107-components-as-causes.md
+"""
 
 from __future__ import annotations
 
@@ -15,12 +18,7 @@ from symaware_cli.evidence.causes.explanation_file import (
     read_explanation,
 )
 from symaware_cli.log import open_log
-from symaware_cli.views.chunk import Chunk
-from symaware_cli.views.detail import Detail
-from symaware_cli.views.palette import RISK
-from symaware_cli.views.scene.drawing import Drawing
-from symaware_cli.views.scene.marks import Journal, Lines, Rings
-from symaware_cli.views.views import RunView
+from symaware_cli.views import RISK, Chunk, Detail, Drawing, Journal, Lines, Rings, RunView
 
 #: Radius of the ring around the agent of a cause, in radii of the body.
 _REACH = 2.6
