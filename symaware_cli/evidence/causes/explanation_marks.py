@@ -80,8 +80,8 @@ class Causes(Drawing):
     def _drawn(self, path: str, given: NamedCandidate, span: tuple[int, int], chunk: Chunk) -> Iterator[Lines | Rings]:
         """Yield the marks of a cause from its first instant to the violation [ns]."""
         of = (given.of or "").rpartition(".")[0] if given.kind == "component" else given.of
-        ends = [given.agent or given.sender or of, given.about or given.receiver]
-        ends = [each for each in dict.fromkeys(ends) if each in self.run_view.place]
+        named = (given.agent or given.sender or of or "", given.about or given.receiver or "")
+        ends = [each for each in dict.fromkeys(named) if each in self.run_view.place]
         if not ends:
             return
         group_view = self.run_view.group_views[self.run_view.place[ends[0]][0]]
