@@ -14,13 +14,9 @@ import numpy as np
 import yaml
 
 import symaware_cli
-from symaware_cli import open_log
 from symaware_cli.evidence import Explanation, explain
 
 GOOD = {"range": 9.0, "position_noise": 0.05, "velocity_noise": 0.05}
-#: How far walkers look ahead [s].
-AHEAD = 2.5
-
 BAD = {"range": 9.0, "position_noise": 1.2, "velocity_noise": 0.6, "dropout": 0.4}
 
 #: The cart drives along the x axis from here, and meets walkers around these times [m, s].
@@ -78,7 +74,7 @@ def _scenario(seed: int, bad: int | None, changes: Mapping[str, Any]) -> dict[st
                 "see": {"use": "perception.range", "with": BAD if number == bad else GOOD},
                 "avoid": {
                     "use": "control.velocity-obstacle",
-                    "with": {"speed": 1.0, "time_horizon": AHEAD, "margin": 0.15},
+                    "with": {"speed": 1.0, "time_horizon": 2.5, "margin": 0.15},
                 },
             },
         }
@@ -101,10 +97,6 @@ def _run(tree: Mapping[str, Any], folder: Path, *, logged: bool = True) -> tuple
     log.unlink(missing_ok=True)
     summary = symaware_cli.load(file).run(output=log, record=logged).summary
     return log, any(each.verdict == "violated" and each.name == "apart" for each in summary.specifications)
-
-
-def _first_violation(log: Path) -> float:
-    return next(event.seconds for event in open_log(log).events() if event.name == "violated")
 
 
 def planted(folder: Path) -> Iterator[Case]:
@@ -135,8 +127,7 @@ def _with_messages(folder: Path, channel: Mapping[str, Any], half: int) -> Itera
 
     One in five of all other messages is lost, which does no harm. Only messages are candidates: since a walker knows
     the cart by these messages only, its wrong belief about the cart is an effect of the losses, and would be a valid
-    cause as well. They are made to arrive in time as long before the violation as walkers look ahead, since later ones
-    come too late for half of the futures; so violations before that are no cases.
+    cause as well.
     """
     seed = 20_000
     while True:
@@ -149,8 +140,8 @@ def _with_messages(folder: Path, channel: Mapping[str, Any], half: int) -> Itera
             continue
         link = {"sender": "cart", "receiver": bad, "channel": channel}
         log, violated = _run(talking(seed, {"links": [link]}), folder)
-        if violated and _first_violation(log) > AHEAD:
-            yield Case(log, f"messages cart to {bad}", ("messages",), (AHEAD,))
+        if violated:
+            yield Case(log, f"messages cart to {bad}", ("messages",), (1.5,))
 
 
 def talking(seed: int, network: Mapping[str, Any]) -> dict[str, Any]:

@@ -234,7 +234,7 @@ def test_a_replay_shows_the_causes_of_the_explanation_beside_the_log(tmp_path: P
     assert not shown[times > end * 1e9].any()
     (journal,) = [each for each in causes_drawn(own) if isinstance(each, Journal) and len(each.times)]
     assert journal.kinds[0] == "cause"
-    assert journal.texts[0].startswith("made right from here on, it saves this run, and 16 of 16 futures (placebo ")
+    assert journal.texts[0].startswith("saves this run, 16 of 16 futures (placebo ")
     beside.write_text(json.dumps({**found, "digest": "0"}))
     (journal,) = causes_drawn(own)
     assert isinstance(journal, Journal)

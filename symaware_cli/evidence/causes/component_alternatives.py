@@ -1,4 +1,7 @@
-"""Components with alternatives, as candidates of an explanation."""
+"""Components with alternatives, as candidates of an explanation.
+
+Reasons: docs/decisions/0107-components-as-causes.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The causes of a violation in replays, from the explanation beside the log."""
+"""The causes of a violation in replays, from the explanation beside the log.
+
+Reasons: docs/decisions/0107-components-as-causes.md
+"""
 
 from __future__ import annotations
 
@@ -15,12 +18,7 @@ from symaware_cli.evidence.causes.explanation_file import (
     read_explanation,
 )
 from symaware_cli.log import open_log
-from symaware_cli.views.chunk import Chunk
-from symaware_cli.views.detail import Detail
-from symaware_cli.views.palette import RISK
-from symaware_cli.views.scene.drawing import Drawing
-from symaware_cli.views.scene.marks import Journal, Lines, Rings
-from symaware_cli.views.views import RunView
+from symaware_cli.views import RISK, Chunk, Detail, Drawing, Journal, Lines, Rings, RunView
 
 #: Radius of the ring around the agent of a cause, in radii of the body.
 _REACH = 2.6
@@ -82,8 +80,8 @@ class Causes(Drawing):
     def _drawn(self, path: str, given: NamedCandidate, span: tuple[int, int], chunk: Chunk) -> Iterator[Lines | Rings]:
         """Yield the marks of a cause from its first instant to the violation [ns]."""
         of = (given.of or "").rpartition(".")[0] if given.kind == "component" else given.of
-        ends = [given.agent or given.sender or of, given.about or given.receiver]
-        ends = [each for each in dict.fromkeys(ends) if each in self.run_view.place]
+        named = (given.agent or given.sender or of or "", given.about or given.receiver or "")
+        ends = [each for each in dict.fromkeys(named) if each in self.run_view.place]
         if not ends:
             return
         group_view = self.run_view.group_views[self.run_view.place[ends[0]][0]]
@@ -137,9 +135,9 @@ def _lines(found: ExplanationFile) -> Iterator[tuple[int, str, str, str]]:
     for row in found.candidates:
         general = {each.at: each for each in row.in_general}
         for each in row.in_this_run:
-            said = f"made right from here on, it {'saves' if each.saved else 'does not save'} this run"
+            said = f"{'saves' if each.saved else 'does not save'} this run"
             test = general.get(each.at)
             if test is not None and test.saved_by_placebo is not None:
-                said += f", and {test.saved_by_truth} of {test.futures} futures (placebo {test.saved_by_placebo})"
+                said += f", {test.saved_by_truth} of {test.futures} futures (placebo {test.saved_by_placebo})"
             kind = "cause" if test is not None and test.established else "candidate"
             yield nanoseconds(each.at), kind, row.candidate.text, said
