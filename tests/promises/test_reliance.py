@@ -139,10 +139,10 @@ def test_a_plan_is_paid_anew_when_a_promise_is_not_relied_on_any_more() -> None:
     with sa.scenario(content).start() as run:
         component = next(each for each in run._simulation.entries if each.name == "plan").components[0]
         run.step(2)
-        assert len(component._relied) == 1
+        assert len(vars(component)["_relied"]) == 1
         run.step(6)
         assert run.awareness("bob", "trust").tolist() == [0.0, 0.0]
-        assert component._relied == ()
+        assert vars(component)["_relied"] == ()
 
 
 def test_an_expected_place_outside_of_the_region_is_moved_to_its_edge() -> None:

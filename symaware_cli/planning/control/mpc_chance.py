@@ -7,7 +7,7 @@ obstacles", IEEE Transactions on Robotics 27(6), 2011). The parts are equal or, 
 not used and given to where they limit the plan (M. Ono, B. C. Williams, "Iterative risk allocation: a new approach to
 robust model predictive control with a joint chance constraint", IEEE Conference on Decision and Control, 2008).
 
-Reasons: docs/decisions/0035-chance-constraints.md
+Reasons: docs/decisions/0035-chance-constraints.md, for promises docs/decisions/0109-maximal-risk-pays-for-promises.md
 """
 
 from __future__ import annotations
