@@ -5,7 +5,7 @@ Reasons: docs/decisions/0001-agents-in-columns.md
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -195,6 +195,18 @@ class AgentGroup(EntityGroup):
         sources = (each for _, each in sorted(self.sections.items()) if isinstance(each, Confinement))
         found = (each.confined(self, tracks) for each in sources)
         return [each for each in found if each is not None]
+
+    def breach(self, row: int, others: Collection[int]) -> float:
+        """Return the declared probability that one of some others leaves the sets of `confined`, at most 1.
+
+        The probabilities are added (Boole's inequality).
+
+        Args:
+            row: The row of the agent that relies on the sets.
+            others: The others, as indices in the roster.
+        """
+        sources = [each.breach(self) for _, each in sorted(self.sections.items()) if isinstance(each, Confinement)]
+        return min(1.0, sum(found.get((row, other), 0.0) for found in sources for other in sorted(others)))
 
     @cached_property
     def agents(self) -> tuple[Agent, ...]:

@@ -6,6 +6,7 @@ Reasons: docs/decisions/0100-confinement.md
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -73,3 +74,14 @@ class Confinement(ABC):
             group: The `AgentGroup`.
             tracks: The beliefs of the group about others; rows of others without a set are left out of the result.
         """
+
+    def breach(self, group: Any) -> Mapping[tuple[int, int], float]:
+        """Return the declared probability that an agent's other leaves its sets, whether or not the sets are known yet.
+
+        A chance constraint pays for it at the beginning. It is by the row of the agent, and the index of the other in
+        the roster; by default there is none.
+
+        Args:
+            group: The `AgentGroup`.
+        """
+        return {}

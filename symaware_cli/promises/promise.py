@@ -138,7 +138,7 @@ class Promises(Confinement, FurtherNames):
         return [
             each
             for each in self.to(group.ids[row])
-            if not each.is_told or each.name in database.get(each.of, {}).get(_TOLD, ())
+            if not each.is_told or (each.of in database and each.name in database[each.of].get(_TOLD, ()))
         ]
 
     def learn(self, group: AgentGroup, row: int, of: str, names: Iterable[str]) -> list[Promise]:
@@ -171,6 +171,16 @@ class Promises(Confinement, FurtherNames):
                         sets.append(each.piece)
                         breach.append(1.0 - each.confidence)
         return Confined(np.array(rows, np.intp), Pieces.of(sets), np.array(breach)) if rows else None
+
+    def breach(self, group: AgentGroup) -> Mapping[tuple[int, int], float]:
+        """See `Confinement`."""
+        roster = group.surroundings.environment.roster
+        total: dict[tuple[int, int], float] = {}
+        for row, id in enumerate(group.ids):
+            for each in self.to(id):
+                pair = row, roster.indices[each.of]
+                total[pair] = total.get(pair, 0.0) + 1.0 - each.confidence
+        return total
 
     def names(self, group: AgentGroup) -> Names:
         """See `FurtherNames`: ``may_meet(adam, bob)`` and ``kept(adam)``."""

@@ -28,7 +28,7 @@ TELL = "promises.tell"
 #: probability that one is broken, or hold if all are kept.
 RELYING: Mapping[str, str] = {
     "control.barrier-filter": "if-kept",
-    "control.mpc": "if-kept",
+    "control.mpc": "paid",
     "risk.collision": "paid",
     "risk.map": "paid",
     "risk.specification": "paid",
@@ -113,16 +113,30 @@ class PromisesSection(ScenarioSection):
                 is_told = any(one.use == TELL for one in components.values())
                 found.append(Promise(name, maker, to, shape, each.confidence, each.on_broken, each.formula, is_told))
         groups = sorted({ids[id] for each in found for id in each.to})
-        return Promises(found, radii, {group: _reliance(document.agents[group].components) for group in groups})
+        costs = {
+            group: sum(1.0 - each.confidence for each in found if any(ids[id] == group for id in each.to))
+            for group in groups
+        }
+        reliance = {group: _reliance(document.agents[group].components, costs[group]) for group in groups}
+        return Promises(found, radii, reliance)
 
 
-def _reliance(components: Mapping[str, Any]) -> Reliance:
-    """Return which of the components of a group rely on promises, and how."""
+def _reliance(components: Mapping[str, Any], cost: float) -> Reliance:
+    """Return which of the components of a group rely on promises, and how.
+
+    Args:
+        components: The components, by name.
+        cost: The declared probability that one of the promises to the group is broken.
+    """
     how = {
-        name: (each.with_ or {}).get("promises", RELYING[each.use])
-        for name, each in components.items()
-        if each.use in RELYING
+        name: each.with_.get("promises", RELYING[each.use]) for name, each in components.items() if each.use in RELYING
     }
+    for name in how:
+        if components[name].use == "control.mpc" and "maximal_risk" not in components[name].with_:
+            how[name] = "if-kept"  # it moves what it expects of others into their regions, and bounds no risk
+        elif components[name].use == "control.mpc" and how[name] == "paid":
+            # Promises that cost all of a maximal risk do not count (`ChanceConstraints.paid`).
+            how[name] = "paid" if cost < float(components[name].with_["maximal_risk"]) else "ignored"
     return Reliance(*(tuple(name for name, each in how.items() if each == kind) for kind in ("paid", "if-kept")))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from promising import promising
 
 import symaware_cli as sa
@@ -78,6 +79,70 @@ def test_the_barrier_filter_passes_beside_the_region_of_an_oncoming_agent() -> N
     relying = _filtered(content)
     content["promises"] = {}
     assert relying < 0.05 < 0.2 < _filtered(content)
+
+
+def planning(**given: Any) -> dict[str, Any]:
+    """Return a scenario in which Bob passes beside the region with a maximal risk of coming closer than 1 m to Adam."""
+    content = promising()
+    drive = content["agents"]["adam"]["components"]["drive"]["with"]
+    drive["inputs"] = [{"time": 0.0, "input": [0.8, 0.0]}, {"time": 1.1, "input": [0.0, 0.0]}]
+    plan = {"specifications": ["apart"], "maximal_risk": 0.05, "horizon": 1.5, "steps": 15, "neighbours": 0, **given}
+    content["agents"]["bob"] |= {
+        "state": [1.6, -2.0],
+        "model": {"use": "single-integrator", "with": {"max_speed": 1.0, "process_noise": 0.03}},
+        "knowledge": {"goal": [1.6, 3.0]},
+        "components": {
+            "see": {"use": "perception.range", "with": {"range": 20.0, "position_noise": 0.05, "velocity_noise": 0.1}},
+            "filter": {"use": "uncertainty.gaussian"},
+            "promises": {"use": "promises.monitor"},
+            "plan": {"use": "control.mpc", "with": plan},
+        },
+    }
+    content["specifications"] = {"apart": {"pairs": [["adam", "bob"]], "formula": "always distance > 1"}}
+    content["run"]["duration"] = 3.0
+    return content
+
+
+def planned(content: dict[str, Any], folder: Path) -> tuple[float, float, list[str]]:
+    """Return how far Bob swerves [m], the risk spent after the first step, and what is said about reliance."""
+    sa.scenario(content).run(output=folder / "run.mcap")
+    log = sa.open_log(folder / "run.mcap")
+    swerve = float(np.abs(log.series("bob", "state").values[:, 0] - 1.6).max())
+    said = [each.text for each in log.events() if each.name == "promise-relied-on"]
+    return swerve, float(log.series("bob", "plan.risk_budget").values[0, 1]), said
+
+
+def test_a_maximal_risk_pays_for_the_promises_that_its_plans_rely_on(tmp_path: Path) -> None:
+    pytest.importorskip("casadi")
+    found = {each: planned(planning(promises=each), tmp_path) for each in ("ignored", "paid", "if-kept")}
+    assert found["paid"][0] < 0.7 * found["ignored"][0]
+    assert found["if-kept"][0] < 0.7 * found["ignored"][0]
+    assert found["paid"][1] - found["if-kept"][1] == pytest.approx(0.01)
+    assert found["paid"][2] == ["relies on `stay` of adam: `plan` includes 0.01 for it"]
+    assert found["if-kept"][2] == ["relies on `stay` of adam: `plan` holds if it is kept"]
+    assert found["ignored"][2] == []
+
+
+def test_promises_that_cost_all_of_a_maximal_risk_do_not_count(tmp_path: Path) -> None:
+    pytest.importorskip("casadi")
+    content = planning(maximal_risk=0.01)
+    content["run"]["duration"] = 0.3
+    _, spent, said = planned(content, tmp_path)
+    assert spent < 0.01
+    assert said == []
+
+
+def test_a_plan_is_paid_anew_when_a_promise_is_not_relied_on_any_more() -> None:
+    pytest.importorskip("casadi")
+    content = planning()
+    content["agents"]["adam"]["components"]["drive"]["with"]["inputs"] = [{"time": 0.0, "input": [2.5, 0.0]}]
+    with sa.scenario(content).start() as run:
+        component = next(each for each in run._simulation.entries if each.name == "plan").components[0]
+        run.step(2)
+        assert len(vars(component)["_relied"]) == 1
+        run.step(6)
+        assert run.awareness("bob", "trust").tolist() == [0.0, 0.0]
+        assert vars(component)["_relied"] == ()
 
 
 def test_an_expected_place_outside_of_the_region_is_moved_to_its_edge() -> None:

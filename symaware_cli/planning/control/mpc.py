@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -84,6 +84,7 @@ class PredictiveDecision(NamedTuple):
         chance: The plan under chance constraints, if there are any.
         risk: The risk that is taken until the next turn.
         returns: The scan that was used, if there is a lidar.
+        relied: The others whose promises the plan relies on, as indices in the roster.
     """
 
     control_input: Array
@@ -96,6 +97,7 @@ class PredictiveDecision(NamedTuple):
     chance: ChancePlan | None = None
     risk: float = 0.0
     returns: ScanReturns | None = None
+    relied: tuple[int, ...] = ()
 
 
 class ModelPredictiveControl(Component):
@@ -258,7 +260,11 @@ class ModelPredictiveControl(Component):
             self._chance = ChanceConstraints(agent, parameters, dynamics, environment.time_step)
             room = room._replace(faces=self._chance.count())
         #: The risk that may be taken, and whether the last plan kept the specifications.
-        self._budget, self._keeps = RiskBudget.whole(parameters.maximal_risk or 0.0, 1), True
+        paid = 0.0 if self._chance is None else self._chance.paid
+        whole = RiskBudget.whole((parameters.maximal_risk or 0.0) - paid, 1)
+        self._budget, self._keeps = whole._replace(spent=whole.spent + paid), True
+        #: The others whose promises the last plan relied on, as indices in the roster.
+        self._relied: tuple[int, ...] = ()
         self._solver = self._shared_solver(dynamics, room)
         #: Time between two plans, in nanoseconds.
         self._step = turns * environment.time_step
@@ -366,12 +372,13 @@ class ModelPredictiveControl(Component):
         def solve(further: Mapping[str, Array]) -> PlanDecision:
             return self._solver.replan(state, {**given, **further}, previous_input=requested[0], rest=rest)
 
-        chance = None
+        chance, relied = None, self._relied
         if self._chance is None:
             decision = solve({})
         else:
+            relied = self._chance.relied(self._relied)
             around = self._solver.rollout(state) if rest is None else rest
-            chance = self._chance.plan(solve, around, kept, self.now, self._planned, self._budget)
+            chance = self._chance.plan(solve, around, kept, self.now, self._planned, self._account(relied))
             decision = chance.decision
             if chance.unkept is not None and self.parameters.fallback != "best-effort":
                 follows = self.parameters.fallback == "last-plan" and rest is not None and rest.left
@@ -379,7 +386,16 @@ class ModelPredictiveControl(Component):
         slows = decision.plan is None or bool(others and self._comes_too_close(decision.plan, others))
         chosen = slowest(model, state, requested) if slows or decision.plan is None else decision.plan.inputs[0]
         risk = 0.0 if self._chance is None else self._chance.next_risk(chosen, self.now)
-        return PredictiveDecision(chosen, decision, slows, passed, distance, way, other, chance, risk, returns)
+        return PredictiveDecision(chosen, decision, slows, passed, distance, way, other, chance, risk, returns, relied)
+
+    def _account(self, relied: Collection[int]) -> RiskBudget:
+        """Return the account of the risk. When a promise is not relied on any more, the rest of the plan is paid anew.
+
+        Args:
+            relied: The others whose promises are relied on now.
+        """
+        lost = {*self._relied} - {*relied}
+        return self._budget._replace(kept=np.zeros(1, bool)) if lost else self._budget
 
     def _comes_too_close(self, plan: Plan, others: Mapping[str, Array]) -> bool:
         """Return whether a plan soon comes too close to others, and closer than the agent is now."""
@@ -403,7 +419,8 @@ class ModelPredictiveControl(Component):
         if value.chance is not None:
             rest, planned, taken = (np.array([each]) for each in (value.chance.rest, value.chance.risk, value.risk))
             kept = value.chance.unkept is None and not value.slows
-            self._budget = self._budget.after(rest, planned, taken, np.array([kept]))
+            self._budget = self._account(value.relied).after(rest, planned, taken, np.array([kept]))
+            self._relied = value.relied
             self.record(self.signals[0], np.array([value.chance.risk, self._budget.spent[0]]))
             self._emit_feasibility(value.chance)
             if kept:

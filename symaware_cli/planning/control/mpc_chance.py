@@ -7,7 +7,7 @@ obstacles", IEEE Transactions on Robotics 27(6), 2011). The parts are equal or, 
 not used and given to where they limit the plan (M. Ono, B. C. Williams, "Iterative risk allocation: a new approach to
 robust model predictive control with a joint chance constraint", IEEE Conference on Decision and Control, 2008).
 
-Reasons: docs/decisions/0035-chance-constraints.md
+Reasons: docs/decisions/0035-chance-constraints.md, for promises docs/decisions/0109-maximal-risk-pays-for-promises.md
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from pydantic import Field, model_validator
 
 from symaware_cli.core import Agent
 from symaware_cli.engine import state_covariance
-from symaware_cli.geometry import Array, Indices, Mask
+from symaware_cli.geometry import Array, Indices, Mask, separation_from_points
 from symaware_cli.planning.control.feedback_policy import FeedbackPolicy
 from symaware_cli.planning.control.mpc_problem import Tracking
 from symaware_cli.planning.optimal_control import Dynamics, Plan, PlanDecision
 from symaware_cli.planning.risk.invariants import ExpectedMotion, InvariantWindows
 from symaware_cli.planning.risk.pair_conditions import OtherPositions, OthersAhead
 from symaware_cli.planning.risk.risk_budget import RiskBudget
-from symaware_cli.planning.risk.state_conditions import HalfSpaces, exceeding, propagated, quantile
+from symaware_cli.planning.risk.state_conditions import HalfSpaces, Moments, exceeding, propagated, quantile
 from symaware_cli.specification import PredictedAgentScope
 from symaware_cli.world import SECOND
 
@@ -93,6 +93,12 @@ class ChanceConstrained(Tracking):
         ge=0,
         description="How strongly deviations from a plan are corrected while it is followed, as a velocity [1/s]: the"
         " more, the closer to dangers it may come.",
+    )
+    promises: Literal["paid", "if-kept", "ignored"] = Field(
+        "paid",
+        description="What promises of others to stay in a region count, with a `maximal_risk`: pairs rely on them, and "
+        "the declared probability that they are broken is taken from it (`paid`); it holds if all are kept "
+        "(`if-kept`); or they do not count.",
     )
     fallback: Literal["best-effort", "last-plan", "slow-down"] = Field(
         "best-effort",
@@ -206,6 +212,60 @@ class ChanceConstraints:
         own = range(environment.roster.start(group.name), environment.roster.start(group.name) + len(group))
         #: Whether each invariant is about another agent of the group, which corrects its deviations likewise.
         self._alike = [None if each is None else each[agent.row] in own for each in self._windows.others]
+
+        breach = group.breach(agent.row, self._partners) if given.promises == "paid" else 0.0
+        self._relies = given.promises != "ignored" and breach < self._maximal
+        #: The part of the maximal risk that promises of partners cost, whether or not they are known yet.
+        self.paid = breach if self._relies else 0.0
+
+    @property
+    def _partners(self) -> frozenset[int]:
+        """The others of pairs, as indices in the roster."""
+        found = (int(each[self._agent.row]) for each in self._windows.others if each is not None)
+        return frozenset(each for each in found if each >= 0)
+
+    def relied(self, before: Collection[int]) -> tuple[int, ...]:
+        """Return the partners whose promises the plans rely on, as indices in the roster.
+
+        Args:
+            before: Those of the last plan; a partner that is not seen stays one of them.
+        """
+        group, row = self._agent.group, self._agent.row
+        if not self._relies or not self._partners:
+            return ()
+        tracks = group.others(np.inf)
+        seen = {int(each) for each in tracks.others[tracks.pointers[row] : tracks.pointers[row + 1]]}
+        now = {
+            int(tracks.others[place])
+            for confined in group.confined(tracks)
+            for place in confined.rows.tolist()
+            if tracks.observers[place] == row
+        }
+        return tuple(sorted(self._partners & (now | ({*before} - seen))))
+
+    def _kept(self, other: int, positions: Array) -> list[OtherPositions]:
+        """Return the nearest points of the sets in which a partner stays if it keeps its promises; one for each set.
+
+        A half space at the nearest point of a convex set, across the way to it, has none of the set within. Own
+        positions in the set have no such point.
+
+        Args:
+            other: The partner, as an index in the roster.
+            positions: Expected own positions [m]; shape (m, d).
+        """
+        group, row = self._agent.group, self._agent.row
+        count, size = positions.shape
+        tracks, found = group.others(np.inf), list[OtherPositions]()
+        for confined in group.confined(tracks) if self._relies else ():
+            for number, place in enumerate(confined.rows.tolist()):
+                if tracks.observers[place] == row and tracks.others[place] == other:
+                    sets = confined.sets.take(np.full(count, number))
+                    apart = separation_from_points(positions[:, :2], np.zeros(count), sets)
+                    nearest = positions.copy()
+                    nearest[:, :2] = apart.second
+                    still, outside = np.zeros((count, size, size)), apart.distance > 0.0
+                    found.append(OtherPositions(nearest, still, np.zeros(count, bool), outside))
+        return found
 
     def count(self) -> int:
         """Return the number of half spaces of each stage."""
@@ -357,6 +417,19 @@ class ChanceConstraints:
                 seen = self._partner(others, times, covariances, self._alike[place] is True)
                 moments = seen.moments(states, covariances, self._agent.group.model.position)
                 sides, missing = each.condition.half_spaces(moments), ~seen.known
+                own = states[:, list(self._agent.group.model.position)]
+                for kept in self._kept(int(others[row]), own):
+                    # Either half space suffices, so the one that is violated less probably is taken.
+                    instead = kept.moments(states, covariances, self._agent.group.model.position)
+                    faces = each.condition.half_spaces(instead)
+                    before, after = (self._failing(*pair) for pair in ((sides, moments), (faces, instead)))
+                    better = kept.known & seen.known & (after < before)
+                    chosen = kept.where(better, seen)
+                    sides = HalfSpaces(
+                        np.where(better[None, :, None], faces.slopes, sides.slopes),
+                        np.where(better, faces.offsets, sides.offsets),
+                    )
+                    seen, moments = chosen, chosen.moments(states, covariances, self._agent.group.model.position)
             deviations.append(sides.deviations(moments.covariance))
             of_other = (sides.slopes[:, :, size:] * moments.mean[:, size:]).sum(axis=2)
             slopes.append(np.where(missing[None, :, None], 0.0, sides.slopes[:, :, :size]))
@@ -365,6 +438,14 @@ class ChanceConstraints:
         weights = np.array([self._windows.invariants[place].weight for place in places])
         found = HalfSpaces(np.concatenate(slopes), np.concatenate(offsets))
         return found, np.array(places, np.intp), weights, np.concatenate(deviations)
+
+    def _failing(self, sides: HalfSpaces, moments: Moments) -> Array:
+        """Return a bound of the probability of leaving half spaces at each instant; shape (m,)."""
+        margins, deviations = sides.margins(moments.mean), sides.deviations(moments.covariance)
+        there = np.isfinite(margins)
+        fails = exceeding(np.where(there, margins, 1.0), deviations, self._given.risk_bound)[0]
+        total: Array = np.where(there, fails, 0.0).sum(axis=0)
+        return total
 
     def _partner(self, others: Indices, times: Times, covariances: Array, alike: bool) -> OtherPositions:
         """Return where a partner is expected at some instants, its velocity held over the horizon.
