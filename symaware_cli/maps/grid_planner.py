@@ -152,7 +152,8 @@ class GridPlanner(PathPlanner):
         """Return where the last scan of an agent met something [m]; shape (k, 2)."""
         assert self._surfaces is not None
         points = self._surfaces.returns(self._group, self.now).points[row]
-        return points[np.isfinite(points).all(axis=1)]
+        seen: Array = points[np.isfinite(points).all(axis=1)]
+        return seen
 
     def _find(self, row: int, start: Array, request: PathRequest) -> PlannedPath:
         return self._search_of(row, request).path(start, np.array(request.goal), self.parameters.most_cells)
