@@ -23,6 +23,7 @@ class EntityGroup:
         entity: The body of each of them.
         initial_state: The initial state of each, read-only; shape (n, nx).
         present: Which of them are in the world, read-only; shape (n,). None for all of them.
+        returning: Which of them have left, and return; shape (n,). None if none has.
         control_column: The control input that each requests.
         seeds: The seeds of the runs that the rows belong to, if there are several: first come all rows of the first
             run, then those of the second, and so on. Empty for one run, whose seed the group does not know.
@@ -56,6 +57,7 @@ class EntityGroup:
         self.entity = model.embodied(entity)
         self.initial_state = initial_state
         self.present: NDArray[np.bool_] | None = None
+        self.returning: NDArray[np.bool_] | None = None
         self.control_column = Column(np.zeros((len(self.ids), len(model.control_input))))
 
     def set_roster(self, roster: Roster) -> None:

@@ -83,6 +83,7 @@ class Environment(Plugin, ABC):
         proximity: Finds the pairs of agents that are near each other, with results shared by all callers.
         roster: The ids and indices of all agents.
         is_open: Whether agents can enter and leave this world, by `admit` and `dismiss`.
+        can_return: Whether agents that left can enter again, in the states in which they left.
         is_shared: Whether other processes can follow this world, by `share` and `follow`.
         present: Which agents are in it, by index, read-only; shape (N,). None for all of them.
         time_step: Simulated time between two steps, in nanoseconds.
@@ -95,6 +96,7 @@ class Environment(Plugin, ABC):
     further_folders: tuple[Path, ...] = ()
     ground: float | None = None
     is_open: ClassVar[bool] = False
+    can_return: ClassVar[bool] = False
     is_shared: ClassVar[bool] = False
     on_contact: str | None = None
     provides: ClassVar[Sequence[str]] = ()
@@ -171,7 +173,9 @@ class Environment(Plugin, ABC):
         self.present = self.proximity.present = present
 
     def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Add agents that were absent, in their initial states; `group.present` is already updated.
+        """Add agents that were absent, in their present states; `group.present` is already updated.
+
+        Those are their initial states, or with `can_return` those in which they left.
 
         Args:
             group: Their group.
@@ -183,7 +187,7 @@ class Environment(Plugin, ABC):
         raise NotImplementedError(f"agents cannot enter or leave {type(self).__name__}")
 
     def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Remove agents for good; `group.present` is already updated. Their states stay as they are.
+        """Remove agents; `group.present` is already updated. Their states stay as they are.
 
         Args:
             group: Their group.

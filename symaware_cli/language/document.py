@@ -146,8 +146,8 @@ class RunSection(Section):
 _MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
 
 
-class Presence(Section):
-    """When an agent is in the world; before and afterwards it is absent."""
+class PresenceSpan(Section):
+    """From when and until when an agent is in the world."""
 
     from_: Latency | Condition | TriggerSection | None = Field(
         None,
@@ -162,8 +162,18 @@ class Presence(Section):
     )
     until: Seconds | Condition | TriggerSection | None = Field(
         None,
-        description=f"When it leaves, for good: {_MOMENT}. Conditions are about the agent, like "
+        description=f"When it leaves: {_MOMENT}. Conditions are about the agent, like "
         f"those of components: `position[0] > 10`. By default it stays.",
+    )
+
+
+class Presence(PresenceSpan):
+    """When an agent is in the world; before and afterwards it is absent."""
+
+    again: list[PresenceSpan] = Field(
+        default_factory=list,
+        max_length=1000,
+        description="When it returns after it has left, one after the other, to where it left. By default never.",
     )
 
 

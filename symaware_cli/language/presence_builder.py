@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
 from symaware_cli.engine import ComponentEntry, ConditionScope, Moment, PresenceInterval
-from symaware_cli.language.document import GroupSection, Presence
+from symaware_cli.language.document import GroupSection, Presence, PresenceSpan
 from symaware_cli.language.problem import quoted
 from symaware_cli.language.section import TriggerSection
 from symaware_cli.language.source import Path
@@ -81,8 +82,48 @@ class PresenceBuilder:
 
     def _interval(self, group: AgentGroup, rows: Sequence[int], given: Presence, path: Path) -> list[PresenceInterval]:
         """Return the intervals of some agents of a group, from what is given for all of them."""
+        self._check_order(given, path)
+        spans = [self._span(group, rows, given, path, "scenario present")]
+        for number, each in enumerate(given.again):
+            spans.append(self._span(group, rows, each, (*path, "again", number), f"scenario present {number + 1}"))
+        joined: list[PresenceInterval | None] = [None] * len(rows)
+        for own in reversed(spans):
+            joined = [replace(each, then=after) for each, after in zip(own, joined, strict=True)]
+        return [each for each in joined if each is not None]
+
+    def _check_order(self, given: Presence, path: Path) -> None:
+        """Check that an agent leaves before it returns, and that the world lets it return."""
+        if given.again and self._environment.is_open and not self._environment.can_return:
+            message = f"the world {quoted(self._use)} does not support agents that return"
+            self._report("unsuitable", message, (*path, "again"), key=True)
+        before: PresenceSpan = given
+        place = path
+        for number, each in enumerate(given.again):
+            here: Path = (*path, "again", number)
+            if before.until is None:
+                message = "an agent that returns has to leave before: `until` is missing"
+                self._report("missing-field", message, place, expected="`until`: when it leaves")
+            if each.from_ is None:
+                self._report("missing-field", "when does it return? `from` is missing", here, expected="`from`")
+            elif (
+                isinstance(each.from_, int | float)
+                and isinstance(before.until, int | float)
+                and each.from_ <= before.until
+            ):
+                self._report(
+                    "invalid-value",
+                    f"an agent that leaves at {before.until:g} s cannot return at {each.from_:g} s",
+                    (*here, "from"),
+                    expected="a time after it has left [s]",
+                )
+            before, place = each, here
+
+    def _span(
+        self, group: AgentGroup, rows: Sequence[int], given: PresenceSpan, path: Path, draws: str
+    ) -> list[PresenceInterval]:
+        """Return one interval of some agents of a group."""
         scope = ConditionScope(group)
-        begins = self._begins(given.from_, group, rows, (*path, "from"))
+        begins = self._begins(given.from_, group, rows, (*path, "from"), draws)
         end = self._moment(given.until, group, scope.names(self._check.specifications), (*path, "until"))
         if isinstance(end, int) and any(end <= (begin if isinstance(begin, int) else 0) for begin in begins):
             self._report(
@@ -101,12 +142,13 @@ class PresenceBuilder:
         group: AgentGroup,
         rows: Sequence[int],
         path: Path,
+        draws: str,
     ) -> list[Moment | None]:
-        """Return when each of some agents enters."""
+        """Return when each of some agents enters; `draws` is the key of its random numbers."""
         if not isinstance(given, ProbabilityDistribution):
             return [self._moment(given, group, self._world, path)] * len(rows)
         # Drawn for all agents of the group, so that the time of one does not depend on who else has one.
-        points = GroupChance(group.seeds or self._seed, "scenario present", group.numbers).uniform(1)[:, 0]
+        points = GroupChance(group.seeds or self._seed, draws, group.numbers).uniform(1)[:, 0]
         times = given.quantiles(points)
         return [nanoseconds(float(times[row])) for row in rows]
 

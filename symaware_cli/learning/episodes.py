@@ -116,6 +116,8 @@ class TeamTask:
             if team.of.present is not None:
                 present = team.present
                 left = self._seen & ~present
+                if team.of.returning is not None:
+                    left &= ~team.of.returning[team.rows]
                 self._seen = self._seen | present
             count = len(team.agents)
             if functions.reward is None:

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 class ScenarioParallelEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
     """A scenario whose learning agents are controlled from outside; components drive all other agents.
 
-    Agents that have not entered yet are among `agents`, with observations of zeros and ``info["present"]`` false,
-    because an agent cannot be added later. An agent that leaves the world is terminated.
+    Agents that enter later or return are among `agents` meanwhile, with observations of zeros and ``info["present"]``
+    false, because an agent cannot be added later. An agent that leaves the world for good is terminated.
 
     Attributes:
         possible_agents: The ids of the learning agents.

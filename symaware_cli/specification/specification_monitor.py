@@ -114,7 +114,8 @@ class SpecificationMonitor:
         Args:
             specification: The specification to monitor.
             time_step: The time between two steps, in nanoseconds.
-            begins: Whether evaluation begins by itself, once for each row; otherwise instances begin with `begin`.
+            begins: Whether evaluation begins by itself, whenever a row enters the world; otherwise instances begin with
+                `begin`.
         """
         count = specification.scope.rows
         self.specification = specification
@@ -137,6 +138,8 @@ class SpecificationMonitor:
         self._is_regrouped = False
         self.changes = 0
         self._due: list[NDArray[np.intp]] = []
+        #: Which rows have left the world, and begin an instance if they return.
+        self._away = np.zeros(count, bool)
         self.cohorts: list[Cohort] = []
         self._ended = Worst(count)
         self._exact: list[Exact] = []
@@ -311,6 +314,11 @@ class SpecificationMonitor:
         specification = self.specification
         if self.begins and not self.begun.all():
             self._due.append(np.flatnonzero(~self.begun))
+        if present is not None and self._away.any():
+            returned = self._away & present
+            if returned.any():
+                self._due.append(np.flatnonzero(returned))
+                self._away &= ~present
         if not self._due:
             return
         # However many events fired since the last step, each row begins at most one instance: all would be equal.
@@ -338,6 +346,7 @@ class SpecificationMonitor:
                 gone.monitor.finish()
                 self._take(gone, decisions)
                 self._close(gone)
+                self._away[gone.rows] |= self.begins
         self.cohorts = remaining
 
     def _take(self, cohort: Cohort, decisions: list[Decision]) -> None:

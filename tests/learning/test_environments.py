@@ -366,3 +366,43 @@ def test_ten_episodes_driven_by_components_equal_their_runs(name: str) -> None:
             for group in scenario.outline.groups:
                 assert simulation.state(group).tobytes() == episode.state(group).tobytes()
         environment.reset()
+
+
+def test_an_agent_that_returns_stays_among_the_agents_and_observes_zeros_meanwhile(tmp_path: Path) -> None:
+    environment = sa.env(HEAD_ON.with_name("shifts.yaml"))
+    parallel_api_test(environment, num_cycles=20)
+    environment.reset(seed=1)
+    flags: list[bool] = []
+    while environment.agents:
+        assert environment.agents == ["guard.0", "guard.1"]
+        observations, rewards, terminations, _, infos = environment.step({})
+        flags.append(infos["guard.0"]["present"])
+        assert observations["guard.0"].any() == flags[-1]
+        assert flags[-1] or rewards["guard.0"] == 0.0
+        assert not terminations["guard.0"]
+    absent = [step for step, present in enumerate(flags, 1) if not present]
+    assert absent == list(range(30, 60))
+    assert sa.verify_log(environment.record(tmp_path / "episode.mcap")).is_equal
+
+
+def test_rows_with_agents_that_return_have_the_reason_why_they_are_no_batch() -> None:
+    rows = sa.vector_env(HEAD_ON.with_name("shifts.yaml"), 2)
+    assert rows.unbatched == "agents enter and leave"
+    rows.reset(seed=1)
+    for _ in range(40):
+        *_, terminated, _, infos = rows.step(np.full((2, 2, 2), np.nan))
+    assert not terminated.any()
+    assert infos["live"].all()
+    assert not infos["present"][:, 0].any()
+
+
+def test_an_agent_that_returns_and_then_leaves_for_good_is_terminated_at_the_end_only() -> None:
+    present = [{"until": 0.2, "again": [{"from": 0.4, "until": 0.6}]}, {}, {}, {}]
+    environment = head_on(changes={"agents.robot.present": present})
+    environment.reset(seed=1)
+    ended = []
+    for step in range(1, 16):
+        *_, terminations, _, _ = environment.step({})
+        ended += [step] * bool(terminations.get("robot.0"))
+    assert ended == [12]
+    assert "robot.0" not in environment.agents

@@ -35,12 +35,12 @@ class ColumnEnvironment(Environment):
         self._contacts: Sequence[Contact] | None = None
 
     def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Let absent agents enter, in their initial states."""
+        """Let absent agents enter, in their present states."""
         self._count_present()
         self._snapshot = None
 
     def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Let agents leave for good; their states stay as they are."""
+        """Let agents leave; their states stay as they are."""
         self._count_present()
         self._snapshot = None
 
@@ -113,6 +113,8 @@ def shared_array(shared: Mapping[str, Array], name: str, shape: tuple[int, ...])
 
 class RecordedEnvironment(ColumnEnvironment):
     """Replaces another world: it adopts the states recorded there, and moves nothing by itself."""
+
+    can_return = True
 
     def __init__(self, original: Environment) -> None:
         """Replace a world that has not been initialised.

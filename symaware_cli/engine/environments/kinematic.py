@@ -37,6 +37,7 @@ class KinematicEnvironment(ColumnEnvironment):
     """
 
     batchable = True
+    can_return = True
     provides = ("co-simulation",)
 
     class Parameters(EnvironmentParameters):

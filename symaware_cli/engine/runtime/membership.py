@@ -32,7 +32,7 @@ class Membership:
 
     Attributes:
         is_open: Whether the scenario lets agents enter or leave.
-        waiting: The agents that have not entered yet, by group and row.
+        waiting: The agents that are absent, and enter or return later, by group and row.
         leaving: The agents in the world that may leave.
     """
 
@@ -66,10 +66,14 @@ class Membership:
         #: The agents whose event to enter or leave has fired since the last step.
         self._triggered: set[tuple[str, int]] = set()
         self.is_open = bool(presence)
+        self._observer = observer
+        #: The intervals of each agent, in order.
         self._intervals = {
-            (name, row): interval for name in sorted(presence) for row, interval in enumerate(presence[name])
+            (name, row): _in_order(interval) for name in sorted(presence) for row, interval in enumerate(presence[name])
         }
-        self.waiting = {agent for agent, interval in self._intervals.items() if interval.is_late}
+        #: How often agents that return have left.
+        self._times_left: Counter[tuple[str, int]] = Counter()
+        self.waiting = {agent for agent, (interval, *_) in self._intervals.items() if interval.is_late}
         self.leaving = self._intervals.keys() - self.waiting
         for name in sorted(presence):
             self._listen(self._groups[name], presence[name], router)
@@ -77,19 +81,27 @@ class Membership:
     def _listen(self, group: AgentGroup, intervals: Sequence[PresenceInterval], router: EventRouter) -> None:
         """Subscribe to the events on which agents of a group enter or leave."""
         rows = {id: row for row, id in enumerate(group.ids)}
-        for way, moments in (("begin", [each.begin for each in intervals]), ("end", [each.end for each in intervals])):
+        every = [each for interval in intervals for each in _in_order(interval)]
+        for way, moments in (("begin", [each.begin for each in every]), ("end", [each.end for each in every])):
             for trigger in dict.fromkeys(each for each in moments if isinstance(each, Trigger)):
-                whose = frozenset(row for row, each in enumerate(moments) if each == trigger)
-                call = partial(self._on_event, trigger, group.name, rows, way, whose)
+                call = partial(self._on_event, trigger, group.name, rows, way)
                 router.connect(trigger.event, trigger.source, call)
 
-    def _on_event(
-        self, trigger: Trigger, group: str, rows: Mapping[str, int], way: str, whose: Collection[int], event: Event
-    ) -> None:
+    def _on_event(self, trigger: Trigger, group: str, rows: Mapping[str, int], way: str, event: Event) -> None:
         concerns = self.waiting if way == "begin" else self.leaving
         for row in concerned(event, trigger, group, rows):
-            if row in whose and (group, row) in concerns:
-                self._triggered.add((group, row))
+            agent = group, row
+            if agent in concerns and getattr(self._interval(agent), way) == trigger:
+                self._triggered.add(agent)
+
+    def _interval(self, agent: tuple[str, int]) -> PresenceInterval:
+        """Return the interval in which an agent is, or that it waits for."""
+        return self._intervals[agent][self._times_left[agent]]
+
+    @property
+    def never_present(self) -> int:
+        """The number of agents that have not entered yet."""
+        return sum(not self._times_left[agent] for agent in self.waiting)
 
     def begin(self) -> None:
         """Suspend the agents that have not entered yet."""
@@ -102,16 +114,17 @@ class Membership:
         Raises:
             RunError: A condition has no value, or the environment raised an exception.
         """
-        intervals = self._intervals
         gone = [
             each
             for each in sorted(self.leaving)
-            if self._is_time(each, intervals[each].end, "until", partial(self._scopes[each[0]].look_up, each[1]), now)
+            if self._is_time(
+                each, self._interval(each).end, "until", partial(self._scopes[each[0]].look_up, each[1]), now
+            )
         ]
         come = [
             each
             for each in sorted(self.waiting)
-            if self._is_time(each, intervals[each].begin, "from", self._look_up, now)
+            if self._is_time(each, self._interval(each).begin, "from", self._look_up, now)
         ]
         # An event is not forgotten while its agent waits for room.
         entering_now = self._with_room(come, gone)
@@ -131,7 +144,7 @@ class Membership:
             come: The agents whose time to enter has come.
             gone: The agents that leave at this instant.
         """
-        needs = {each: self._intervals[each].apart for each in come}
+        needs = {each: self._interval(each).apart for each in come}
         if not any(needs.values()):
             return list(come)
         environment, entering = self._simulation.environment, []
@@ -140,7 +153,8 @@ class Membership:
         positions[[roster.start(name) + row for name, row in gone]] = np.nan
         for name, row in come:
             group, apart = self._groups[name], needs[name, row]
-            place = group.model.positions(group.initial_state[row : row + 1])[0]
+            states = environment.state(group) if self._times_left[name, row] else group.initial_state
+            place = group.model.positions(states[row : row + 1])[0]
             away = positions[:, : len(place)] - place
             if apart is not None and (np.sqrt((away * away).sum(axis=1)) < apart).any():
                 continue
@@ -168,6 +182,8 @@ class Membership:
             self._simulation.announce("adding", f"agents.{group.ids[row]}")
             self.waiting.remove((group.name, row))
             self.leaving.add((group.name, row))
+            if group.returning is not None and group.returning[row]:
+                group.returning = np.where(np.arange(len(group)) == row, False, group.returning)
         self._set_present(group, rows, present=True)
         # Their awareness, control inputs and knowledge are recorded as new.
         for column in (*group.awareness.columns.values(), group.control_column):
@@ -187,10 +203,17 @@ class Membership:
             self._simulation.announce("added", f"agents.{group.ids[row]}", f"enters{said}", level=level)
 
     def _leave(self, group: AgentGroup, rows: Sequence[int]) -> None:
-        """Let agents leave the world permanently."""
+        """Let agents leave the world, for good or until they return."""
         for row in rows:
             self._simulation.announce("removing", f"agents.{group.ids[row]}")
             self.leaving.remove((group.name, row))
+            if self._interval((group.name, row)).then is not None:
+                self._times_left[group.name, row] += 1
+                self.waiting.add((group.name, row))
+                returning = np.zeros(len(group), bool) if group.returning is None else group.returning.copy()
+                returning[row] = True
+                returning.flags.writeable = False
+                group.returning = returning
             self._hold(group, row)
             for column in group.awareness.columns.values():
                 if isinstance(column, SeriesColumn):
@@ -200,6 +223,8 @@ class Membership:
         self._set_present(group, rows, present=False)
         for row in rows:
             self._simulation.announce("removed", f"agents.{group.ids[row]}", "leaves")
+            if (group.name, row) in self.waiting:
+                self._observer.left.discard(group.ids[row])
 
     def _set_present(self, group: AgentGroup, rows: Sequence[int], *, present: bool) -> None:
         """Update the presence of agents in the group, the environment and the exchange."""
@@ -268,6 +293,11 @@ class Membership:
         """Remove a reason for which an agent takes no part; return whether it was the last."""
         self._reasons[group.name, row] -= 1
         return not self._reasons[group.name, row]
+
+
+def _in_order(interval: PresenceInterval) -> tuple[PresenceInterval, ...]:
+    """Return an interval and all that follow it."""
+    return (interval,) if interval.then is None else (interval, *_in_order(interval.then))
 
 
 def safe_input(model: Model, before: Array, state: Array) -> Array:

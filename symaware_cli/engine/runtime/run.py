@@ -314,7 +314,7 @@ class Run:
             name=simulation.name,
             seed=simulation.seed,
             status=self.status or "interrupted",
-            agents=simulation.agent_count - len(self.membership.waiting),
+            agents=simulation.agent_count - self.membership.never_present,
             steps=self.done,
             simulated_time=seconds(simulation.clock.now),
             wall_time=self._elapsed - self._waiting_time,

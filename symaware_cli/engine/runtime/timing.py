@@ -205,11 +205,13 @@ class PresenceInterval:
         end: When it leaves; a condition is evaluated in the scope of the agent. None for never.
         apart: How far from it the positions of others have to be when it enters [m]; it waits until they are. None for
             an agent that does not wait.
+        then: The next interval, if it returns after it has left.
     """
 
     begin: Moment | None = None
     end: Moment | None = None
     apart: float | None = None
+    then: PresenceInterval | None = None
 
     @property
     def is_late(self) -> bool:

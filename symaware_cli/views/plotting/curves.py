@@ -109,6 +109,9 @@ def speed(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None:
     after = np.minimum(np.searchsorted(times, times + _AROUND), len(times) - 1)
     travelled = np.linalg.norm(motion.positions[after] - motion.positions[before], axis=2)
     values = travelled / ((times[after] - times[before]) / 1e9)[:, None]
+    # A body that was absent in between has not travelled that way.
+    unknown = np.cumsum(~np.isfinite(motion.positions).all(axis=2), axis=0)
+    values[unknown[after] > unknown[before]] = np.nan
     note = f"mean over {2 * seconds(_AROUND):g} s"
     return PlottedCurves("speed", "m/s", times, values, tuple(lines), note=note)
 

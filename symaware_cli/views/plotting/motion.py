@@ -54,6 +54,10 @@ def motion_of(marks: Sequence[Bodies], names: Collection[str], start: int, end: 
     positions = np.concatenate([held(mark.times, mark.positions[:, rows], times) for mark, rows in chosen], axis=1)
     turned = np.concatenate([held(mark.times, mark.orientations[:, rows], times) for mark, rows in chosen], axis=1)
     known = np.isfinite(positions).all(axis=2).any(axis=1)
+    if known.any():
+        # Instants between others stay although nobody is there, so that no line leads across them.
+        first, last = np.flatnonzero(known)[[0, -1]]
+        known[first : last + 1] = True
     if not known.any():
         return None
     return Motion(

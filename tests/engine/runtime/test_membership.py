@@ -1,5 +1,6 @@
 """Agents that enter and leave: an absent one neither moves, senses, collides, communicates nor counts."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from symaware_cli.engine.runtime.run import run
 from symaware_cli.engine.runtime.run_summary import RunSummary
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute
+from symaware_cli.language.problem import ScenarioError
 from symaware_cli.log.digest import digest
 
 DRIVING = {
@@ -207,3 +209,80 @@ def test_the_order_of_groups_in_the_file_changes_no_byte_where_they_enter_and_le
         recorded(tmp_path, order, name)
     forth, back = (digest(open_log(tmp_path / f"{name}.mcap")).channels for name in ("forth", "back"))
     assert forth == back
+
+
+BREAK = {"until": 1.0, "again": [{"from": 2.0, "until": "position[0] > 1.45"}, {"from": 2.8}]}
+
+
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_an_agent_returns_in_the_state_in_which_it_left(tmp_path: Path, mode: str) -> None:
+    summary, log = recorded(tmp_path, {"car": group(BREAK)}, run={"mode": mode}, duration=4.0)
+    assert summary.agents == 1
+    assert log.presence == {
+        "car": ((0, 1_000_000_000), (2_000_000_000, 2_600_000_000), (2_800_000_000, None)),
+    }
+    truth = log.series("car", "world")
+    states = dict(zip(truth.seconds.tolist(), truth.values[:, 0].tolist(), strict=True))
+    assert states[0.9] == pytest.approx(0.9)
+    assert np.isnan(states[1.0])
+    assert states[2.0] == pytest.approx(1.0)
+    assert states[2.8] == pytest.approx(1.6)
+    assert states[4.0] == pytest.approx(2.8)
+
+
+def test_a_return_on_an_event_awaits_one_that_fires_during_the_absence(tmp_path: Path) -> None:
+    first = group({"until": 0.5, "again": [{"from": 1.5}]})
+    second = group(
+        {"until": 0.2, "again": [{"from": {"event": "added", "of": "agents.first"}}]}, state=[0.0, 3.0], goal=[5.0, 3.0]
+    )
+    _, log = recorded(tmp_path, {"first": first, "second": second})
+    assert log.presence["second"] == ((0, 200_000_000), (1_600_000_000, None))
+
+
+def test_who_is_on_a_break_has_no_effect_on_others(tmp_path: Path) -> None:
+    other = group(state=[0.0, 1.0], goal=[5.0, 1.0])
+    components = {"see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}}}
+    watcher = other | {"components": components}
+    _, one = recorded(tmp_path, {"watcher": watcher, "car": group(BREAK)}, "one")
+    _, two = recorded(tmp_path, {"watcher": watcher, "car": group({"until": 1.0})}, "two")
+    for start, end, equal in ((0, 2_000_000_000, True), (2_000_000_000, None, False)):
+        first, second = (
+            [each.data for each in log.messages("/agents/watcher/awareness", start, end)] for log in (one, two)
+        )
+        assert (first == second) is equal
+
+
+def test_each_stay_of_an_agent_is_evaluated_and_the_worst_counts(tmp_path: Path) -> None:
+    formulas = {"early": "always position[0] < 0.95", "late": "always position[0] < 1.2", "all": "always time < 9"}
+    specifications = {name: {"each": "car", "formula": formula} for name, formula in formulas.items()}
+    summary, _ = recorded(tmp_path, {"car": group(BREAK)}, specifications=specifications)
+    found = {each.name: each.verdict for each in summary.specifications}
+    assert found == {"early": "violated", "late": "violated", "all": "satisfied"}
+    without, _ = recorded(tmp_path, {"car": group({"until": 1.0})}, specifications=specifications)
+    assert {each.name: each.verdict for each in without.specifications}["late"] == "satisfied"
+
+
+def test_agents_that_return_later_have_yet_to_reach_their_goals(tmp_path: Path) -> None:
+    back = {"until": 0.5, "again": [{"from": 1.0, "until": 1.2}]}
+    agents = {"car": group(back), "other": group(state=[4.99, 1.0], goal=[5.0, 1.0])}
+    summary, _ = recorded(tmp_path, agents, run={"until": "all(goals_reached)"})
+    assert summary.simulated_time == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(
+    ("present", "said"),
+    [
+        ({"again": [{"from": 1.0}]}, "an agent that returns has to leave before: `until` is missing"),
+        ({"until": 1.0, "again": [{"until": 2.0}]}, "when does it return? `from` is missing"),
+        ({"until": 1.0, "again": [{"from": 1.0}]}, "an agent that leaves at 1 s cannot return at 1 s"),
+        ({"until": 1.0, "again": [{"from": 2.0, "until": 1.5}]}, "an agent that leaves at 1.5 s has not entered by"),
+    ],
+)
+def test_returns_that_contradict_each_other_are_refused(tmp_path: Path, present: Any, said: str) -> None:
+    with pytest.raises(ScenarioError, match=re.escape(said)):
+        build(scenario(tmp_path, {"car": group(present)}))
+
+
+def test_worlds_of_physics_engines_refuse_agents_that_return(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="the world `pymunk` does not support agents that return"):
+        build(scenario(tmp_path, {"car": group(BREAK)}, world="pymunk"))
