@@ -79,6 +79,7 @@ def test_panels_have_their_units_and_the_closest_two_are_named(yard: Log) -> Non
     assert titles(figure) == [
         "trajectories, bodies at 3 s",
         "least separation [m]",
+        "contacts",
         "risk",
         "speed [m/s], mean over 0.5 s",
     ]
