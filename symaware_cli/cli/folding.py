@@ -1,6 +1,8 @@
 """Text that fits the terminal: lines are folded between words, and a number stays with its unit.
 
 Only the width of a terminal folds text, or `COLUMNS`: what is written to a file or a pipe keeps its lines, for `grep`.
+
+Reasons: docs/decisions/0113-fitting-the-terminal-and-the-view.md
 """
 
 from __future__ import annotations

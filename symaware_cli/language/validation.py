@@ -150,8 +150,8 @@ class _ErrorTranslator:
             if context.get("pattern") == IDENTIFIER:
                 minus = ", in which - is a minus" if "-" in str(inner[-1]) else ""
                 said = f"{name} is not a name for expressions{minus}"
-                other = str(inner[-1]).replace("-", "_")
-                other = other if re.match(IDENTIFIER, other) else None
+                plain = str(inner[-1]).replace("-", "_")
+                other = plain if re.match(IDENTIFIER, plain) else None
                 rule = "a letter or _, then letters, digits or _; at most 64 in all"
                 return self._composition.problem("bad-name", said, path, key=True, expected=rule, suggestion=other)
             return self._composition.problem("bad-name", f"{name} is not a name", path, key=True, expected=_NAME_RULE)

@@ -53,7 +53,7 @@ CASES: dict[str, tuple[Sequence[str], str, str]] = {
     ),
     "export": (["export", "ended.mcap", "--format", "csv", "-o", "it"], "", "nothing was saved"),
     "replay": (["replay", "ended.mcap", "--save", "it.rrd"], "", "nothing was saved"),
-    "video": (["replay", "ended.mcap", "--video", "it.gif", "--speed", "1"], "", "nothing was saved"),
+    "video": (["replay", "ended.mcap", "--video", "it.gif"], "", "nothing was saved"),
 }
 
 

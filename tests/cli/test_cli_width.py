@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
-from test_cli_paths import CALLS, called, line, sound
+from test_cli_paths import CALLS, called, line, sound  # type: ignore[import-not-found] # a folder with a conftest of its own
 
 from symaware_cli.cli.folding import folded, parts_of, width_of
 from symaware_cli.cli.text_table import aligned

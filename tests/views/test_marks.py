@@ -32,7 +32,7 @@ def shown(folder: Path, *shown: marks.Mark) -> tuple[Recording, Any]:
             output.show(mark)
             show(updates, mark)
         updates.flush()
-    recording.flush()
+    output.flush()
     recording.disconnect()
     return Recording(folder / "marks.rrd"), read(folder / "marks.mcap")
 

@@ -58,7 +58,7 @@ def test_a_figure_has_the_size_that_is_asked_for(yard: Log, tmp_path: Path) -> N
 
 
 def test_panels_that_do_not_fit_are_refused_before_anything_is_written(yard: Log, tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="4 panels do not fit into 3 x 2 inches"):
+    with pytest.raises(LogError, match="5 panels do not fit into 3 x 2 inches"):
         plot(yard, tmp_path / "small.png", PlotRequest(size=(3.0, 2.0)))
     assert list(tmp_path.iterdir()) == []
 
@@ -79,6 +79,7 @@ def test_panels_have_their_units_and_the_closest_two_are_named(yard: Log) -> Non
     assert titles(figure) == [
         "trajectories, bodies at 3 s",
         "least separation [m]",
+        "contacts",
         "risk",
         "speed [m/s], mean over 0.5 s",
     ]

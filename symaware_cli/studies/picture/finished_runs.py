@@ -245,7 +245,7 @@ def estimated(
         methods.add(found.method)
     value, lower, upper, low, high, counts = (column.reshape(shape) for column in columns)
     signs = np.zeros(len(cells), np.int8) if metric.infinite is None else metric.infinite
-    below, above = (np.bincount(cells[signs == sign], minlength=count).reshape(shape) for sign in (-1, 1))
+    below, above = (np.bincount(cells[signs == sign], minlength=count).reshape(shape).astype(float) for sign in (-1, 1))
     return CellEstimates(value, lower, upper, low, high, counts, tuple(sorted(methods - {""})), (below, above))
 
 

@@ -127,12 +127,12 @@ def _show_noses(output: ColumnReceiver, mark: Bodies, radius: float, *, new: boo
     if new:
         output.static(path, rr.LineStrips3D.from_fields(radii=[0.12 * radius]))
     facing = rotated(mark.orientations, np.array([1.0, 0.0, 0.0]))
-    # Just above the body, which would hide it from above. On a ball it slants: what is higher is seen further out.
+    # Just above the body, which would hide it from above; of a ball it only stands out, since what is higher is seen
+    # further aside.
     top = _top(mark)
-    start, above, level = (0.5, 0.9 * radius, 0.0) if top is None else (0.0, top + 0.05 * radius, top + 0.05 * radius)
-    inner = mark.positions + start * radius * facing + np.array([0.0, 0.0, above])
-    outer = mark.positions + 1.5 * radius * facing + np.array([0.0, 0.0, level])
-    ends = np.stack([inner, outer], axis=2)
+    start, above = (0.5, 0.0) if top is None else (0.0, top + 0.05 * radius)
+    middle = mark.positions + np.array([0.0, 0.0, above])
+    ends = np.stack([middle + start * radius * facing, middle + 1.5 * radius * facing], axis=2)
     count = ends.shape[0] * ends.shape[1]
     colours = np.broadcast_to(np.array(output.theme.ink, np.uint8), (count, 3))
     send_strips(output, path, mark.times, ends.reshape(-1, 3), np.full(count, 2), each(mark.positions), colours)

@@ -108,7 +108,10 @@ class Labels:
     def show(self, output: ColumnReceiver) -> None:
         """Place the labels at the instants since the last call."""
         groups, areas = list(self._groups.values()), list(self._areas.values())
-        taken = [times for each in (*groups, *areas) for times in each.times]
+        taken = [
+            *(times for each in groups for times in each.times),
+            *(times for each in areas for times in each.times),
+        ]
         if not taken:
             return
         if not areas and not any(group.mark.labels for group in groups):

@@ -120,8 +120,9 @@ class RegionsDrawing(Drawing):
         # The largest is drawn lowest, so that all are visible.
         drawn = sorted((name for name in found if found[name]), key=lambda name: _size(found[name]), reverse=True)
         self._found = {name: found[name] for name in drawn}
+        named: Mapping[str, tuple[int, int, int]] = {str(each): tint for each, tint in REGION_COLOURS.items()}
         self._colours = {
-            name: REGION_COLOURS.get(run_view.regions[name].colour or name, REGIONS[number % len(REGIONS)])
+            name: named.get(run_view.regions[name].colour or name, REGIONS[number % len(REGIONS)])
             for number, name in enumerate(drawn)
         }
         self._begun, self._end = False, 0
