@@ -1,4 +1,7 @@
-"""The version of the package: from the tags of the repository, at the time of the installation."""
+"""The version of the package: from the tags of the repository, at the time of the installation.
+
+Reasons: docs/decisions/0114-version-from-tags.md
+"""
 
 try:
     from symaware_cli.installed_version import __version__ as __version__

@@ -59,7 +59,7 @@ def test_the_digest_of_a_log_does_not_depend_on_the_version(tmp_path: Path, monk
 
 def repository(folder: Path) -> Callable[..., None]:
     """Copy the checkout without its history into a new repository, and return what calls git there."""
-    leave = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "_site", "installed_version.py", "peers")
+    leave = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "_site", ".peers")
     shutil.copytree(CHECKOUT, folder, ignore=leave, symlinks=True)
 
     def git(*arguments: str) -> None:

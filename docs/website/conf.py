@@ -5,15 +5,16 @@ from symaware_cli import __version__
 project = "SymAware"
 author = "The SymAware maintainers"
 project_copyright = "The SymAware maintainers, Apache-2.0"
-version = release = __version__
+# Without the commit, which does not fit above the navigation.
+version = release = __version__.partition("+")[0]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 html_theme = "furo"
-html_title = f"SymAware {__version__}"
+html_title = f"SymAware {version}"
 html_show_sphinx = False
 html_copy_source = False
 html_static_path: list[str] = ["_static"]
-html_css_files = ["gallery.css"]
+html_css_files = ["gallery.css", "sessions.css"]
 html_permalinks_icon = "#"
 
 # Headings have the anchors that they have in a repository's viewer, so that the same links work in both.

@@ -34,7 +34,8 @@ def write(pages: Pages) -> None:
     for file, heading, _ in _CHAPTERS:
         parts = [f"{heading}\n{'=' * len(heading)}", "All names are imported from ``symaware_cli``."]
         parts.append(".. currentmodule:: symaware_cli")
-        parts += [_directive(name) for name in chapters[file]]
+        # Functions first: they are where a reader begins.
+        parts += sorted((_directive(name) for name in chapters[file]), key=lambda text: "autofunction" not in text)
         pages.put(PurePosixPath("api", f"{file}.rst"), "\n\n".join(parts) + "\n")
     testing = "Checks of plugins\n=================\n\n.. automodule:: symaware_cli.testing\n   :members:\n"
     pages.put(PurePosixPath("api/testing.rst"), testing + "   :imported-members:\n")
