@@ -136,7 +136,7 @@ NEEDS_MORE = {
     *("ScenarioDocument.promises", "PromiseUse."),
     *("ScenarioDocument.contracts", "RecordedTopic.", "component:perception.bag", "use:perception.bag"),
     *("model:fmu", "use:fmu"),
-    *("component:promises.monitor", "use:promises.monitor"),
+    *("component:promises.monitor", "use:promises.monitor", "component:promises.tell", "use:promises.tell"),
     *(f"{key}:control.{name}" for key in ("component", "use") for name in ("lane-", "car-following")),
     *("component:communication.map", "use:communication.map"),
 }

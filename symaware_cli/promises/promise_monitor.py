@@ -182,9 +182,16 @@ class PromiseMonitor(GroupCommunicationReceiver):
             return
         for place in new.tolist():
             row, _, promise = self._watched[place]
-            facts = {"promise": promise.name, "of": promise.of, "confidence": promise.confidence}
-            names = {"paid": [*reliance.paid], "if_kept": [*reliance.if_kept]}
-            self.emit_for(row, "promise-relied-on", reliance.of(promise), **facts, **names)
+            self.emit_for(
+                row,
+                "promise-relied-on",
+                reliance.of(promise),
+                promise=promise.name,
+                of=promise.of,
+                confidence=promise.confidence,
+                paid=[*reliance.paid],
+                if_kept=[*reliance.if_kept],
+            )
 
     def _known(self) -> Mask:
         """Return which of the promises their receivers know."""

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 _DIRECTIONS: Array = np.array([(0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1)], float)
 
 
-class Labels(NamedTuple):
+class PlacedLabels(NamedTuple):
     """Labels with places.
 
     Attributes:
@@ -32,7 +32,7 @@ def labels_beside(
     labelled: Sequence[int],
     sizes: Array,
     before: NDArray[np.intp] | None = None,
-    others: Labels | None = None,
+    others: PlacedLabels | None = None,
 ) -> tuple[Array, NDArray[np.intp]]:
     """Choose the places of labels at k instants; the choice for each label holds for all of them.
 
@@ -81,11 +81,11 @@ def _chosen(
     centres: Array,
     extents: Array,
     before: NDArray[np.intp] | None,
-    others: Labels | None,
+    others: PlacedLabels | None,
 ) -> tuple[Array, NDArray[np.intp]]:
     """Choose the first free one of the candidates (c, k, 2) of each label."""
     count, instants = len(candidates), len(centres)
-    others = others or Labels(np.empty((instants, 0, 2)), np.empty((0, 2)))
+    others = others or PlacedLabels(np.empty((instants, 0, 2)), np.empty((0, 2)))
     first = len(others.sizes)
     everywhere = np.concatenate([others.middles, np.full((instants, count, 2), np.nan)], axis=1)
     extent = np.concatenate([others.sizes, np.reshape(sizes, (-1, 2))])

@@ -63,7 +63,8 @@ class OtherRun:
         for marks in self.marks(detail, start, end):
             for mark in marks:
                 output.show(mark)
-            output.flush()
+            output.flush(whole=False)
+        output.flush()
 
     def marks(self, detail: Detail, start: int | None, end: int | None) -> Iterator[list[Mark]]:
         """Yield the marks of its bodies and trails, in grey, chunk by chunk; see `draw`."""
@@ -152,14 +153,20 @@ class Replay:
             earlier: The preceding messages; their last values are valid at the start.
         """
         for chunk in chunks_after(self.chunk_reader(), messages, start, earlier):
-            self.draw_chunk(chunk)
+            self.draw_chunk(chunk, whole=False)
             if on_progress:
                 on_progress(chunk.end)
-
-    def draw_chunk(self, chunk: Chunk) -> None:
-        """Draw a chunk of the log; chunks must be ordered by time."""
-        self._scene.draw(chunk, self._output.show)
         self._output.flush()
+
+    def draw_chunk(self, chunk: Chunk, *, whole: bool = True) -> None:
+        """Draw a chunk of the log; chunks must be ordered by time.
+
+        Args:
+            chunk: The chunk.
+            whole: False if the next one follows at once, for which the last labels wait.
+        """
+        self._scene.draw(chunk, self._output.show)
+        self._output.flush(whole=whole)
 
     def _explain(self, words: str, beside: str) -> None:
         run_view = self._run_view

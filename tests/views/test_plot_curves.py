@@ -40,7 +40,7 @@ def test_a_value_holds_until_the_next_and_is_unknown_before_the_first() -> None:
 
 
 def test_a_log_has_the_panels_that_it_has_data_for(tmp_path: Path, yard: Log) -> None:
-    assert list(panels(yard)) == ["trajectories", "separation", "risk", "speed"]
+    assert list(panels(yard)) == ["trajectories", "separation", "contacts", "risk", "speed"]
     assert list(panels(log_of(tmp_path, "hello.yaml", "run.duration=0.2"))) == ["trajectories", "separation", "speed"]
     assert list(panels(log_of(tmp_path, AIRCRAFT, "run.duration=0.5")))[-1] == "altitude"
     alone = log_of(tmp_path, "hello.yaml", "run.duration=0.2", "agents.robot.count=1")

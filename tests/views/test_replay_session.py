@@ -146,7 +146,7 @@ def test_the_examples_are_shown_without_complaint_be_they_few_or_a_thousand(
     opened = log_of(tmp_path, f"{scenario}.yaml", f"run.duration={duration}")
     views = replay_session(opened).picture(tmp_path / "a.png", int(0.8 * duration * 1e9), "1200x800")
     assert [report for view in views for report in view.reports] == []
-    assert {"Scene", "Risk", "Separation", "Events"} <= {view.name for view in views}
+    assert {"Scene", "Risk", "Closest two agents [m]; they touch at 0", "Events"} <= {view.name for view in views}
     picture = pixels((tmp_path / "a.png").read_bytes())
     assert coloured(picture[80:760, :740]) > 1000
 

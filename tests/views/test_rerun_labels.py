@@ -79,7 +79,7 @@ def test_labels_of_all_groups_cover_no_body_and_no_label(name: str) -> None:
     seen = view.viewpoint.project(middles) - [0.0, 0.5 * HEIGHT * SCALE]
     width = np.array([len("one.0")] * 6 + [len("other.0")] * 6) * 7.0 * SCALE
     at = view.viewpoint.project(positions)
-    shown = np.isfinite(seen).all(axis=-1)
+    shown = np.atleast_1d(np.isfinite(seen).all(axis=-1))
     assert shown.mean() > 0.5
     for instant in range(len(seen)):
         for label in np.flatnonzero(shown[instant]):

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.views.label_layout import Labels as PlacedLabels
-from symaware_cli.views.label_layout import labels_among, labels_beside
+from symaware_cli.views.label_layout import PlacedLabels, labels_among, labels_beside
 from symaware_cli.views.palette import faded
 from symaware_cli.views.rerun.columns import flat, packed
 from symaware_cli.views.scene.marks import ACTIVE
@@ -49,13 +48,32 @@ class SceneView:
 
 
 @dataclass
-class _Group:
-    """The bodies at one path: their last mark, and the positions since labels were placed."""
+class _Motion:
+    """Positions since labels were placed, and the last ones before; NaN for what is hidden or not known yet."""
 
-    mark: Bodies
+    last: Array
     times: list[NDArray[np.int64]] = field(default_factory=list)
     positions: list[Array] = field(default_factory=list)
-    last: Array | None = None
+
+    def take(self, times: NDArray[np.int64], positions: Array) -> None:
+        self.times.append(times)
+        self.positions.append(positions)
+
+    def at(self, times: NDArray[np.int64]) -> Array:
+        """Return the positions at some instants (k, ...), the last ones known, and forget what is before their end."""
+        own = np.concatenate([np.empty(0, np.int64), *self.times])
+        known = np.concatenate([self.last[None], *self.positions])
+        end = int(np.searchsorted(own, times[-1], side="right"))
+        self.times, self.positions, self.last = [own[end:]], [known[end + 1 :]], known[end]
+        return known[np.searchsorted(own, times, side="right")]
+
+
+@dataclass
+class _Group:
+    """The bodies at one path: their last mark, and their motion."""
+
+    mark: Bodies
+    motion: _Motion
     begun: bool = False
 
     @property
@@ -65,15 +83,13 @@ class _Group:
 
 @dataclass
 class _Area:
-    """An area: the places of its label relative to it, and its positions since labels were placed; NaN if hidden."""
+    """An area: the places of its label relative to it, and its motion."""
 
     path: str
     text: str
     colour: NDArray[np.uint8]
     places: Array  # (c, 3) [m]
-    times: list[NDArray[np.int64]] = field(default_factory=list)
-    positions: list[Array] = field(default_factory=list)
-    last: Array = field(default_factory=lambda: np.full(3, np.nan))
+    motion: _Motion = field(default_factory=lambda: _Motion(np.full(3, np.nan)))
     begun: bool = False
 
 
@@ -89,10 +105,11 @@ class Labels:
 
     def take(self, mark: Bodies, positions: Array) -> None:
         """Take bodies at (k, n, 3) positions [m]; marks of a path come in order of time."""
-        group = self._groups.setdefault(mark.path, _Group(mark))
+        if mark.path not in self._groups:
+            self._groups[mark.path] = _Group(mark, _Motion(np.full((len(mark.names), 3), np.nan)))
+        group = self._groups[mark.path]
         group.mark = mark
-        group.times.append(mark.times)
-        group.positions.append(positions)
+        group.motion.take(mark.times, positions)
 
     def take_area(self, mark: Solid) -> None:
         """Take an area; marks of a path come in order of time."""
@@ -100,25 +117,31 @@ class Labels:
             size = self._size(mark.label)
             places = np.pad(_places(mark, size), ((0, 0), (0, 1)), constant_values=mark.high)
             self._areas[mark.path] = _Area(mark.path, mark.label, np.array(mark.colour, np.uint8), places)
-        area = self._areas[mark.path]
-        area.times.append(mark.times)
         is_shown = np.ones(len(mark.times), bool) if mark.phases is None else mark.phases == ACTIVE
-        area.positions.append(np.where(is_shown[:, None], mark.positions, np.nan))
+        self._areas[mark.path].motion.take(mark.times, np.where(is_shown[:, None], mark.positions, np.nan))
 
-    def show(self, output: ColumnReceiver) -> None:
-        """Place the labels at the instants since the last call."""
+    def show(self, output: ColumnReceiver, *, whole: bool = True) -> None:
+        """Place the labels at the instants since the last call.
+
+        Args:
+            output: Where to.
+            whole: False if more is to come: the instants after the last change of places wait for it, so that places
+                do not depend on how a log is cut into chunks.
+        """
         groups, areas = list(self._groups.values()), list(self._areas.values())
-        taken = [
-            *(times for each in groups for times in each.times),
-            *(times for each in areas for times in each.times),
-        ]
+        motions = [*(each.motion for each in groups), *(each.motion for each in areas)]
+        taken = [times for each in motions for times in each.times if len(times)]
         if not taken:
             return
         if not areas and not any(group.mark.labels for group in groups):
             self._groups = {}
             return
         times = np.unique(np.concatenate(taken))
-        positions = [_at(group, times) for group in groups]
+        if not whole:
+            times = times[times < times[-1] // _STEADY * _STEADY]
+        if not len(times):
+            return
+        positions = [group.motion.at(times) for group in groups]
         seen = [self._view.viewpoint.project(each) for each in positions]
         centres = np.concatenate([np.empty((len(times), 0, 2)), *seen], axis=1)
         starts = np.cumsum([0, *(len(group.mark.names) for group in groups)])
@@ -126,7 +149,7 @@ class Labels:
         rows = [list(group.mark.labels) for group in groups]
         labelled = [int(start) + row for start, some in zip(starts, rows, strict=False) for row in some]
         sizes = self._sizes([text for group in groups for text in group.mark.labels.values()])
-        wide, moved = self._sizes([area.text for area in areas]), [_moved(area, times) for area in areas]
+        wide, moved = self._sizes([area.text for area in areas]), [area.motion.at(times) for area in areas]
         candidates = [
             self._view.viewpoint.project(area.places[:, None] + at) for area, at in zip(areas, moved, strict=True)
         ]
@@ -192,24 +215,6 @@ def _places(mark: Solid, size: Array) -> Array:
     steps = [(0, 1), (0, -1), (-1, 0), (1, 0), (-1, 1), (1, 1), (-1, -1), (1, -1)]
     above = np.array([middle[0], high[1] + 0.6 * size[1]])
     return np.array([mark.label_at, *(middle + half * step for step in steps), above])
-
-
-def _moved(area: _Area, times: NDArray[np.int64]) -> Array:
-    """Return the positions of an area at some instants (k, 3); NaN where it is not shown."""
-    own = np.concatenate([np.empty(0, np.int64), *area.times])
-    known = np.concatenate([area.last[None], *area.positions])
-    area.times, area.positions, area.last = [], [], known[-1]
-    return known[np.searchsorted(own, times, side="right")]
-
-
-def _at(group: _Group, times: NDArray[np.int64]) -> Array:
-    """Return the positions of bodies (k, n, 3) at some instants: the last ones known; NaN before the first."""
-    count = len(group.mark.names)
-    last = np.full((count, 3), np.nan) if group.last is None else group.last
-    own = np.concatenate([np.empty(0, np.int64), *group.times])
-    known = np.concatenate([last[None], *group.positions])
-    group.times, group.positions, group.last = [], [], known[-1]
-    return known[np.searchsorted(own, times, side="right")]
 
 
 def _extent(mark: Bodies) -> float:

@@ -74,13 +74,16 @@ class RerunOutput:
         """Take an area; its label is placed when the data leave this process."""
         self._labels.take_area(mark)
 
-    def flush(self) -> None:
+    def flush(self, *, whole: bool = True) -> None:
         """Place the labels, and wait until all data have left this process.
+
+        Args:
+            whole: False if more is to come, for which the last labels wait.
 
         Raises:
             RuntimeError: They could not be written or sent.
         """
-        self._labels.show(self)
+        self._labels.show(self, whole=whole)
         self._recording.flush()
 
     def scale_bar(self, path: str, ends: Array, text: str) -> None:

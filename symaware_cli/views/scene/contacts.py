@@ -148,11 +148,11 @@ _APART, _TOUCHING = "apart", "in contact"
 _TINTS: dict[str, Colour] = {_APART: (232, 235, 240), _TOUCHING: CONTACT}
 
 
-class ContactEpisodes(Drawing):
+class ContactStrips(Drawing):
     """Draws for each pair of bodies that meet when they were in contact."""
 
     outputs: ClassVar = frozenset({"plot"})
-    order: ClassVar = 290
+    order: ClassVar = 285
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)

@@ -351,7 +351,7 @@ def test_there_is_a_case_for_every_built_in_component() -> None:
     catalogue = Catalogue()
     # What plays a file back is tested in tests/bags; what a switch chooses depends on how long it has been in force, so
     # that a latency is more than a shift; what promises are made, a section says: tests/promises.
-    elsewhere = {"perception.bag", "control.switch", "promises.monitor"}
+    elsewhere = {"perception.bag", "control.switch", "promises.monitor", "promises.tell"}
     assert {each.name for each in catalogue.listings("component") if each.built_in} == {*CASES, *elsewhere}
 
 
