@@ -1,5 +1,7 @@
 """Probabilistic roadmaps: costs are those of Dijkstra's algorithm on the same graph, and paths touch no obstacle."""
 
+import os
+
 import numpy as np
 import pytest
 from random_maps import SIDE, is_free, length_of, random_map
@@ -12,6 +14,8 @@ from symaware_cli.maps.free_space import FreeSpace
 from symaware_cli.maps.roadmap import Roadmap
 
 RADIUS = 0.25
+#: How many random maps the slow tests try.
+MAPS = int(os.environ.get("SYMAWARE_MAPS", "100"))
 
 
 def roadmap(seed: int, space: FreeSpace, samples: int = 400) -> Roadmap:
@@ -49,8 +53,8 @@ def test_the_cost_on_random_maps_is_that_of_dijkstra_and_paths_keep_from_obstacl
 
 
 @pytest.mark.slow
-def test_the_same_holds_on_a_hundred_maps() -> None:
-    assert sum(check(seed) for seed in range(12, 112)) >= 50
+def test_the_same_holds_on_many_maps() -> None:
+    assert sum(check(seed) for seed in range(12, 12 + MAPS)) >= 0.5 * MAPS
 
 
 def test_edges_are_exactly_the_free_lines_within_the_radius() -> None:

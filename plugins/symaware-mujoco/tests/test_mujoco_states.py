@@ -1,5 +1,6 @@
 """States of a scene with contacts: restored at any instant, they continue a run to the same bytes."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ import symaware_cli as sa
 pytestmark = pytest.mark.filterwarnings("ignore::symaware_cli.ProcessorWarning")
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
+#: How many instants the slow test tries.
+INSTANTS = int(os.environ.get("SYMAWARE_INSTANTS", "200"))
 
 
 def crowd() -> dict[str, Any]:
@@ -52,7 +55,7 @@ def crowd() -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("instants", [40, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("instants", [40, pytest.param(INSTANTS, marks=pytest.mark.slow)])
 def test_a_state_put_back_at_a_random_instant_goes_on_to_the_same_bytes(instants: int, tmp_path: Path) -> None:
     (tmp_path / "crowd.yaml").write_text(yaml.safe_dump(crowd()))
     steps, further = instants + 20, 3
