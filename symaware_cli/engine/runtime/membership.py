@@ -1,4 +1,7 @@
-"""Membership: which agents take part in a run, as they enter, leave, fail, stop and restart."""
+"""Membership: which agents take part in a run, as they enter, leave, return, fail, stop and restart.
+
+Reasons: docs/decisions/0111-agents-that-return.md
+"""
 
 from __future__ import annotations
 
