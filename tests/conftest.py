@@ -32,8 +32,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Make Ctrl-C count, which what runs in the background of a shell may ignore; tell short tests from long ones."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    # xdist sets it for its workers, and the command line folds its lines there.
-    os.environ.pop("COLUMNS", None)
     durations.register(config)
 
 

@@ -1,6 +1,6 @@
 """Text that fits the terminal: lines are folded between words, and a number stays with its unit.
 
-Only the width of a terminal folds text, or `COLUMNS`: what is written to a file or a pipe keeps its lines, for `grep`.
+Only text in a terminal is folded: what is written to a file or a pipe keeps its lines, for `grep`.
 
 Reasons: docs/decisions/0113-fitting-the-terminal-and-the-view.md
 """
@@ -29,16 +29,22 @@ _NUMBER = re.compile(r"^[\[({<>=~-]*[\d.,:/e+-]*\d[\d.,:/e+-]*$")
 
 
 def width_of(stream: TextIO | None = None) -> int | None:
-    """The columns of a stream: those of `COLUMNS` or of its terminal; None if its lines are not to be folded.
+    """The columns of a terminal: those of `COLUMNS`, or its own; None if the lines of a stream are not to be folded.
+
+    Many programs export `COLUMNS` to others whose output they read, so it says nothing about a pipe. As for Rich,
+    `TTY_COMPATIBLE=1` says that a pipe leads to a terminal.
 
     Args:
         stream: By default, the standard output.
     """
+    stream = stream or sys.stdout
+    if os.environ.get("TTY_COMPATIBLE") != "1" and not stream.isatty():
+        return None
     stated = os.environ.get("COLUMNS", "")
     if stated.isdecimal() and int(stated):
         return max(int(stated), _NARROWEST)
     try:
-        return max(os.get_terminal_size((stream or sys.stdout).fileno()).columns, _NARROWEST)
+        return max(os.get_terminal_size(stream.fileno()).columns, _NARROWEST)
     except (OSError, ValueError, AttributeError):
         return None
 

@@ -24,6 +24,11 @@ TABLE = [
 ]
 
 
+def terminal(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    monkeypatch.setenv("COLUMNS", str(columns))
+
+
 @pytest.mark.parametrize("width", [40, 60, 80])
 def test_a_line_is_folded_between_words_and_a_number_stays_with_its_unit(width: int) -> None:
     lines = folded(SENTENCE, width).split("\n")
@@ -44,7 +49,7 @@ def test_a_word_longer_than_the_line_and_an_excerpt_of_a_file_are_left_whole() -
 
 @pytest.mark.parametrize("width", [60, 80])
 def test_texts_of_a_table_are_folded_within_their_columns(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", str(width))
+    terminal(monkeypatch, width)
     lines = aligned(TABLE, "<>><")
     assert max(map(len, lines)) <= width
     for row in TABLE:
@@ -54,7 +59,7 @@ def test_texts_of_a_table_are_folded_within_their_columns(width: int, monkeypatc
 
 
 def test_columns_that_do_not_fit_stand_in_further_blocks_with_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "60")
+    terminal(monkeypatch, 60)
     table = [
         ["run", *(f"column_{number}" for number in range(12))],
         *([str(run), *["123456"] * 12] for run in range(3)),
@@ -66,7 +71,8 @@ def test_columns_that_do_not_fit_stand_in_further_blocks_with_the_first(monkeypa
 
 
 def test_what_is_written_to_a_file_or_a_pipe_is_not_folded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("COLUMNS", raising=False)
+    # Whoever has imported `readline` exports it to each process that it starts.
+    monkeypatch.setenv("COLUMNS", "80")
     with open(os.devnull, "w") as stream:
         assert width_of(stream) is None
     assert folded(SENTENCE, None) == SENTENCE
@@ -99,7 +105,7 @@ def test_every_verb_fits_the_terminal(
     verb: str, number: int, columns: int, sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", str(columns))
+    terminal(monkeypatch, columns)
     status, said = called([*line(verb, number, *named(sound).get(verb, ("", "")), sound), *MORE.get(verb, ())])
     assert status in (0, 1, 3) or verb in REFUSED, said
     assert too_long(said.splitlines(), columns) == []
