@@ -214,5 +214,5 @@ def test_a_merge_that_is_ended_leaves_nothing(number: signal.Signals, tmp_path: 
             time.sleep(0.005)
         process.send_signal(number)
         said = process.communicate(timeout=60)
-    assert (process.returncode, said) == (130, ("", ""))
+    assert (process.returncode, said) == (130, ("", "symaware: interrupted; nothing was saved\n"))
     assert [path.name for path in tmp_path.iterdir()] == ["sample.mcap"]

@@ -23,7 +23,7 @@ def yard(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_figure_of_the_log_is_drawn_beside_others_of_that_name(yard: Path, command: Command, tmp_path: Path) -> None:
     done = command("plot", yard)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith(f"{yard.stem}.png: trajectories, separation, risk, speed; ")
+    assert done.stdout.startswith(f"{yard.stem}.png: trajectories, separation, contacts, risk, speed; ")
     assert "closest" in done.stdout
     assert command("plot", yard, "--show", "risk").stdout.startswith(f"{yard.stem}-2.png: risk; ")
     assert all((tmp_path / f"{yard.stem}{number}.png").read_bytes()[1:4] == b"PNG" for number in ("", "-2"))

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 #: The greatest number of candidates in the picture.
 _MOST = 14
 
+#: The colour of cells in which nothing is believed; an error of 0 is nearly white.
+_NOTHING = "#dfe3e9"
+
 #: The formats, by the suffix of the file.
 FORMATS = (".png", ".svg", ".pdf")
 
@@ -107,6 +110,7 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[CandidateRow]) -> Non
         vmax=greatest or 1.0,
     )
     axes.grid(visible=False)
+    axes.set_facecolor(_NOTHING)
     for number in range(len(rows) + 1):
         axes.axhline(number - 0.5, color="white", linewidth=5)
     axes.axvline(explanation.violated, color=hexadecimal(RISK), linewidth=2)
@@ -141,7 +145,7 @@ def _draw(axes: Axes, explanation: Explanation, rows: list[CandidateRow]) -> Non
     hollow = axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=ink, label="it does not")[0]
     from symaware_cli.views.plotting.figure_style import FAINT  # this module needs matplotlib
 
-    blank = axes.plot([], [], "s", color="white", markeredgecolor=FAINT, label="nothing believed")[0]
+    blank = axes.plot([], [], "s", color=_NOTHING, markeredgecolor=FAINT, label="nothing believed")[0]
     figure.legend(
         handles=[filled, hollow, blank],
         loc="lower left",
@@ -158,4 +162,4 @@ def _difference(row: CandidateRow) -> str:
         return "not compared" if row.is_uncompared else "no effect when screened"
     if not best.has_placebo:
         return f"saves only {best.shares.first} of {best.shares.trials} futures"
-    return f"saves {best.shares.difference:+.0%} of futures (at least {best.lower:+.0%})"
+    return f"saves {100 * best.shares.difference:.0f} % more futures (at least {100 * best.lower:.0f} %)"

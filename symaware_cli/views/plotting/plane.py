@@ -329,29 +329,32 @@ def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D 
     points: dict[str, Array] = {}
     bodies: list[Circle | Polygon] = []
     colours: list[str] = []
+    edges: list[float] = []
     noses: list[Array] = []
     for agent, (line, shape) in enumerate(zip(chosen.lines, motion.shapes, strict=True)):
         way = _known(motion.positions[: at + 1, agent])
         if not len(way):
             continue
         starts[line.name] = way[:1]
-        if shape is None or shape.radius < 0.004 * span:
+        is_small = shape is None or kinds[shape][1] < 0.004 * span
+        if is_small:
             points[line.name] = way[-1:]
         if shape is not None:
             pieces, inner = kinds[shape]
             position, heading = motion.positions[at, agent], float(motion.headings[at, agent])
             bodies += _body(pieces, position, heading)
             colours += [line.colour] * len(pieces)
+            # The edge would cover what is small.
+            edges += [0.0 if is_small else 0.2 if chosen.many else 0.8] * len(pieces)
             if motion.nosed[agent] and inner > 0.01 * span:
                 noses.append(placed(_NOSE * inner, position, heading)[:, :2])
     for colour, where in _by_colour(chosen.lines, starts).items():
         mark = _mark("o", colour, 1.5 if chosen.many else 5.5)
         axes.plot(*where.T, zorder=4.5, markerfacecolor="white", **mark)
     for colour, where in _by_colour(chosen.lines, points).items():
-        axes.plot(*where.T, zorder=5, **_mark("o", colour, 2.0 if chosen.many else 5.0))
-    edge = 0.2 if chosen.many else 0.8
+        axes.plot(*where.T, zorder=5, **_mark("o", colour, 2.0 if chosen.many else 7.0))
     axes.add_collection(
-        PatchCollection(bodies, facecolors=colours, edgecolors="white", linewidths=edge, zorder=5), autolim=False
+        PatchCollection(bodies, facecolors=colours, edgecolors="white", linewidths=edges, zorder=5), autolim=False
     )
     axes.add_collection(PolyCollection(noses, facecolors="white", edgecolors="none", zorder=6), autolim=False)
     return [
