@@ -73,6 +73,12 @@ class Tolerances:
         ]
 
     @classmethod
+    def everywhere(cls, greatest: float) -> Tolerances:
+        """Return the tolerances that allow each number to be off by an absolute or relative difference."""
+        channels = {"*": {"absolute": greatest, "relative": greatest}}
+        return cls(ToleranceDocument.model_validate({"symaware-tolerance": 1, "channels": channels}))
+
+    @classmethod
     def read(cls, path: Path) -> Tolerances:
         """Read a file in YAML or TOML.
 
