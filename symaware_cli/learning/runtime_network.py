@@ -36,6 +36,17 @@ SETTINGS: Mapping[str, int | str] = {
 #: What the library writes before the text of an error: its kind, and the place in its source.
 _PREFIX = re.compile(r"\[ONNXRuntimeError\] : \d+ : \w+ : |/onnxruntime_src/\S+:\d+ [^)]*\)(?: const)? ")
 
+#: Operators that draw numbers, which no seed of a run determines.
+_RANDOM = (
+    "Bernoulli",
+    "Dropout",
+    "Multinomial",
+    "RandomNormal",
+    "RandomNormalLike",
+    "RandomUniform",
+    "RandomUniformLike",
+)
+
 _TYPES = {"tensor(float)": np.dtype(np.float32), "tensor(double)": np.dtype(np.float64)}
 
 
@@ -54,6 +65,9 @@ class RuntimeNetwork(Network):
         """
         if graph.has_functions:
             raise OnnxError("it defines functions, or a graph for training, which is not supported")
+        for node in graph.nodes:
+            if node.operator in _RANDOM:
+                raise OnnxError(f"{node.label} is an operator that may draw random numbers, which is not supported")
         if not graph.inputs or len(graph.outputs) < len(graph.inputs):
             count = f"{len(graph.inputs)} inputs and {len(graph.outputs)} outputs"
             raise OnnxError(f"its {count} are not an observation and states, and an action and the next of each state")
