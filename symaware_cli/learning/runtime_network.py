@@ -47,7 +47,7 @@ _RANDOM = (
     "RandomUniformLike",
 )
 
-_TYPES = {"tensor(float)": np.dtype(np.float32), "tensor(double)": np.dtype(np.float64)}
+_TYPES: Mapping[str, np.dtype[Any]] = {"tensor(float)": np.dtype(np.float32), "tensor(double)": np.dtype(np.float64)}
 
 
 class RuntimeNetwork(Network):

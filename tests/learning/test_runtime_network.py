@@ -45,8 +45,11 @@ def convolutional() -> bytes:
             node("MatMul", ["s", "w"], ["u"]),
         ],
         {
-            **{"scale": numbers(6), "shift": numbers(6, seed=1), "one": np.array([1], "<i8")},
-            **{"kernel": numbers(1, 1, 3, seed=2), "w": numbers(4, 2, seed=3)},
+            "scale": numbers(6),
+            "shift": numbers(6, seed=1),
+            "one": np.array([1], "<i8"),
+            "kernel": numbers(1, 1, 3, seed=2),
+            "w": numbers(4, 2, seed=3),
         },
         {"x": ("n", 6)},
         ["u"],
@@ -164,7 +167,7 @@ def test_damaged_files_do_not_end_the_process(tmp_path: Path) -> None:
     command = [sys.executable, "-c", FUZZING, str(tmp_path / "whole.onnx"), str(tmp_path / "damaged.onnx")]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    found = eval(done.stdout)  # noqa: S307
+    found = eval(done.stdout)
     assert sum(found.values()) == 300
     assert min(found[each] for each in ("computed", "by the library", "before")) > 10
 
@@ -239,7 +242,7 @@ def test_verification_compares_to_the_stated_tolerance(
 
 
 def test_our_kernels_name_the_other_runtime_where_they_lack_an_operator(folder: Path) -> None:
-    with pytest.raises(sa.PolicyError, match="Softmax .* is not supported; .*`runtime: onnxruntime` computes other"):
+    with pytest.raises(sa.PolicyError, match=r"Softmax .* is not supported; .*`runtime: onnxruntime` computes other"):
         sa.Policy(folder / "policies" / "attention.onnx")
     assert sa.Policy(folder / "policies" / "attention.onnx", runtime="onnxruntime")([1.0, 1.0]).tolist() == [0.5, 0.5]
 
