@@ -203,9 +203,13 @@ def _lines(result: VerificationResult) -> Iterator[str]:
         found = f"different from {difference.time / 1e9:g} s on"
     elif not result.is_equal:
         found = "different"
+    elif result.tolerated:
+        found = f"equal within {max(result.tolerances.values()):g}"
     yield f"{result.log}: {found}"
     yield f"  {'repeated':<12} {terminal.printable(result.scenario)}, seed {result.seed}, until {result.until:g} s"
     yield f"  {'equal':<12} {result.messages:,} messages{'' if result.is_equal else ' before the difference'}"
+    if result.tolerances:
+        yield f"  {'tolerance':<12} {_tolerance(result)}"
     if difference is not None:
         by = f", written by {result.writer}" if result.writer else ""
         yield f"  {'channel':<12} {terminal.printable(difference.topic)}{by}"
@@ -219,6 +223,14 @@ def _lines(result: VerificationResult) -> Iterator[str]:
         yield f"  {'damage':<12} {terminal.printable(result.damage)}"
     if not result.is_whole:
         yield f"  {'note':<12} the log ends before its run did; it was compared as far as it goes"
+
+
+def _tolerance(result: VerificationResult) -> str:
+    by = terminal.printable(", ".join(result.tolerances))
+    said = f"{max(result.tolerances.values()):g}, stated by {by}; {result.tolerated:,} messages differ within it"
+    if result.greatest is None:
+        return said
+    return f"{said}, by at most {result.greatest.distance:.3g} on {terminal.printable(result.greatest.topic)}"
 
 
 def _values(difference: LogDifference) -> Iterator[str]:

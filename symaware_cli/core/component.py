@@ -93,6 +93,16 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         """
         return {}
 
+    @property
+    def repeatable_to(self) -> float | None:
+        """How far a number in the log of a repeated run may be off, absolutely or relatively; None for not at all.
+
+        A component says so whose results depend on the processor, because a library computes them. The log states it,
+        and `symaware verify` and others that repeat runs compare to the greatest tolerance of all components. Such runs
+        are not batched.
+        """
+        return None
+
     def check_specification(self, specification: Any, group: AgentGroup) -> None:
         """Check whether the component can work with one of the `specifications` that it names; called before a run.
 

@@ -6,6 +6,7 @@ import random
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -17,6 +18,7 @@ from symaware_cli.evidence.certificate_check import certificate_findings, certif
 from symaware_cli.evidence.checking import check_log
 from symaware_cli.evidence.finding import Finding
 from symaware_cli.evidence.log_evaluation import EvaluatedSpecification, evaluate_log
+from symaware_cli.evidence.tolerances import ColumnTolerance, Tolerances
 from symaware_cli.evidence.verification import logged_versions, version_differences
 from symaware_cli.language import Catalogue, ScenarioError
 from symaware_cli.log import LogError, attachment_differences, first_difference, open_log
@@ -100,7 +102,8 @@ def verify_folder(
 ) -> SweepVerification:
     """Verify the folder of a sweep.
 
-    Runs are repeated one by one, never in batches, so that the check does not rely on batches giving the same rows.
+    Runs are repeated one by one, never in batches, so that the check does not rely on batches giving the same rows. If
+    a component repeats its results to a tolerance only, numbers are compared to that, and digests are not compared.
 
     Args:
         folder: The folder.
@@ -308,16 +311,20 @@ def _at_least(bound: float | None, robustness: float | None) -> bool:
 
 def _repeated(folder: SweepFolder, row: Row, runner: Runner) -> Iterator[Finding]:
     """Yield the differences of a row, and of its log if kept, from a repetition of the run."""
+    tolerance = None
+    with suppress(ScenarioError):  # invalid values drawn for its seed: the row says so
+        tolerance = runner.tolerance(row.index)
     if row.log is None:
-        yield from _differing(row, runner.run(row.index))
+        yield from _differing(row, runner.run(row.index), tolerance)
         return
+    allowed = None if tolerance is None else Tolerances.everywhere(tolerance).allow
     with tempfile.TemporaryDirectory() as scratch:
         repeated = runner.run(row.index, Path(scratch))
-        yield from _differing(row, repeated)
+        yield from _differing(row, repeated, tolerance)
         try:
             logs = open_log(folder.logs / row.log), open_log(Path(scratch, repeated.log or ""))
-            first = first_difference(*logs)
-            beside = list(attachment_differences(*logs))
+            first = first_difference(*logs, allowed)
+            beside = list(attachment_differences(*logs, allowed))
         except LogError as error:
             yield Finding(row.index, "log", str(error), "a log")
             return
@@ -326,16 +333,18 @@ def _repeated(folder: SweepFolder, row: Row, runner: Runner) -> Iterator[Finding
             yield Finding(row.index, " ".join(filter(None, (place, first.agent, first.element))), *first.values)
         for each in beside:
             yield Finding(row.index, f"log, {each.topic} {each.element}".strip(), *each.values)
-        if first is None and not beside and repeated.log != row.log:
+        # The name of a log is its digest.
+        if first is None and not beside and tolerance is None and repeated.log != row.log:
             yield Finding(row.index, "log", row.log, repeated.log)
         made = version_differences(counting(folder.identity.versions), logged_versions(logs[0]))
         for version in made:
             yield Finding(row.index, f"log, version of {version.name}", version.now, version.then)
 
 
-def _differing(row: Row, repeated: Row) -> Iterator[Finding]:
-    """Yield the differences of a row from a repetition of the run."""
-    for name in ("state", "digest", "error"):
+def _differing(row: Row, repeated: Row, tolerance: float | None) -> Iterator[Finding]:
+    """Yield the differences of a row from a repetition of the run, of numbers beyond a tolerance if there is one."""
+    is_same = _equal if tolerance is None else ColumnTolerance(absolute=tolerance, relative=tolerance).allows
+    for name in ("state", "digest", "error") if tolerance is None else ("state", "error"):
         found, expected = getattr(row, name), getattr(repeated, name)
         if found != expected:
             yield Finding(row.index, name, found, expected)
@@ -345,7 +354,7 @@ def _differing(row: Row, repeated: Row) -> Iterator[Finding]:
         ("", row.metrics, repeated.metrics),
     ):
         for name in dict.fromkeys([*there, *here]):
-            if not _equal(there.get(name), here.get(name)):
+            if not is_same(there.get(name), here.get(name)):
                 yield Finding(row.index, prefix + name, there.get(name), here.get(name))
 
 

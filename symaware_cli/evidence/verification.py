@@ -1,4 +1,7 @@
-"""Verification of a log by repeating its run: bitwise equality, or the first difference and the component behind it."""
+"""Verification of a log by repeating its run: bitwise equality, or the first difference and the component behind it.
+
+If the log states that a component repeats its results to a tolerance only, numbers are compared to that.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,7 @@ from symaware_cli.awareness import Column, SeriesColumn
 from symaware_cli.core import AgentGroup, Event, seconds
 from symaware_cli.engine import Simulation
 from symaware_cli.evidence.message_comparison import MessageComparison
+from symaware_cli.evidence.tolerances import Tolerances
 from symaware_cli.language import open_scenario, prepared
 from symaware_cli.language.versions import versions
 from symaware_cli.log import OUTCOME, Log, LogDifference, LogError, attachment_differences, first_difference, open_log
@@ -46,7 +50,7 @@ class VerificationResult:
         log: The log.
         scenario: The name of its scenario.
         seed: The seed of the run.
-        messages: The number of equal messages, from the first on.
+        messages: The number of equal messages, from the first on, and of those that differ within the tolerance.
         until: The simulated time until which both were compared [s].
         is_whole: Whether the log reaches the end of its run; otherwise it was compared as far as it goes.
         difference: The first difference; None if all messages are equal.
@@ -54,6 +58,10 @@ class VerificationResult:
         attachments: The differences in attachments, outcome and channel metadata about columns.
         versions: The differences in versions and machine.
         damage: The part of the log that could not be read; None if undamaged.
+        tolerances: The components that repeat their results to a tolerance only, by path, as the log states them; the
+            greatest holds for all numbers.
+        tolerated: The number of messages that differ within the tolerance.
+        greatest: The greatest difference within the tolerance; None if there is none.
     """
 
     log: Path
@@ -67,10 +75,13 @@ class VerificationResult:
     attachments: Sequence[LogDifference]
     versions: Sequence[VersionDifference]
     damage: str | None = None
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+    tolerated: int = 0
+    greatest: LogDifference | None = None
 
     @property
     def is_equal(self) -> bool:
-        """Whether the logs are equal."""
+        """Whether the logs are equal, within the tolerance if the log states one."""
         return self.difference is None and not self.attachments
 
     def to_json(self) -> dict[str, Any]:
@@ -97,7 +108,9 @@ def verify_log(
     if "part" in log.manifest:
         raise LogError(f"{path} is a part of a run in several processes: verify the log that `symaware merge` makes")
     built = open_scenario(path)
-    comparison = MessageComparison(log)
+    tolerances = stated_tolerances(log)
+    allowed = Tolerances.everywhere(max(tolerances.values())).allow if tolerances else None
+    comparison = MessageComparison(log, allowed=allowed)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder, "repeated.mcap")
         with prepared(built, copy, may_exit=False, on_message=comparison.compare) as run:
@@ -110,11 +123,12 @@ def verify_log(
         repeated = open_log(copy)
         difference, writer = None, ""
         if comparison.differs or (comparison.is_whole and comparison.is_left):
-            difference = first_difference(log, repeated)
+            difference = first_difference(log, repeated, allowed)
         if difference is not None:
             writer = _writer(path, difference)
         ended = run.status is not None and comparison.is_whole
-        attachments = [each for each in attachment_differences(log, repeated) if ended or each.topic != OUTCOME]
+        found = attachment_differences(log, repeated, allowed)
+        attachments = [each for each in found if ended or each.topic != OUTCOME]
     return VerificationResult(
         path,
         built.document.name,
@@ -127,7 +141,16 @@ def verify_log(
         attachments,
         version_differences(logged_versions(log), counting(versions())),
         str(log.damage) if log.damage and log.damage.lost else None,
+        tolerances,
+        comparison.tolerated,
+        comparison.greatest,
     )
+
+
+def stated_tolerances(log: Log) -> Mapping[str, float]:
+    """Return the components that repeat their results to a tolerance only, by path, as a log states them."""
+    found: Mapping[str, float] = log.manifest.get("repeatable_to", {})
+    return found
 
 
 def logged_versions(log: Log) -> dict[str, str]:

@@ -147,6 +147,7 @@ def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> 
             uses=built.uses,
             indexed={name: agents.count is not None for name, agents in document.agents.items()},
             part=part,
+            tolerances=built.simulation.tolerances,
         ),
     )
     for name, content in built.files.items():

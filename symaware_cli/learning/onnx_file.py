@@ -63,6 +63,10 @@ class OnnxError(ValueError):
     """A file is no ONNX file, or contains an unsupported feature; the message names the feature and its place."""
 
 
+class UnsupportedError(OnnxError):
+    """A file has an operator that our kernels do not compute; another runtime may."""
+
+
 class OnnxValue(NamedTuple):
     """An input or output of a graph.
 
@@ -107,6 +111,7 @@ class OnnxGraph(NamedTuple):
         inputs: Its inputs, without constants.
         outputs: Its outputs.
         nodes: Its operators.
+        has_functions: Whether the file also defines functions, or a graph for training, neither of which is read.
     """
 
     opset: int
@@ -114,6 +119,7 @@ class OnnxGraph(NamedTuple):
     inputs: tuple[OnnxValue, ...]
     outputs: tuple[OnnxValue, ...]
     nodes: tuple[OnnxNode, ...]
+    has_functions: bool = False
 
 
 def read_bounded(path: Path, name: str) -> bytes:
@@ -159,7 +165,7 @@ class _Reader:
         self._reader = FieldReader(content, _MOST_FIELDS)
 
     def model(self) -> OnnxGraph:
-        graphs, opset, domains, is_model = [], 0, [], False
+        graphs, opset, domains, is_model, has_functions = [], 0, [], False, False
         for field in self._reader.fields(self._reader.whole):
             match field.number:
                 case 1:
@@ -172,12 +178,14 @@ class _Reader:
                         opset = version
                     else:
                         domains.append(domain)
+                case 20 | 25:
+                    has_functions = True
         if not is_model or len(graphs) != 1:
             raise OnnxError("it is no ONNX file: it has no version of the format, or not one graph")
         if not 11 <= opset <= 30:
             said = f"version {opset}" if opset else "no version"
             raise OnnxError(f"its operators have {said}, and those of versions 11 to 30 are supported")
-        return self._graph(graphs[0], opset)
+        return self._graph(graphs[0], opset)._replace(has_functions=has_functions)
 
     def _opset(self, field: WireField) -> tuple[str, int]:
         domain, version = "", 0

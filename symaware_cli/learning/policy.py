@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from symaware_cli.core import AgentGroup, GroupComponent, ScenarioView
 from symaware_cli.geometry import AssetPath
 from symaware_cli.learning.learning_task import LearningTask
 from symaware_cli.learning.onnx_file import OnnxError
-from symaware_cli.learning.policy_network import PolicyNetwork
+from symaware_cli.learning.policy_network import Network, PolicyNetwork
+from symaware_cli.learning.runtime_network import SETTINGS, RuntimeNetwork
 from symaware_cli.learning.team import LearningError, Team
 from symaware_cli.world import ParameterError, UserError
 from symaware_cli.world import Parameters as PluginParameters
@@ -23,6 +25,17 @@ from symaware_cli.world import Parameters as PluginParameters
 Array = NDArray[np.float64]
 
 _PLACE = ("policy", "file")
+
+Runtime: TypeAlias = Literal["own", "onnxruntime"]
+"""What computes a network: kernels of ours, to the bit on every processor, or a library with all operators of ONNX."""
+
+_RUNTIMES: Mapping[Runtime, type[PolicyNetwork | RuntimeNetwork]] = {
+    "own": PolicyNetwork,
+    "onnxruntime": RuntimeNetwork,
+}
+
+#: How far numbers of a repeated run may be off by default: single precision, in a loop that does not amplify it much.
+_TOLERANCE = 1e-6
 
 
 class PolicyError(UserError):
@@ -39,14 +52,18 @@ class Policy:
         actions: The number of values of an action.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], runtime: Runtime = "own") -> None:
         """Read a file in the format ONNX; docs/learning.md lists the operators.
+
+        Args:
+            path: The file.
+            runtime: ``onnxruntime`` for other operators, with the extra `onnx`.
 
         Raises:
             PolicyError: The file cannot be read, is damaged, or contains an unsupported feature.
         """
         try:
-            self._network = PolicyNetwork.read(Path(path), os.fspath(path))
+            self._network: Network = _RUNTIMES[runtime].read(Path(path), os.fspath(path))
         except OnnxError as error:
             raise PolicyError(str(error)) from error
         self.observed, self.actions = self._network.observed, self._network.actions
@@ -67,6 +84,7 @@ class Policy:
             Shape (n, actions), or (actions,).
 
         Raises:
+            PolicyError: The runtime `onnxruntime` cannot compute them.
             ValueError: The observations have another shape.
         """
         given = np.asarray(observations, float)
@@ -77,7 +95,10 @@ class Policy:
             self._rows, self._states = len(rows), self._network.initial_states(len(rows))
         if self._states and len(rows) != self._rows:
             raise ValueError(f"{len(rows)} agents in an episode of {self._rows}: call `reset` before another one")
-        actions, self._states = self._network(rows, self._states)
+        try:
+            actions, self._states = self._network(rows, self._states)
+        except OnnxError as error:
+            raise PolicyError(str(error)) from error
         return actions[0] if given.ndim == 1 else actions
 
 
@@ -85,6 +106,23 @@ class PolicyFile(PluginParameters):
     """A trained policy."""
 
     file: AssetPath = Field(description="An .onnx file below the scenario's folder.")
+    runtime: Runtime = Field(
+        "own",
+        description="What computes it: `own`, the same bytes on every processor, or `onnxruntime`, which has more "
+        "operators, and whose results depend on the processor.",
+    )
+    tolerance: float | None = Field(
+        None,
+        gt=0.0,
+        description="How far numbers in the log of a repeated run may be off with `onnxruntime`, absolutely or "
+        "relatively; by default 1e-6.",
+    )
+
+    @model_validator(mode="after")
+    def _has_tolerance_where_needed(self) -> PolicyFile:
+        if self.runtime == "own" and self.tolerance is not None:
+            raise ValueError("a tolerance is for `runtime: onnxruntime`; other results are repeated to the bit")
+        return self
 
 
 class PolicyTurn(NamedTuple):
@@ -108,7 +146,8 @@ class PolicyController(GroupComponent):
     recurrent policy is 0 at first and while an agent is absent.
 
     Networks of dense layers and gated recurrent units are computed in double precision and in a fixed order, so a run
-    has the same bytes with every number of agents. A file with other operators is refused.
+    has the same bytes with every number of agents. A file with other operators is refused, unless `runtime` is
+    `onnxruntime`, which computes each agent by itself; then repeated runs are compared to a tolerance.
     """
 
     # Observations depend on agents of the same run only, and the network computes each row independently.
@@ -173,10 +212,23 @@ class PolicyController(GroupComponent):
         self._observe: Callable[[], Array] | None = None
         self._states = self._network.initial_states(len(group))
 
-    def _read(self, folder: Path) -> PolicyNetwork:
-        name = self.parameters.policy.file
+    @property
+    def repeatable_to(self) -> float | None:
+        """The tolerance of a policy that `onnxruntime` computes."""
+        policy = self.parameters.policy
+        return None if policy.runtime == "own" else policy.tolerance or _TOLERANCE
+
+    def attachments(self) -> Mapping[str, bytes]:
+        """Return the settings of `onnxruntime`, if it computes the policy."""
+        if self.parameters.policy.runtime == "own":
+            return {}
+        return {"runtime.json": json.dumps(dict(SETTINGS), indent=1).encode()}
+
+    def _read(self, folder: Path) -> Network:
+        policy = self.parameters.policy
+        name = policy.file
         try:
-            return PolicyNetwork.read(folder / name, name)
+            return _RUNTIMES[policy.runtime].read(folder / name, name)
         except OnnxError as error:
             raise ParameterError(str(error), _PLACE) from error
 
@@ -189,7 +241,10 @@ class PolicyController(GroupComponent):
         unknown = np.isnan(observations)
         if unknown.any():
             observations[unknown] = 0.0
-        return PolicyTurn(*self._network(observations, self._states))
+        try:
+            return PolicyTurn(*self._network(observations, self._states))
+        except OnnxError as error:
+            raise PolicyError(f"{self.parameters.policy.file}: {error}") from error
 
     def _update(self, value: PolicyTurn) -> None:
         group = self._group

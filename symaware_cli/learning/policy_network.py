@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -11,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.learning.network_operators import OPERATORS, Compute, Operands, Shape, Value, said, size
-from symaware_cli.learning.onnx_file import OnnxError, OnnxGraph, OnnxNode, OnnxValue, parse, read_bounded
+from symaware_cli.learning.onnx_file import (
+    OnnxError,
+    OnnxGraph,
+    OnnxNode,
+    OnnxValue,
+    UnsupportedError,
+    parse,
+    read_bounded,
+)
 
 Array = NDArray[np.float64]
 
@@ -27,7 +36,7 @@ class _Step(NamedTuple):
     outputs: tuple[int, ...]
 
 
-class PolicyNetwork:
+class Network(ABC):
     """A network that maps an observation, and perhaps its state, to an action and the next state.
 
     The first input of the graph is the observation, of the shape (rows, values), and its first output the action. Each
@@ -39,6 +48,30 @@ class PolicyNetwork:
         actions: The number of values of an action.
         states: The shapes of the parts of the state, in which None is the number of rows.
     """
+
+    observed: int
+    actions: int
+    states: tuple[Shape, ...]
+
+    def initial_states(self, rows: int) -> tuple[Array, ...]:
+        """Return the initial state of a number of rows."""
+        return tuple(np.zeros([rows if each is None else each for each in shape]) for shape in self.states)
+
+    @abstractmethod
+    def __call__(self, observations: Array, states: Sequence[Array] = ()) -> tuple[Array, tuple[Array, ...]]:
+        """Compute actions; the result for a row does not depend on other rows.
+
+        Args:
+            observations: Shape (rows, observed).
+            states: The state of each row, as `initial_states` and earlier calls return it.
+
+        Returns:
+            The actions, shape (rows, actions), and the next states.
+        """
+
+
+class PolicyNetwork(Network):
+    """A network that our kernels compute."""
 
     def __init__(self, graph: OnnxGraph) -> None:
         """Prepare.
@@ -52,7 +85,7 @@ class PolicyNetwork:
         self._elements = self._work = 0
         if not graph.inputs or not graph.outputs:
             raise OnnxError("its graph has no input or no output")
-        shapes = [self._input_shape(each, number) for number, each in enumerate(graph.inputs)]
+        shapes = [input_shape(each, number) for number, each in enumerate(graph.inputs)]
         for name, values in graph.constants.items():
             self._add(name, Value(values.shape, values), "a constant")
         for each, shape in zip(graph.inputs, shapes, strict=True):
@@ -85,6 +118,8 @@ class PolicyNetwork:
         content = read_bounded(path, name)
         try:
             return _network(content)
+        except UnsupportedError as error:
+            raise OnnxError(f"{name}: {error}; `runtime: onnxruntime` computes other operators") from error
         except OnnxError as error:
             raise OnnxError(f"{name}: {error}") from error
 
@@ -99,28 +134,6 @@ class PolicyNetwork:
         self._numbers[name] = len(self._values)
         self._values.append(value)
         return self._numbers[name]
-
-    @staticmethod
-    def _input_shape(value: OnnxValue, number: int) -> Shape:
-        """Return the shape of an input, with the axis of rows."""
-        if value.shape is None:
-            raise OnnxError(f"the shape of its input `{value.name}` is unknown")
-        length = len(value.shape)
-        if number == 0 and length != 2:
-            raise OnnxError(f"its input `{value.name}` has {length} dimensions, and an observation has (rows, values)")
-        if length not in (2, 3):
-            raise OnnxError(f"its input `{value.name}` has {length} dimensions, and a state has 2 or 3")
-        rows = length - 2  # as states of recurrent units have: (layers, rows, values)
-        shape: list[int | None] = []
-        for place, each in enumerate(value.shape):
-            if place == rows and (each == 1 or isinstance(each, str)):
-                shape.append(None)
-            elif isinstance(each, int) and 1 <= each <= _MOST_ELEMENTS and place != rows:
-                shape.append(each)
-            else:
-                which = "rows, which is 1 or a name" if place == rows else f"dimension {place}, which is a number"
-                raise OnnxError(f"its input `{value.name}` has `{each}` as its {which}")
-        return tuple(shape)
 
     def _output(self, name: str, number: int) -> int:
         found = self._numbers.get(name)
@@ -142,7 +155,9 @@ class PolicyNetwork:
         prepare = OPERATORS.get(node.operator)
         if prepare is None:
             known = ", ".join(OPERATORS)
-            raise OnnxError(f"{node.label} is an operator that is not supported; supported are Constant, {known}")
+            raise UnsupportedError(
+                f"{node.label} is an operator that is not supported; supported are Constant, {known}"
+            )
         numbers: list[int | None] = []
         for name in node.inputs:
             if name and name not in self._numbers:
@@ -188,20 +203,8 @@ class PolicyNetwork:
             raise OnnxError(f"{node.label} has an element that is not finite")
         self._add(node.outputs[0], Value(array.shape, array), f"an output of {node.label}")
 
-    def initial_states(self, rows: int) -> tuple[Array, ...]:
-        """Return the initial state of a number of rows."""
-        return tuple(np.zeros([rows if each is None else each for each in shape]) for shape in self.states)
-
     def __call__(self, observations: Array, states: Sequence[Array] = ()) -> tuple[Array, tuple[Array, ...]]:
-        """Compute actions; the result for a row does not depend on other rows.
-
-        Args:
-            observations: Shape (rows, observed).
-            states: The state of each row, as `initial_states` and earlier calls return it.
-
-        Returns:
-            The actions, shape (rows, actions), and the next states.
-        """
+        """Compute actions; see `Network`."""
         values: list[Any] = list(self._constants)
         for number, given in zip(self._inputs, (observations, *states), strict=True):
             values[number] = given
@@ -217,6 +220,36 @@ class PolicyNetwork:
             shape = [rows if each is None else each for each in self._values[number].shape]
             results.append(np.array(np.broadcast_to(values[number], shape)))
         return results[0], tuple(results[1:])
+
+
+def input_shape(value: OnnxValue, number: int) -> Shape:
+    """Return the shape of an input, with None for the number of rows.
+
+    Args:
+        value: The input.
+        number: Its position; 0 for the observation.
+
+    Raises:
+        OnnxError: It has another shape than an observation or a state.
+    """
+    if value.shape is None:
+        raise OnnxError(f"the shape of its input `{value.name}` is unknown")
+    length = len(value.shape)
+    if number == 0 and length != 2:
+        raise OnnxError(f"its input `{value.name}` has {length} dimensions, and an observation has (rows, values)")
+    if length not in (2, 3):
+        raise OnnxError(f"its input `{value.name}` has {length} dimensions, and a state has 2 or 3")
+    rows = length - 2  # as states of recurrent units have: (layers, rows, values)
+    shape: list[int | None] = []
+    for place, each in enumerate(value.shape):
+        if place == rows and (each == 1 or isinstance(each, str)):
+            shape.append(None)
+        elif isinstance(each, int) and 1 <= each <= _MOST_ELEMENTS and place != rows:
+            shape.append(each)
+        else:
+            which = "rows, which is 1 or a name" if place == rows else f"dimension {place}, which is a number"
+            raise OnnxError(f"its input `{value.name}` has `{each}` as its {which}")
+    return tuple(shape)
 
 
 @lru_cache(maxsize=8)

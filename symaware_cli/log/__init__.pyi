@@ -23,6 +23,7 @@ from .log_comparison import attachment_differences as attachment_differences
 from .log_comparison import channel_differences as channel_differences
 from .log_comparison import compared_channels as compared_channels
 from .log_comparison import first_difference as first_difference
+from .log_comparison import message_differences as message_differences
 from .log_message import LogMessage as LogMessage
 from .log_schema import GEOMETRY as GEOMETRY
 from .log_schema import MANIFEST as MANIFEST

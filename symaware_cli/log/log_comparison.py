@@ -79,8 +79,13 @@ class ChannelDifference:
     greatest: LogDifference | None
 
 
-def first_difference(one: Log, other: Log) -> LogDifference | None:
+def first_difference(one: Log, other: Log, allowed: Allowed = None) -> LogDifference | None:
     """Return where two logs first differ in the order of their messages; None if no message differs.
+
+    Args:
+        one: A log.
+        other: Another log.
+        allowed: Tells which differences between elements of messages do not count.
 
     Raises:
         LogError: A log can no longer be read.
@@ -89,7 +94,7 @@ def first_difference(one: Log, other: Log) -> LogDifference | None:
         if mine is None or theirs is None or mine[0] != theirs[0]:
             earlier = min((each for each in (mine, theirs) if each is not None), key=lambda each: each[0])
             return _only_in(earlier[1][0], one if earlier is mine else other, is_first=earlier is mine)
-        found = _in_instant(mine[1], theirs[1], one, other)
+        found = _in_instant(mine[1], theirs[1], one, other, allowed)
         if found is not None:
             return found
     return None
@@ -162,7 +167,9 @@ def _is_same(mine: LogMessage, theirs: LogMessage) -> bool:
     )
 
 
-def _in_instant(mine: list[LogMessage], theirs: list[LogMessage], one: Log, other: Log) -> LogDifference | None:
+def _in_instant(
+    mine: list[LogMessage], theirs: list[LogMessage], one: Log, other: Log, allowed: Allowed
+) -> LogDifference | None:
     """The first difference of an instant."""
     for first, second in zip_longest(mine, theirs):
         if first is not None and second is not None and _is_same(first, second):
@@ -177,7 +184,9 @@ def _in_instant(mine: list[LogMessage], theirs: list[LogMessage], one: Log, othe
             assert present is not None
             topic = [each.channel.topic if each else None for each in (first, second)]
             return LogDifference(present.time, present.channel.topic, "", "order", (topic[0], topic[1]))
-        return next(_of_messages(first, second, one, other))
+        found = (each for each in message_differences(first, second, one, other) if not (allowed and allowed(each)))
+        if (difference := next(found, None)) is not None:
+            return difference
     return None
 
 
@@ -187,8 +196,18 @@ def _only_in(message: LogMessage, log: Log, *, is_first: bool) -> LogDifference:
     return LogDifference(message.time, message.channel.topic, "", "", (said, None) if is_first else (None, said))
 
 
-def _of_messages(first: LogMessage, second: LogMessage, one: Log, other: Log) -> Iterator[LogDifference]:
-    """Yield the elements that differ of two messages on one channel."""
+def message_differences(first: LogMessage, second: LogMessage, one: Log, other: Log) -> Iterator[LogDifference]:
+    """Yield the elements that differ of two messages on one channel.
+
+    Args:
+        first: A message.
+        second: Another message of the same time and channel, with other bytes.
+        one: The log of the first message.
+        other: The log of the second message.
+
+    Raises:
+        LogError: A message is damaged.
+    """
     mine, theirs = _by_name(elements(first, one)), _by_name(elements(second, other))
     differs = False
     for agent, name in dict.fromkeys([*mine, *theirs]):
@@ -231,7 +250,7 @@ def _in_channel(topic: str, one: Log, other: Log, allowed: Allowed) -> ChannelDi
             elif mine is None:
                 found = [_only_in(theirs, other, is_first=False)]
             else:
-                found = list(_of_messages(mine, theirs, one, other))
+                found = list(message_differences(mine, theirs, one, other))
             if allowed is not None:
                 found = [each for each in found if not allowed(each)]
                 if not found:

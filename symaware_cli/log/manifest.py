@@ -48,6 +48,7 @@ def manifest_of(
     uses: Mapping[str, Mapping[str, Any]],
     indexed: Mapping[str, bool],
     part: Mapping[str, Any] | None = None,
+    tolerances: Mapping[str, float] | None = None,
 ) -> bytes:
     """Create the manifest of a run.
 
@@ -62,6 +63,7 @@ def manifest_of(
         indexed: For each group, whether its agents are numbered.
         part: For a run in several processes, the part of this process: its ``name``, whether it is the ``host``, and
             the ``agents`` that it runs.
+        tolerances: See `Simulation.tolerances`.
     """
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -93,6 +95,8 @@ def manifest_of(
     regions = groups[0].regions if groups else {}
     if regions:
         content["regions"] = {name: region.model_dump(mode="json") for name, region in regions.items()}
+    if tolerances:
+        content["repeatable_to"] = dict(tolerances)
     if part is not None:
         content["part"] = dict(part)
     return json.dumps(content, indent=1).encode()

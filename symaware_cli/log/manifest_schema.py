@@ -80,6 +80,7 @@ class Manifest(_Entry):
     entities: dict[Name, _Obstacle] = {}
     roster: list[Name] = []
     regions: dict[Name, Region] = {}
+    repeatable_to: dict[str, Annotated[float, Field(gt=0)]] = {}
     part: _Part = None  # type: ignore[assignment] # missing, but not null
     parts: list[JsonValue] = []
 

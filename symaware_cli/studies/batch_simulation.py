@@ -101,6 +101,8 @@ def _refusals(built: Built) -> Iterator[str]:
             yield f"`{entry.path}` ({entry.use}) names single agents"
         elif not _declares(type(first)):
             yield f"`{entry.path}` ({entry.use}) does not say that it can be batched"
+        elif first.repeatable_to is not None:
+            yield f"`{entry.path}` ({entry.use}) repeats its results to a tolerance only"
         elif replace(entry.timing, period=None, offset=0) != Timing():
             yield f"`{entry.path}` has turns that depend on its run"
     for each in options.specifications:

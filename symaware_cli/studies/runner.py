@@ -248,6 +248,14 @@ class Runner:
         """
         return self._built(index).resolved
 
+    def tolerance(self, index: int) -> float | None:
+        """Return the greatest tolerance to which components repeat their results; None if all are equal to the bit.
+
+        Raises:
+            ScenarioError: See `_built`.
+        """
+        return max(self._built(index).simulation.tolerances.values(), default=None)
+
     def _built(self, index: int) -> Built:
         """Build a run.
 

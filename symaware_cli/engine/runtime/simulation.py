@@ -278,6 +278,16 @@ class Simulation:
             component.path + entry.distinction: component for entry in self.entries for component in entry.components
         }
 
+    @property
+    def tolerances(self) -> Mapping[str, float]:
+        """The components whose results are repeated to a tolerance only, by their paths; usually none."""
+        found: dict[str, float] = {}
+        for component in (each for entry in self.entries for each in entry.components):
+            greatest = component.repeatable_to
+            if greatest is not None:
+                found[component.path] = max(greatest, found.get(component.path, 0.0))
+        return found
+
     def reseed(self, seed: int) -> None:
         """Let latencies and faults that begin from now on draw from another seed."""
         self.seed = seed
