@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.learning import fixed_order
-from symaware_cli.learning.onnx_file import DOUBLE, FLOAT, OnnxError, OnnxNode, UnsupportedError
+from symaware_cli.learning.onnx_file import DOUBLE, FLOAT, OnnxError, OnnxNode, UnsupportedOperatorError
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Operands:
 
     def fail(self, message: str) -> OnnxError:
         """Return the error to raise."""
-        return UnsupportedError(f"{self.node.label} {message}")
+        return UnsupportedOperatorError(f"{self.node.label} {message}")
 
     def count(self, least: int, most: int) -> None:
         """Check the number of inputs."""

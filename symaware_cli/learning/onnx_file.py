@@ -63,7 +63,7 @@ class OnnxError(ValueError):
     """A file is no ONNX file, or contains an unsupported feature; the message names the feature and its place."""
 
 
-class UnsupportedError(OnnxError):
+class UnsupportedOperatorError(OnnxError):
     """A file has an operator that our kernels do not compute; another runtime may."""
 
 

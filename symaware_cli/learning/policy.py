@@ -16,7 +16,7 @@ from symaware_cli.core import AgentGroup, GroupComponent, ScenarioView
 from symaware_cli.geometry import AssetPath
 from symaware_cli.learning.learning_task import LearningTask
 from symaware_cli.learning.onnx_file import OnnxError
-from symaware_cli.learning.policy_network import Network, PolicyNetwork
+from symaware_cli.learning.policy_network import ActionNetwork, PolicyNetwork
 from symaware_cli.learning.runtime_network import SETTINGS, RuntimeNetwork
 from symaware_cli.learning.team import LearningError, Team
 from symaware_cli.world import ParameterError, UserError
@@ -63,7 +63,7 @@ class Policy:
             PolicyError: The file cannot be read, is damaged, or contains an unsupported feature.
         """
         try:
-            self._network: Network = _RUNTIMES[runtime].read(Path(path), os.fspath(path))
+            self._network: ActionNetwork = _RUNTIMES[runtime].read(Path(path), os.fspath(path))
         except OnnxError as error:
             raise PolicyError(str(error)) from error
         self.observed, self.actions = self._network.observed, self._network.actions
@@ -224,7 +224,7 @@ class PolicyController(GroupComponent):
             return {}
         return {"runtime.json": json.dumps(dict(SETTINGS), indent=1).encode()}
 
-    def _read(self, folder: Path) -> Network:
+    def _read(self, folder: Path) -> ActionNetwork:
         policy = self.parameters.policy
         name = policy.file
         try:

@@ -17,7 +17,7 @@ from symaware_cli.learning.onnx_file import (
     OnnxGraph,
     OnnxNode,
     OnnxValue,
-    UnsupportedError,
+    UnsupportedOperatorError,
     parse,
     read_bounded,
 )
@@ -36,7 +36,7 @@ class _Step(NamedTuple):
     outputs: tuple[int, ...]
 
 
-class Network(ABC):
+class ActionNetwork(ABC):
     """A network that maps an observation, and perhaps its state, to an action and the next state.
 
     The first input of the graph is the observation, of the shape (rows, values), and its first output the action. Each
@@ -70,7 +70,7 @@ class Network(ABC):
         """
 
 
-class PolicyNetwork(Network):
+class PolicyNetwork(ActionNetwork):
     """A network that our kernels compute."""
 
     def __init__(self, graph: OnnxGraph) -> None:
@@ -118,7 +118,7 @@ class PolicyNetwork(Network):
         content = read_bounded(path, name)
         try:
             return _network(content)
-        except UnsupportedError as error:
+        except UnsupportedOperatorError as error:
             raise OnnxError(f"{name}: {error}; `runtime: onnxruntime` computes other operators") from error
         except OnnxError as error:
             raise OnnxError(f"{name}: {error}") from error
@@ -155,7 +155,7 @@ class PolicyNetwork(Network):
         prepare = OPERATORS.get(node.operator)
         if prepare is None:
             known = ", ".join(OPERATORS)
-            raise UnsupportedError(
+            raise UnsupportedOperatorError(
                 f"{node.label} is an operator that is not supported; supported are Constant, {known}"
             )
         numbers: list[int | None] = []
@@ -204,7 +204,7 @@ class PolicyNetwork(Network):
         self._add(node.outputs[0], Value(array.shape, array), f"an output of {node.label}")
 
     def __call__(self, observations: Array, states: Sequence[Array] = ()) -> tuple[Array, tuple[Array, ...]]:
-        """Compute actions; see `Network`."""
+        """Compute actions; see `ActionNetwork`."""
         values: list[Any] = list(self._constants)
         for number, given in zip(self._inputs, (observations, *states), strict=True):
             values[number] = given

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.learning.network_operators import Shape, said
 from symaware_cli.learning.onnx_file import OnnxError, OnnxGraph, parse, read_bounded
-from symaware_cli.learning.policy_network import Network, input_shape
+from symaware_cli.learning.policy_network import ActionNetwork, input_shape
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ _RANDOM = (
 _TYPES: Mapping[str, np.dtype[Any]] = {"tensor(float)": np.dtype(np.float32), "tensor(double)": np.dtype(np.float64)}
 
 
-class RuntimeNetwork(Network):
+class RuntimeNetwork(ActionNetwork):
     """A network as `PolicyNetwork` is one, computed by onnxruntime for each row by itself."""
 
     def __init__(self, graph: OnnxGraph, content: bytes) -> None:
@@ -111,7 +111,7 @@ class RuntimeNetwork(Network):
             raise OnnxError(f"its output `{name}` has the shape {said(found)}, not that of its state, {said(state)}")
 
     def __call__(self, observations: Array, states: Sequence[Array] = ()) -> tuple[Array, tuple[Array, ...]]:
-        """Compute actions; see `Network`.
+        """Compute actions; see `ActionNetwork`.
 
         Raises:
             OnnxError: The library cannot compute them.
