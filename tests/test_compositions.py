@@ -87,6 +87,7 @@ NOT_DRAWN = {
     "fault:believe.part=risk": "refused with a reason: `tests/engine/runtime/test_true_beliefs.py`",
     "fault:believe.part=uncertainty": "the same",
     "ScenarioDocument.extends": "the invariant `in_several_files` writes scenarios that extend a file",
+    "RoadsForm.centre": "regions beside those of lanes: `tests/roads/test_road_section.py`",
     "MapForm.height": "about the files of maps: `tests/maps`",
     "MapForm.resolution": "the same",
     "MapForm.unknown": "the same",

@@ -47,7 +47,7 @@ CASES: dict[str, tuple[Sequence[str], str, str]] = {
         "nothing",
     ),
     "branch": (
-        ["branch", "ended.mcap", "--at", "900.0", "--set", "run.duration=1e6", "-o", "it.mcap"],
+        ["branch", "ended.mcap", "--at", "2900.0", "--set", "run.duration=1e6", "-o", "it.mcap"],
         "",
         "interrupted",
     ),
@@ -59,7 +59,7 @@ CASES: dict[str, tuple[Sequence[str], str, str]] = {
 
 @pytest.fixture
 def started(tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
-    for name, duration in (("long", LONG), ("short", "1.0"), ("ended", "1000.0")):
+    for name, duration in (("long", LONG), ("short", "1.0"), ("ended", "3000.0")):
         (tmp_path / f"{name}.yaml").write_text(SCENARIO.format(duration=duration))
 
     def start(*words: str) -> subprocess.Popen[str]:

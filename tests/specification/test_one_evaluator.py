@@ -160,6 +160,7 @@ TABLES = {
     "studies/custom_metrics.py": "reductions of a series over time",
     "planning/risk/pair_conditions.py": "comparisons with their sides exchanged",
     "knowledge/abstraction/dot.py": "brackets of another language",
+    "views/plotting/pgf_file.py": "characters of another language",
 }
 
 
