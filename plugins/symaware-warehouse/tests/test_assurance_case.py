@@ -10,6 +10,9 @@ import pytest
 
 import symaware_cli as sa
 
+# What the tests of this folder import may import NumPy first.
+pytestmark = pytest.mark.filterwarnings("ignore::symaware_cli.ProcessorWarning")
+
 PLUGIN = Path(__file__).parents[1]
 
 
