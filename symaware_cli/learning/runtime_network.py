@@ -177,6 +177,7 @@ def _library() -> Any:
     except ImportError as error:
         said = "`runtime: onnxruntime` needs the module `onnxruntime`: pip install 'symaware-cli[onnx]'"
         raise OnnxError(said) from error
+    onnxruntime.set_default_logger_severity(4)  # overflows of sizes are written to it, and raised as well
     memory = onnxruntime.OrtMemoryInfo(
         "Cpu", onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, onnxruntime.OrtMemType.DEFAULT
     )
