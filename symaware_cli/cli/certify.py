@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Never
 
 import typer
 
@@ -21,7 +21,13 @@ _MOST = 20
 
 @in_help("check", 40)
 def certify(
-    folder: Annotated[Path, typer.Argument(help="The folder of a finished sweep.", metavar="DIR")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            help="The folder of a finished sweep. Of several, the product of their claims is decided.",
+            metavar="DIR...",
+        ),
+    ],
     claim: Annotated[
         str | None,
         typer.Option(
@@ -42,7 +48,13 @@ def certify(
     results: Results = None,
     as_json: Json = False,
 ) -> None:
-    """Decide the claim in the plan of a sweep. Exit status 3 if it is not established."""
+    """Decide the claim in the plan of a sweep, or the product of those of several. Exit status 3 if not established."""
+    if len(folders) > 1:
+        for name, given in (("--claim", claim), ("--key", key), ("--output", output), ("--results", results)):
+            if given:
+                fail(f"{name} is for a single sweep: a product rests on the certificate of each", WRONG_INPUT, as_json)
+        _decide_product(folders, as_json)
+    folder = folders[0]
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.evidence import certify
 
@@ -57,6 +69,22 @@ def certify(
         print_json(made.to_json())
     else:
         say("\n".join(_lines(folder, made)))
+    raise typer.Exit(0 if made.is_established else VIOLATED)
+
+
+def _decide_product(folders: Sequence[Path], as_json: bool) -> Never:
+    """Print the decision on the product of claims, and end."""
+    with trouble_shown(as_json):
+        from symaware_cli.evidence import certify_product
+
+        made = certify_product(folders)
+    if as_json:
+        print_json(made.to_json())
+    else:
+        say(f"{made}: {'certified' if made.is_established else 'not certified'}")
+        for each in made.factors:
+            claimed = f"{each.term} with confidence {each.confidence:.9g}"
+            say(f"  {'factor':<12} {claimed}: {'' if each.is_established else 'not '}established in {each.folder}")
     raise typer.Exit(0 if made.is_established else VIOLATED)
 
 

@@ -32,6 +32,8 @@ from .certification import certify as certify
 from .certification import verify_certificate as verify_certificate
 from .checking import CheckResult as CheckResult
 from .checking import check_log as check_log
+from .claim_product import ClaimProduct as ClaimProduct
+from .claim_product import certify_product as certify_product
 from .comparison import ComparisonResult as ComparisonResult
 from .comparison import compare as compare
 from .falsifying import Falsification as Falsification

@@ -13,10 +13,10 @@ from symaware_cli.evidence.certificate_check import CERTIFICATE, certificate_fin
 from symaware_cli.evidence.certificate_page import page
 from symaware_cli.evidence.finding import Finding
 from symaware_cli.evidence.signed_statement import public_key_of, written
-from symaware_cli.evidence.sweep_verification import Level, SweepVerification, verify_folder
+from symaware_cli.evidence.sweep_verification import Level, SweepVerification, require_sound, verify_folder
 from symaware_cli.language import FilePath
 from symaware_cli.log import OutputError, whole_file
-from symaware_cli.studies import Claim, SweepError, SweepFolder, is_sweep, listed, require_pyarrow
+from symaware_cli.studies import Claim, SweepError, SweepFolder, is_sweep, require_pyarrow
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,10 +117,7 @@ def certify(
     if post_hoc is not None and key is not None:
         raise SweepError("a claim that was stated afterwards is not signed: leave --key out")
     content = statement(sweep, post_hoc)
-    found = verify_folder(sweep, "arithmetic", with_certificates=False)
-    if not found.is_sound:
-        lines = [f"{f'run {each.index}, ' if each.index is not None else ''}{each.column}" for each in found.findings]
-        raise SweepError(listed(f"{sweep.path} contradicts itself, so nothing is certified", lines))
+    require_sound(sweep)
     public_key = None if key is None else public_key_of(Path(key))
     made = Certificate(content, public_key=public_key)
     if not any(each["established"] for each in content["predicate"]["combinations"]):

@@ -39,6 +39,7 @@ from symaware_cli.studies import (
     counting,
     differences,
     identity_of,
+    listed,
     sweep_table,
     table_file,
 )
@@ -90,6 +91,18 @@ class SweepVerification:
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain data."""
         return {"sound": self.is_sound, **asdict(self), "folder": str(self.folder)}
+
+
+def require_sound(folder: SweepFolder) -> None:
+    """Raise an error if the table, plan and identity of a sweep contradict one another.
+
+    Raises:
+        SweepError: They do, or the folder cannot be read.
+    """
+    found = verify_folder(folder, "arithmetic", with_certificates=False)
+    if not found.is_sound:
+        lines = [f"{f'run {each.index}, ' if each.index is not None else ''}{each.column}" for each in found.findings]
+        raise SweepError(listed(f"{folder.path} contradicts itself, so nothing is certified", lines))
 
 
 def verify_folder(

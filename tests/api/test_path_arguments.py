@@ -42,6 +42,12 @@ def verified(at: Path, to: Callable[[Path], Any]) -> None:
     sa.verify_case(to(at / "case"), "arithmetic")
 
 
+def multiplied(at: Path, to: Callable[[Path], Any]) -> None:
+    """Ask for the product of a claim with itself, which is none."""
+    with pytest.raises(sa.SweepError, match="`near` is claimed twice"):
+        sa.certify_product([to(at / "out"), to(at / "out")])
+
+
 #: For each function, what it is called with: the folder that has all files, and what makes paths.
 CALLS: dict[str, Callable[[Path, Callable[[Path], Any]], Any]] = {
     "assure": assured,
@@ -51,6 +57,7 @@ CALLS: dict[str, Callable[[Path, Callable[[Path], Any]], Any]] = {
         to(at / "tiny.yaml"), to(at / "budget"), claim="P(near) > 0.1", over="run.duration=0.1,0.2", runs=30
     ),
     "certify": lambda at, to: sa.certify(to(at / "out"), output=to(at / "certificate.json")),
+    "certify_product": multiplied,
     "check_log": lambda at, to: sa.check_log(to(at / "run.mcap"), to(at / "stated.yaml")),
     "compare": lambda at, to: sa.compare(to(at / "run.mcap"), to(at / "run.mcap")),
     "compare_sweeps": lambda at, to: sa.compare_sweeps(to(at / "out"), to(at / "out")),

@@ -40,7 +40,7 @@ specifications: {safe: {each: robot, formula: "always x < 5"}}
 FILES: Mapping[str, str] = {
     **dict.fromkeys(["scenario"], "room.yaml"),
     **dict.fromkeys(["log", "one", "other", "against"], "log.mcap"),
-    "folder": "sweep",
+    **dict.fromkeys(["folder", "folders"], "sweep"),
     "key": "key.pem",
     "key_file": "secret",
     "plugins": "mine.py",

@@ -114,7 +114,9 @@ def planted(folder: Path) -> Iterator[Case]:
 
 def with_lost_messages(folder: Path) -> Iterator[Case]:
     """Yield violations by lost messages of the cart to one of two walkers, endlessly; see `_with_messages`."""
-    return _with_messages(folder, {"loss": 0.95}, 1)
+    # One message that arrives is enough to avoid the cart: with a loss of 0.95, most futures have such a message, and
+    # what is lost by chance in this run is no cause in general.
+    return _with_messages(folder, {"loss": 0.99}, 1)
 
 
 def with_late_messages(folder: Path) -> Iterator[Case]:

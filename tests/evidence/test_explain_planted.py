@@ -14,6 +14,7 @@ from planted_causes import (
     with_broken_promises,
     with_faults,
     with_late_messages,
+    with_lost_messages,
 )
 
 
@@ -22,6 +23,7 @@ from planted_causes import (
     ("made", "count", "least"),
     [
         (planted, 3, 3),
+        (with_lost_messages, 2, 2),
         (with_late_messages, 2, 2),
         (with_faults, 3, 3),
         (with_broken_promises, 2, 2),
