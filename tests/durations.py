@@ -2,6 +2,7 @@
 
     pytest -n auto -m '' --record-durations            write the list anew, for the files whose tests ran
     pytest --limit SECONDS                             fail if a test that is not listed takes longer
+    pytest --share 1/2                                 run the tests of about half the files, and with 2/2 the others
 
 A duration is the processor time that a test and the processes that it waited for used, so that a busy machine does not
 change it much. What prepares it is not counted: a fixture that several tests share is prepared for whichever is first.
@@ -18,6 +19,7 @@ import importlib
 import os
 import subprocess
 import sys
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -131,16 +133,38 @@ class Durations:
             terminalreporter.line(f"{value:.1f} s: {name} is neither short nor in {LIST.name}{first}", red=self._once)
 
 
+class Share:
+    """One share of several of all test files, chosen by the checksums of their names: each file is in one share."""
+
+    def __init__(self, text: str) -> None:
+        try:
+            self._number, self._count = map(int, text.split("/"))
+        except ValueError:
+            raise pytest.UsageError(f"--share is written like 1/2, not {text}") from None
+        if not 1 <= self._number <= self._count:
+            raise pytest.UsageError(f"--share {text}: the first number is from 1 to the second")
+
+    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
+        files = {item.nodeid.partition("::")[0] for item in items}
+        mine = {each for each in files if zlib.crc32(each.encode()) % self._count == self._number - 1}
+        left = [item for item in items if item.nodeid.partition("::")[0] not in mine]
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if item.nodeid.partition("::")[0] in mine]
+
+
 def add_options(parser: pytest.Parser) -> None:
-    """The options of `Durations`."""
+    """The options of `Durations` and `Share`."""
     group = parser.getgroup("durations")
     group.addoption("--record-durations", action="store_true", help=f"write {LIST.name} anew for the files that ran")
     group.addoption("--limit", type=float, metavar="SECONDS", help="the longest that a test may take that is not long")
+    group.addoption("--share", metavar="K/N", help="run the tests of one of N shares of the files only")
     group.addoption("--once", action="store_true", help="believe the first measurement")
 
 
 def register(config: pytest.Config) -> None:
-    """Let `Durations` watch the tests, as the options ask."""
+    """Let `Durations` watch the tests, and `Share` choose among them, as the options ask."""
     config.pluginmanager.register(
         Durations(config.option.record_durations, config.option.limit, config.option.once), "durations"
     )
+    if config.option.share:
+        config.pluginmanager.register(Share(config.option.share), "share")

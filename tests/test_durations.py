@@ -97,3 +97,18 @@ def test_the_longest_come_first_and_those_that_are_slow_are_not_long(
     plugin.pytest_collection_modifyitems(items)
     assert [item.name for item in items] == ["test_d", "test_c", "test_a", "test_b"]
     assert [item.name for item in items if item.get_closest_marker("long")] == ["test_c", "test_b"]
+
+
+def test_each_file_is_in_one_share_and_a_share_that_there_is_not_is_refused(pytester: pytest.Pytester) -> None:
+    pytester.makeconftest(
+        "import durations\n"
+        "def pytest_addoption(parser): durations.add_options(parser)\n"
+        "def pytest_configure(config):\n"
+        "    if config.option.share: config.pluginmanager.register(durations.Share(config.option.share))\n"
+    )
+    pytester.makepyfile(**{f"test_{each}": "def test_a(): pass\ndef test_b(): pass\n" for each in "abcdefgh"})
+    printed = [pytester.runpytest_inprocess("-v", "--share", f"{share}/3").outlines for share in (1, 2, 3)]
+    found = [line.partition(" ")[0] for lines in printed for line in lines if " PASSED" in line]
+    assert sorted(found) == [f"test_{file}.py::test_{each}" for file in "abcdefgh" for each in "ab"]
+    for wrong in ("0/2", "3/2", "1", "a/b"):
+        assert pytester.inline_run("--share", wrong).ret == pytest.ExitCode.USAGE_ERROR
