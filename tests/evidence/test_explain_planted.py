@@ -1,5 +1,6 @@
 """Explanations name planted causes, and no cause where there is none."""
 
+import os
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -17,22 +18,25 @@ from planted_causes import (
     with_lost_messages,
 )
 
+#: How many cases of each kind are explained, and ten times as many without a cause. All 600 are those of 40.
+CASES = int(os.environ.get("SYMAWARE_PLANTED", "2"))
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("made", "count", "least"),
+    ("made", "count"),
     [
-        (planted, 3, 3),
-        (with_lost_messages, 2, 2),
-        (with_late_messages, 2, 2),
-        (with_faults, 3, 3),
-        (with_broken_promises, 2, 2),
-        (unplanted, 10, 10),
+        (planted, CASES),
+        (with_lost_messages, CASES),
+        (with_late_messages, CASES),
+        (with_faults, CASES),
+        (with_broken_promises, CASES),
+        (unplanted, 10 * CASES),
     ],
 )
 def test_the_first_cause_is_the_planted_one_and_none_is_named_without_one(
-    made: Callable[[Path], Iterator[Case]], count: int, least: int, tmp_path: Path
+    made: Callable[[Path], Iterator[Case]], count: int, tmp_path: Path
 ) -> None:
-    """`benchmarks/explain.py` tries more cases."""
+    """In 19 of 20 cases at least; `benchmarks/explain.py` prints intervals."""
     right = sum(is_right(case, explained(case)) for case in islice(made(tmp_path), count))
-    assert right >= least
+    assert right >= count - count // 20
