@@ -188,7 +188,16 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "histogram": {
         "steer": {
             "use": "control.vector-field-histogram",
-            "with": {**_STEERING, "radius": 0.23, "margin": 0.05, "range": 1.5, "headway": 0.5},
+            "with": {
+                **_STEERING,
+                "radius": 0.23,
+                "margin": 0.05,
+                "range": 1.5,
+                "headway": 0.5,
+                # As when the published figures were measured, before the heading limited the speed.
+                "speed_margin": 1.0,
+                "limit_by_heading": False,
+            },
         },
     },
     "window": {"steer": {"use": "control.dynamic-window", "with": _WINDOW}},
