@@ -69,6 +69,23 @@ def test_waypoints_are_followed_and_may_lead_away_from_the_goal(steer: str) -> N
     assert summary.simulated_time > 11.0  # each way is 12 m long
 
 
+@pytest.mark.parametrize(("limited", "least", "most"), [(True, 0.05, 0.16), (False, -0.1, 0.03)])
+def test_a_robot_close_to_a_wall_turns_before_it_drives_along_it(limited: bool, least: float, most: float) -> None:
+    content = document(VFH, limit_by_heading=limited)
+    wall = {"shape": {"box": {"length": 0.4, "width": 8.0}}, "position": [0.61, 0.0]}
+    content["environment"]["entities"] = {"wall": wall}
+    robot = content["agents"]["robot"]
+    robot["model"]["with"]["max_turn_rate"] = 0.5
+    robot.update(count=1, state=[0.0, 0.0, 0.3], knowledge={"goal": [0.0, 3.0]})
+    gaps = []
+    with scenario(content).start() as simulation:
+        while not simulation.done:
+            simulation.step()
+            gaps.append(0.41 - 0.25 - simulation.state("robot.0", "x")[0])
+        assert len(simulation.finish().summary.goals_reached) == 1
+    assert least < min(gaps) < most
+
+
 def test_who_counts_the_unseen_as_occupied_does_not_start_without_a_scan() -> None:
     content = document(VFH, unseen="occupied")
     content["agents"]["robot"]["components"]["lidar"]["with"]["dropout"] = 1.0
