@@ -194,8 +194,9 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
                 "margin": 0.05,
                 "range": 1.5,
                 "headway": 0.5,
-                # As when the published figures were measured, before the heading limited the speed.
+                # As when the published figures were measured, before there were these options.
                 "speed_margin": 1.0,
+                "last_resort": None,
                 "limit_by_heading": False,
             },
         },

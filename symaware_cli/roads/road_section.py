@@ -79,7 +79,7 @@ class RoadsForm(Section):
 
     centre: Annotated[float, Field(ge=0.01, le=100.0)] | None = Field(
         None,
-        description="If stated, `lane_<name>_centre` is the region within this distance of the centre of each lane [m].",
+        description="If stated, `lane_<name>_centre` is the region within this distance of the centre of a lane [m].",
     )
 
     @model_validator(mode="after")

@@ -101,10 +101,9 @@ def test_lanes_and_centres_are_named_by_their_kind_in_formulas_definitions_and_c
     ],
 )
 def test_an_unknown_lane_is_reported_where_it_stands(road: Road, region: str, said: str, nearest: str | None) -> None:
-    formula = f"always inside(position, {region})"
+    more = {"specifications": {"keeps": {"formula": f"always inside(position, {region})", "each": "car"}}}
     with pytest.raises(ScenarioError) as refused:
-        stated = {"keeps": {"formula": formula, "each": "car"}}
-        road({"lanes": CROSS, "centre": 0.4}, more={"specifications": stated}, car=group([0, 0, 0], KEEPING))
+        road({"lanes": CROSS, "centre": 0.4}, more=more, car=group([0, 0, 0], KEEPING))
     (problem,) = refused.value.problems
     assert problem.message == f"`specifications.keeps.formula`: {said}"
     assert problem.suggestion == nearest

