@@ -101,4 +101,5 @@ class VectorFieldHistogram(ScanSteering):
 
 def _along(directions: Array, speeds: Array) -> Array:
     """Return velocities with directions (n,) [rad] and speeds (n,); shape (n, 2)."""
-    return speeds[:, None] * np.stack([np.cos(directions), np.sin(directions)], axis=1)
+    velocities: Array = speeds[:, None] * np.stack([np.cos(directions), np.sin(directions)], axis=1)
+    return velocities
