@@ -188,7 +188,17 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "histogram": {
         "steer": {
             "use": "control.vector-field-histogram",
-            "with": {**_STEERING, "radius": 0.23, "margin": 0.05, "range": 1.5, "headway": 0.5},
+            "with": {
+                **_STEERING,
+                "radius": 0.23,
+                "margin": 0.05,
+                "range": 1.5,
+                "headway": 0.5,
+                # As when the published figures were measured, before there were these options.
+                "speed_margin": 1.0,
+                "last_resort": None,
+                "limit_by_heading": False,
+            },
         },
     },
     "window": {"steer": {"use": "control.dynamic-window", "with": _WINDOW}},

@@ -285,9 +285,11 @@ class SpecificationBuilder:
     def _formulation(self, use: SpecificationUse, scope: Scope, path: Path) -> Formulation | None:
         """The formula, with the definitions under `where`; None after a problem."""
         definitions: dict[str, Node] = {}
+        # A definition may be called as several regions begin.
+        own = {name for name, keys in scope.names.items() if keys is None or keys.is_optional or not keys.is_joined}
         for name, text in use.where.items():
             place: Path = (*path, "where", name)
-            if name in scope.names or name in TAKEN:
+            if name in own or name in TAKEN:
                 self._report("invalid-value", f"{quoted(name)} means something else in formulas", place, key=True)
                 return None
             tree = self._tree(text, scope, definitions, place)

@@ -14,7 +14,7 @@ from symaware_cli.core.identifiers import Name, Target
 from symaware_cli.geometry import Region
 from symaware_cli.language import Additions, ScenarioSection, Section, SectionContext, SpecificationUse, nearest
 from symaware_cli.promises.promise import OnBroken, Promise, Promises, Reliance
-from symaware_cli.specification import ExpressionError, parse
+from symaware_cli.specification import ExpressionError, parse, region_names
 from symaware_cli.specification.node import Call, Node, Temporal
 from symaware_cli.specification.node import Name as NameNode
 
@@ -172,7 +172,7 @@ def _region(name: str, use: PromiseUse, context: SectionContext, *, report: bool
 
     regions = context.regions or context.document.regions
     try:
-        node = parse(use.formula, dict.fromkeys(["position", *regions]), {"inside": 2})
+        node = parse(use.formula, {**region_names(regions), "position": None}, {"inside": 2})
     except ExpressionError as error:
         known = [each for each in regions if each not in ("position",)]
         listed = f"one of the regions {', '.join(known)}" if known else "a region under `regions`"

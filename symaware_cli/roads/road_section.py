@@ -26,6 +26,9 @@ from symaware_cli.roads.road_network import RoadNetwork, UnreadRoads, derived_li
 #: The greatest number of lanes, and of points of all their boundaries.
 MOST_LANES, MOST_POINTS = 2_000, 50_000
 
+#: How the names of regions of centres end.
+_CENTRE = "_centre"
+
 #: A stand-in for the regions of roads that cannot be read.
 _NOWHERE = Region(box=(0.0, 1.0, 0.0, 1.0))
 
@@ -76,7 +79,7 @@ class RoadsForm(Section):
 
     centre: Annotated[float, Field(ge=0.01, le=100.0)] | None = Field(
         None,
-        description="If stated, `centre_<name>` is the region within this distance of the centre of each lane [m].",
+        description="If stated, `lane_<name>_centre` is the region within this distance of the centre of a lane [m].",
     )
 
     @model_validator(mode="after")
@@ -87,7 +90,7 @@ class RoadsForm(Section):
 
 
 class RoadSection(ScenarioSection):
-    """Adds the regions `road`, `lane_<name>` and `centre_<name>`, and the network of lanes for components."""
+    """Adds the regions `road`, `lane_<name>` and `lane_<name>_centre`, and the network of lanes for components."""
 
     form: ClassVar[Any] = RoadsForm | None
     description: ClassVar[str] = "Roads, whose lanes are regions, and on which agents drive, follow and change lanes."
@@ -102,8 +105,7 @@ class RoadSection(ScenarioSection):
         if form is None:
             return Additions()
         lanes: list[Lane] = []
-        kinds = ("lane", "centre") if form.centre else ("lane",)
-        names = {f"{kind}_{name}" for name in form.lanes for kind in kinds}
+        names = {f"lane_{name}{part}" for name in form.lanes for part in (("", _CENTRE) if form.centre else ("",))}
         if form.file is not None:
             lanes += self._of_file(form.file, form.step, context)
         is_read = form.file is None or bool(lanes)
@@ -176,6 +178,12 @@ def _check(form: RoadsForm, lanes: Sequence[Lane], context: SectionContext) -> b
         context.report(message, "lanes", *place, key=key)
 
     points = sum(len(lane.left) for lane in lanes) + sum(len(lane.points) for lane in form.lanes.values())
+    if form.centre is not None:
+        for name in sorted(every):
+            if f"{name}{_CENTRE}" in every:
+                said = f"the centre of the lane {quoted(name)} would be called as the lane {quoted(name + _CENTRE)}"
+                context.report(said, "centre")
+                is_sound = False
     if len(every) > MOST_LANES or points > MOST_POINTS:
         said = f"there are {len(every):,} lanes with {points:,} points"
         context.report(f"{said}, and roads may have {MOST_LANES:,} lanes and {MOST_POINTS:,} points")
@@ -220,11 +228,13 @@ def _joined(form: RoadsForm, lanes: Sequence[Lane]) -> list[Lane]:
 def _regions(lanes: Sequence[Lane], centre: float | None) -> dict[str, Region]:
     """Return the regions of lanes and of their centres, each as an intersection of a single union.
 
-    Only `LaneDrawing` draws such regions, and those of lanes alone.
+    Only `LaneDrawing` draws such regions, and those of lanes alone, as those of centres are nested more deeply.
     """
-    areas = {f"lane_{lane.name}": lane.areas() for lane in lanes}
-    strips = {} if centre is None else {f"centre_{lane.name}": lane.strip(centre).areas() for lane in lanes}
-    regions = {
-        name: Region(intersection=(RegionShape(union=tuple(parts)),)) for name, parts in {**areas, **strips}.items()
-    }
+    areas = {f"lane_{lane.name}": RegionShape(union=tuple(lane.areas())) for lane in lanes}
+    strips: dict[str, RegionShape] = {}
+    if centre is not None:
+        for lane in lanes:
+            strip = RegionShape(union=tuple(lane.strip(centre).areas()))
+            strips[f"lane_{lane.name}{_CENTRE}"] = RegionShape(intersection=(strip,))
+    regions = {name: Region(intersection=(shape,)) for name, shape in {**areas, **strips}.items()}
     return {"road": Region(intersection=(RegionShape(union=tuple(areas)),)), **regions}

@@ -32,6 +32,7 @@ from .probability import truth_bounds as truth_bounds
 from .region import PlacedRegion as PlacedRegion
 from .region import RegionError as RegionError
 from .region import check_names as check_names
+from .region_keys import region_names as region_names
 from .satisfiability import can_be_satisfied as can_be_satisfied
 from .satisfiability import weakened as weakened
 from .scope import LINK as LINK

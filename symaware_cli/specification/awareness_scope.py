@@ -57,7 +57,7 @@ class AwarenessScope(PairScope):
         """See the base class."""
         both, other = Keys("agent of a contract", (SELF, OTHER)), Keys("agent of a contract", (OTHER,))
         keyed = {"belief": both, "truth": both, "believed_velocity": both, "true_velocity": both, "known": other}
-        return {**dict.fromkeys([*self.units, *self.regions]), **keyed}
+        return {**self._region_names, **dict.fromkeys(self.units), **keyed}
 
     @property
     def lacking(self) -> NDArray[np.bool_] | None:

@@ -79,11 +79,16 @@ class Keys(NamedTuple):
         kind: The kind of object that a key names: ``agent``, ``specification``, ...
         names: The valid keys; in a mapping, with the keys that must follow them.
         refused: Further keys, each with the reason why it is not valid.
+        is_joined: Whether the name and a key stand for the name that they form with an underscore between them:
+            ``lane("2")`` for ``lane_2``.
+        is_optional: Whether the name may stand without a key.
     """
 
     kind: str
     names: Collection[str] | Mapping[str, Keys]
     refused: Mapping[str, str] = {}
+    is_joined: bool = False
+    is_optional: bool = False
 
 
 #: The names that an expression may refer to, each with the keys that must follow it in brackets; None for no key.
@@ -275,7 +280,7 @@ class _Parser:
         node = self._atom()
         keys = self._keys.get(node.name) if isinstance(node, Name) else None
         while True:
-            if keys is not None and not self._is("[", "."):
+            if keys is not None and not keys.is_optional and not self._is("[", "."):
                 said = self._text[slice(*node.span)]
                 raise ExpressionError(f"say {_which(keys)}: {said}{_example(keys)}", node.span)
             if not self._is("[", "."):
@@ -294,6 +299,10 @@ class _Parser:
             if keys is not None:
                 if key not in keys.names:
                     self._refuse_key(self._text[slice(*node.span)], key, keys, place)
+                if keys.is_joined and isinstance(node, Name):
+                    node = Name((node.span[0], end.span[1]), f"{node.name}_{key}")
+                    keys = self._keys.get(node.name)
+                    continue
                 following = keys.names[str(key)] if isinstance(keys.names, Mapping) else None
                 keys = following if isinstance(following, Keys) else None
             node = Element((node.span[0], end.span[1]), node, key)
@@ -332,7 +341,7 @@ class _Parser:
         if name in _FOREIGN:
             raise ExpressionError(_FOREIGN[name], token.span)
         if self._is("("):
-            return self._of_whom(token) if name in self._keys else self._call(token)
+            return self._of_whom(token) if name in self._keys.keys() - self._definitions else self._call(token)
         if name in self._definitions:
             return moved(self._definitions[name], token.span)
         if name in self._names:
@@ -379,7 +388,8 @@ class _Parser:
                 raise ExpressionError(said, token.span)
             if name in _ELSEWHERE:
                 raise ExpressionError(_ELSEWHERE[name], token.span)
-            raise ExpressionError(f"there is no function `{name}`", token.span, name, self._functions)
+            called = [*self._functions, *(each for each, keys in self._keys.items() if not keys.is_optional)]
+            raise ExpressionError(f"there is no function `{name}`", token.span, name, called)
         self._take()
         arguments = self._items(")")
         span = (token.span[0], self._expect(")", f"{name}(...)").span[1])
@@ -408,6 +418,8 @@ class _Parser:
             if keys is not None:
                 self._expect(",", f"{name}(...)")
         end = self._expect(")", f"{name}(...)")
+        if self._keys[name].is_joined:
+            return Name((token.span[0], end.span[1]), "_".join([name, *found]))
         node: Node = Name(token.span, name)
         for key in found:
             node = Element((token.span[0], end.span[1]), node, key)
@@ -472,7 +484,7 @@ _LEVELS: tuple[Callable[[_Parser, int], Node], ...] = (
 
 
 def _which(keys: Keys) -> str:
-    return "which" if keys.kind == "link" else "whose"
+    return "which" if keys.kind == "link" or keys.is_joined else "whose"
 
 
 def _example(keys: Keys) -> str:

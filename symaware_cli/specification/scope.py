@@ -19,6 +19,7 @@ from symaware_cli.geometry import Proximity, Region, lengths, nearest_distances
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.parser import Keys, Names
 from symaware_cli.specification.region import PlacedRegion
+from symaware_cli.specification.region_keys import region_names
 
 #: The unit of each name of `AgentScope`; "" where it depends on the model.
 AGENT_UNITS: Mapping[str, str] = {
@@ -115,7 +116,11 @@ class Scope(ABC):
     @property
     def names(self) -> Names:
         """All names that a specification may refer to."""
-        return dict.fromkeys([*self.units, *self.regions])
+        return {**self._region_names, **dict.fromkeys(self.units)}
+
+    @cached_property
+    def _region_names(self) -> Names:
+        return region_names(self.regions)
 
     @property
     def present(self) -> NDArray[np.bool_] | None:

@@ -1,6 +1,6 @@
 """Scenarios with roads."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,13 @@ from symaware_cli.language.execution import execute
 def road(tmp_path: Path) -> Callable[..., Built]:
     """Build a scenario with roads and groups."""
 
-    def built(roads: dict[str, Any], duration: float = 10.0, step: float = 0.1, **agents: Any) -> Built:
+    def built(
+        roads: dict[str, Any],
+        duration: float = 10.0,
+        step: float = 0.1,
+        more: Mapping[str, Any] | None = None,
+        **agents: Any,
+    ) -> Built:
         document = {
             "symaware": 1,
             "name": "road",
@@ -24,6 +30,7 @@ def road(tmp_path: Path) -> Callable[..., Built]:
             "environment": {"use": "kinematic", "with": {"time_step": step}},
             "roads": roads,
             "agents": agents,
+            **(more or {}),
         }
         path = tmp_path / "road.yaml"
         path.write_text(yaml.safe_dump(document), encoding="utf-8")

@@ -13,6 +13,7 @@ from road_groups import group
 
 import symaware_cli as sa
 from symaware_cli.language.build import Built
+from symaware_cli.language.execution import execute
 from symaware_cli.language.problem import ScenarioError
 from symaware_cli.roads.lane import Lane, lane_sides
 from symaware_cli.specification.region import PlacedRegion
@@ -63,10 +64,56 @@ def test_lanes_and_the_road_are_regions(road: Road) -> None:
 
 
 def test_the_centres_of_lanes_are_regions_if_their_width_is_stated(road: Road) -> None:
-    assert "centre_west" not in road({"lanes": CROSS}, car=group([0, 0, 0], KEEPING)).simulation.groups[0].regions
+    assert "lane_west_centre" not in road({"lanes": CROSS}, car=group([0, 0, 0], KEEPING)).simulation.groups[0].regions
     built = road({"lanes": CROSS, "centre": 0.4}, car=group([0, 0, 0], KEEPING))
-    assert depth(built, "centre_west", (50, 0), (50, -1)) == pytest.approx([0.401, -0.599], abs=1e-9)
+    assert depth(built, "lane_west_centre", (50, 0), (50, -1)) == pytest.approx([0.401, -0.599], abs=1e-9)
     assert depth(built, "road", (50, 1.0)) == pytest.approx([0.751], abs=1e-9)
+
+
+FORMULA = 'inside(position, lane("west").centre)'
+
+
+def test_lanes_and_centres_are_named_by_their_kind_in_formulas_definitions_and_conditions(road: Road) -> None:
+    car = group([0.5, 0.3, 0], {**KEEPING, "condition": 'not inside(position, lane("east").centre)'})
+    stated = {
+        "plain": {"formula": "always inside(position, lane_west_centre)", "each": "car"},
+        "named": {"formula": f"always {FORMULA}", "each": "car"},
+        "where": {"formula": "always lane", "where": {"lane": FORMULA}, "each": "car"},
+        "believed": {"formula": "always inside(position, lane.west)", "each": "car", "of": "belief"},
+    }
+    until = 'inside(position["car"], lane("west").centre) and time > 0.5'
+    more = {"run": {"duration": 2.0, "until": until}, "specifications": stated}
+    summary = execute(road({"lanes": CROSS, "centre": 0.4}, more=more, car=car), None)
+    assert 0.5 < summary.simulated_time < 1.0
+    found = {each.name: each.robustness for each in summary.specifications}
+    assert found["plain"] == found["named"] == found["where"] == pytest.approx(0.101, abs=1e-3)
+    assert found["believed"] > found["plain"]
+
+
+@pytest.mark.parametrize(
+    ("region", "said", "nearest"),
+    [
+        ('lane("wset")', "there is no lane `wset`", "west"),
+        ('lane("west").center', "there is no part `center`", "centre"),
+        ("lane", 'say which: lane["east"]', None),
+        ("lane[1]", '`lane` takes a name in quotes: lane["east"]', None),
+        ('line("west")', "there is no function `line`", "lane"),
+    ],
+)
+def test_an_unknown_lane_is_reported_where_it_stands(road: Road, region: str, said: str, nearest: str | None) -> None:
+    more = {"specifications": {"keeps": {"formula": f"always inside(position, {region})", "each": "car"}}}
+    with pytest.raises(ScenarioError) as refused:
+        road({"lanes": CROSS, "centre": 0.4}, more=more, car=group([0, 0, 0], KEEPING))
+    (problem,) = refused.value.problems
+    assert problem.message == f"`specifications.keeps.formula`: {said}"
+    assert problem.suggestion == nearest
+
+
+def test_a_lane_may_not_have_the_name_of_the_centre_of_another(road: Road) -> None:
+    lanes = {**CROSS, "west_centre": {"points": [[0, 50], [100, 50]]}}
+    assert road({"lanes": lanes}, car=group([0, 0, 0], KEEPING))
+    with pytest.raises(ScenarioError, match="would be called as the lane"):
+        road({"lanes": lanes, "centre": 0.4}, car=group([0, 0, 0], KEEPING))
 
 
 @given(st.lists(st.floats(-0.4, 0.4), min_size=1, max_size=12), st.floats(2.0, 5.0))

@@ -25,6 +25,7 @@ from symaware_cli.specification import (
     World,
     link_keys,
     nearest_believed,
+    region_names,
 )
 from symaware_cli.specification.columns import FUNCTIONS
 from symaware_cli.specification.expression import one_row
@@ -94,7 +95,7 @@ def world_names(
     others = {*regions, *further_parts(groups)}
     links = None if LINK in others else _keys_of_links(groups, entities)
     return {
-        **dict.fromkeys(regions),
+        **region_names(regions),
         **dict.fromkeys(further_parts(groups), agents),
         **dict.fromkeys(name for name in WORLD_NAMES if name != LINK),
         **({} if links is None else {LINK: links}),
@@ -154,9 +155,9 @@ class ConditionScope:
 
     def names(self, specifications: Collection[str]) -> Names:
         """All that a condition may refer to, with the names of the specifications."""
-        plain = [*self._elements, *AGENT_NAMES, *self._parts, *self._known, *self._regions]
         return {
-            **dict.fromkeys(plain),
+            **region_names(self._regions),
+            **dict.fromkeys([*self._elements, *AGENT_NAMES, *self._parts, *self._known]),
             **({} if self._links is None else {LINK: self._links}),
             **{name: keys for name, (keys, _) in self._further.items()},
             **dict.fromkeys(STATUS_NAMES, Keys("specification", specifications)),

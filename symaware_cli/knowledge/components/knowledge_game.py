@@ -23,6 +23,7 @@ from symaware_cli.specification import (
     World,
     formulate,
     parse,
+    region_names,
 )
 from symaware_cli.specification import formula as stl
 from symaware_cli.specification.columns import ARGUMENTS, NO_VALUE, TAKEN, check_momentary
@@ -143,7 +144,7 @@ class KnowledgeGame:
         """Parse a condition on the beliefs of an agent."""
         try:
             scope = BeliefScope(group, cast("World", None), [], {})
-            tree = parse(text, {*scope.names, *self._regions}, ARGUMENTS)
+            tree = parse(text, {**region_names(self._regions), **dict.fromkeys(scope.names)}, ARGUMENTS)
             check_momentary(tree, "a formula: a label is about one instant")
             return formulate(tree, SECOND)
         except ExpressionError as error:

@@ -69,6 +69,37 @@ def test_waypoints_are_followed_and_may_lead_away_from_the_goal(steer: str) -> N
     assert summary.simulated_time > 11.0  # each way is 12 m long
 
 
+@pytest.mark.parametrize(("limited", "least", "most"), [(True, 0.05, 0.16), (False, -0.1, 0.03)])
+def test_a_robot_close_to_a_wall_turns_before_it_drives_along_it(limited: bool, least: float, most: float) -> None:
+    content = document(VFH, limit_by_heading=limited)
+    wall = {"shape": {"box": {"length": 0.4, "width": 8.0}}, "position": [0.61, 0.0]}
+    content["environment"]["entities"] = {"wall": wall}
+    robot = content["agents"]["robot"]
+    robot["model"]["with"]["max_turn_rate"] = 0.5
+    robot.update(count=1, state=[0.0, 0.0, 0.3], knowledge={"goal": [0.0, 3.0]})
+    gaps = []
+    with scenario(content).start() as simulation:
+        for _ in range(60):
+            simulation.step()
+            gaps.append(0.41 - 0.25 - simulation.state("robot.0", "x")[0])
+        assert simulation.state("robot.0", "y")[0] > 0.3
+    assert least < min(gaps) < most
+
+
+@pytest.mark.parametrize(("last_resort", "leaves"), [(0.3, True), (None, False)])
+def test_a_robot_leaves_a_place_that_is_surrounded_at_a_distance(last_resort: float | None, leaves: bool) -> None:
+    content = document(VFH, last_resort=last_resort)
+    walls = {"back": (-0.6, 0, 0.2, 1.4), "left": (0.4, 0.6, 2.2, 0.2), "right": (0.4, -0.6, 2.2, 0.2)}
+    content["environment"]["entities"] = {
+        name: {"shape": {"box": {"length": length, "width": width}}, "position": [x, y]}
+        for name, (x, y, length, width) in {**walls, "opposite": (3.0, 0, 0.2, 8.0)}.items()
+    }
+    content["agents"]["robot"].update(count=1, state=[0.0, 0.0, 0.0], knowledge={"goal": [2.2, 1.8]})
+    summary = scenario(content).run(record=False, duration=12.0).summary
+    assert len(summary.goals_reached) == leaves
+    assert summary.contacts == 0
+
+
 def test_who_counts_the_unseen_as_occupied_does_not_start_without_a_scan() -> None:
     content = document(VFH, unseen="occupied")
     content["agents"]["robot"]["components"]["lidar"]["with"]["dropout"] = 1.0
