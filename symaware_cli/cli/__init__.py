@@ -6,6 +6,7 @@ import io
 import os
 import sys
 import threading
+from collections.abc import Mapping
 from typing import NoReturn
 
 
@@ -19,7 +20,8 @@ def main() -> None:
         print(f"symaware {__version__}")
         return
     # Imported objects stay: searching them for garbage takes a tenth of the time that a verb needs to start.
-    gc.set_threshold(20_000, 50, 50)
+    gc.set_threshold(200_000, 50, 50)
+    gc.callbacks.append(_search_more_often)
     # A plugin of pydantic might change the meaning of a scenario; and the search for one reads all installed packages.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
@@ -37,6 +39,16 @@ def main() -> None:
     except KeyboardInterrupt:
         # At any time: even before the command has begun, or while it ends.
         raise SystemExit(130) from None
+    finally:
+        # The interpreter, which is about to end, need not search for garbage either.
+        gc.freeze()
+
+
+def _search_more_often(phase: str, _: Mapping[str, int]) -> None:
+    """Set the threshold for the garbage of the work, after the first search."""
+    if phase == "stop":
+        gc.set_threshold(20_000, 50, 50)
+        gc.callbacks.remove(_search_more_often)
 
 
 def open_streams() -> None:
