@@ -59,7 +59,7 @@ class Verbs:
 
     @cached_property
     def _installed(self) -> Listings:
-        return entry_points.listings_of(_KIND, entry_points.installed().select(group=GROUP))
+        return entry_points.listings_of(_KIND, entry_points.installed().get(GROUP, ()))
 
     @property
     def names(self) -> list[str]:
