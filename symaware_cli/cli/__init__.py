@@ -1,13 +1,17 @@
 """The command line: one module per verb, which parses arguments, calls the API, prints and exits."""
 
+from __future__ import annotations
+
 import errno
 import gc
 import io
 import os
 import sys
-import threading
-from collections.abc import Mapping
-from typing import NoReturn
+
+TYPE_CHECKING = False  # as in `typing`, which `symaware --version` need not import
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import NoReturn
 
 
 def main() -> None:
@@ -29,7 +33,8 @@ def main() -> None:
 
         application()
     except SystemExit as end:
-        if threading.active_count() > 1 or "multiprocessing.process" in sys.modules:
+        threading = sys.modules.get("threading")
+        if (threading is not None and threading.active_count() > 1) or "multiprocessing.process" in sys.modules:
             from symaware_cli.cli.threads import do_not_wait
 
             do_not_wait(end.code)
