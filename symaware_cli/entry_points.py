@@ -2,6 +2,7 @@
 
 The files of entry points are read here, and not by `importlib.metadata`, whose import takes longer than reading them.
 The specification: https://packaging.python.org/specifications/entry-points
+Reasons: docs/decisions/0116-the-start.md
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The command line: one module per verb, which parses arguments, calls the API, prints and exits."""
+"""The command line: one module per verb, which parses arguments, calls the API, prints and exits.
+
+What a verb imports: docs/decisions/0116-the-start.md
+"""
 
 from __future__ import annotations
 
