@@ -12,7 +12,6 @@ import re
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from functools import reduce
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -118,8 +117,10 @@ class Listing(NamedTuple):
         try:
             # An extra in brackets is allowed by an older specification, and ignored.
             module, _, attribute = self.target.partition("[")[0].partition(":")
-            names = attribute.strip().split(".") if attribute.strip() else ()
-            return reduce(getattr, names, import_module(module.strip()))
+            loaded: Any = import_module(module.strip())
+            for name in attribute.strip().split(".") if attribute.strip() else ():
+                loaded = getattr(loaded, name)
+            return loaded
         except ModuleNotFoundError as error:
             extra = _EXTRAS.get((error.name or "").partition(".")[0])
             if extra:
