@@ -4,8 +4,9 @@ The names in ``__all__`` are the public API, for running scenarios from Python (
 plugins (docs/plugins.md). Everything else may change.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
 from symaware_cli import processor
 from symaware_cli.version import __version__ as __version__
@@ -13,7 +14,10 @@ from symaware_cli.version import __version__ as __version__
 # Before anything imports NumPy, which looks at the processor once.
 processor.pin()
 
+TYPE_CHECKING = False  # as in `typing`, which `symaware --version` need not import
 if TYPE_CHECKING:
+    from typing import Any
+
     from symaware_cli.api import (
         GroupOutline,
         Outline,

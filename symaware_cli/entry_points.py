@@ -1,19 +1,27 @@
-"""Plugins that installed packages register as entry points; they are imported only when they are used."""
+"""Plugins that installed packages register as entry points; they are imported only when they are used.
+
+The files of entry points are read here, and not by `importlib.metadata`, whose import takes longer than reading them.
+The specification: https://packaging.python.org/specifications/entry-points
+Reasons: docs/decisions/0116-the-start.md
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from importlib import metadata
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
 
 from symaware_cli.world import code_position, describe
 
 #: The distribution that this package is.
 DISTRIBUTION = "symaware-cli"
+
+#: With what the names of all groups begin.
+_PREFIX = "symaware"
 
 #: Optional modules, and the extra of this package that installs each.
 _EXTRAS = {
@@ -47,8 +55,25 @@ class PluginWarning(UserWarning):
     """A plugin is left out, because it is broken."""
 
 
-@dataclass(frozen=True, slots=True)
-class Listing:
+class EntryPoint(NamedTuple):
+    """An entry point of an installed distribution.
+
+    Attributes:
+        group: Its group, such as ``symaware.components``.
+        name: Its name.
+        value: What it refers to, as ``module:Class``.
+        package: The name of the distribution; ``unknown`` if its metadata does not have one.
+        version: The version of the distribution; empty if its metadata does not have one.
+    """
+
+    group: str
+    name: str
+    value: str
+    package: str
+    version: str
+
+
+class Listing(NamedTuple):
     """A plugin that is installed, but not necessarily imported.
 
     Attributes:
@@ -57,7 +82,6 @@ class Listing:
         target: Its class or function, as ``module:Class``.
         package: The distribution that contains it.
         version: The version of that distribution.
-        point: The entry point.
     """
 
     kind: str
@@ -65,7 +89,6 @@ class Listing:
     target: str
     package: str
     version: str
-    point: metadata.EntryPoint = field(repr=False, compare=False)
 
     @property
     def built_in(self) -> bool:
@@ -92,7 +115,12 @@ class Listing:
             PluginError: The import failed.
         """
         try:
-            return self.point.load()
+            # An extra in brackets is allowed by an older specification, and ignored.
+            module, _, attribute = self.target.partition("[")[0].partition(":")
+            loaded: Any = import_module(module.strip())
+            for name in attribute.strip().split(".") if attribute.strip() else ():
+                loaded = getattr(loaded, name)
+            return loaded
         except ModuleNotFoundError as error:
             extra = _EXTRAS.get((error.name or "").partition(".")[0])
             if extra:
@@ -110,21 +138,137 @@ class Listing:
             raise PluginError("broken-plugin", f"{self.origin} cannot be imported: {text}") from error
 
 
-_known: tuple[object, metadata.EntryPoints] | None = None
+#: The entry points in the groups of SymAware, by group.
+EntryPoints = Mapping[str, list[EntryPoint]]
+
+_known: tuple[object, EntryPoints] | None = None
 
 
-def installed() -> metadata.EntryPoints:
+def installed() -> EntryPoints:
     """Find the entry points of all installed packages.
 
-    The metadata of every package is read, so it is kept until a folder of the search path changes, as it does when a
-    package is installed or removed.
+    They are read again only if a folder of the search path has changed, as it does when a package is installed or
+    removed.
     """
     global _known
     state = tuple((folder, _changed(folder or os.curdir)) for folder in sys.path)
     if _known is None or _known[0] != state:
-        found: metadata.EntryPoints = metadata.entry_points()  # type: ignore[assignment] # from 3.12 on
+        found: dict[str, list[EntryPoint]] = {}
+        for package in _packages():
+            for point in package.points():
+                found.setdefault(point.group, []).append(point)
         _known = state, found
     return _known[1]
+
+
+def points_of(distribution: str) -> list[EntryPoint] | None:
+    """Find the entry points of an installed distribution in the groups of SymAware; None if it is not installed."""
+    package = _package(distribution)
+    return None if package is None else list(package.points())
+
+
+def package_file(distribution: str, name: str) -> str | None:
+    """Read a file of the metadata of an installed distribution; None if there is none.
+
+    Args:
+        distribution: The distribution.
+        name: The file, such as ``direct_url.json``.
+    """
+    package = _package(distribution)
+    return None if package is None else package.read(name)
+
+
+class _Package:
+    """The metadata of an installed distribution, in a folder."""
+
+    def __init__(self, folder: str) -> None:
+        self._folder = folder
+
+    def read(self, name: str) -> str | None:
+        """The text of a file; None if there is none."""
+        try:
+            with open(os.path.join(self._folder, name), encoding="utf-8") as file:
+                return file.read()
+        except (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError):
+            return None
+
+    def points(self) -> Iterator[EntryPoint]:
+        """The entry points in the groups of SymAware."""
+        text = self.read("entry_points.txt") or ""
+        if _PREFIX not in text:
+            return
+        package, version = self._owner()
+        group = ""
+        for line in map(str.strip, text.splitlines()):
+            if line.startswith("[") and line.endswith("]"):
+                group = line.strip("[]")
+            elif group.startswith(_PREFIX) and line and not line.startswith("#"):
+                name, _, value = line.partition("=")
+                yield EntryPoint(group, name.strip(), value.strip(), package, version)
+
+    def _owner(self) -> tuple[str, str]:
+        """The name and version."""
+        # Only these lines are used: the rest is the description.
+        text = self.read("METADATA") or self.read("PKG-INFO") or ""
+        head = dict(line.partition(": ")[::2] for line in text.partition("\n\n")[0].splitlines())
+        return head.get("Name") or "unknown", head.get("Version") or ""
+
+
+class _ArchivedPackage(_Package):
+    """The metadata of a distribution that is not in a folder, such as in a ZIP file."""
+
+    def __init__(self, distribution: Any) -> None:
+        super().__init__("")
+        self._distribution = distribution
+
+    def read(self, name: str) -> str | None:
+        """The text of a file; None if there is none."""
+        text: str | None = self._distribution.read_text(name)
+        return text
+
+
+def _package(distribution: str) -> _Package | None:
+    """An installed distribution; None if there is none."""
+    wanted = _normal(distribution)
+    return next((package for name, package in _named() if name == wanted), None)
+
+
+def _packages() -> Iterator[_Package]:
+    """All installed distributions; of two with the same name, the first on the path is the one that is imported."""
+    seen = set()
+    for name, package in _named():
+        if name not in seen:
+            seen.add(name)
+            yield package
+
+
+def _named() -> Iterator[tuple[str, _Package]]:
+    """Distributions in all folders of the search path, with their normalized names."""
+    for folder in sys.path:
+        try:
+            entries = sorted(os.listdir(folder or os.curdir))
+        except FileNotFoundError:
+            continue
+        except OSError:
+            yield from _archived(folder)
+            continue
+        for entry in entries:
+            if entry.lower().endswith((".dist-info", ".egg-info")):
+                yield _normal(entry.rpartition(".")[0].partition("-")[0]), _Package(os.path.join(folder, entry))
+            elif entry == "EGG-INFO" and folder.endswith(".egg"):
+                yield _normal(os.path.basename(folder).partition("-")[0]), _Package(os.path.join(folder, entry))
+
+
+def _archived(file: str) -> Iterator[tuple[str, _Package]]:
+    from importlib import metadata
+
+    for distribution in metadata.distributions(path=[file]):
+        yield _normal(distribution.metadata["Name"] or ""), _ArchivedPackage(distribution)
+
+
+def _normal(name: str) -> str:
+    """A name of a distribution as all spell it (https://packaging.python.org/specifications/name-normalization)."""
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def _changed(folder: str) -> int | None:
@@ -146,11 +290,7 @@ def built_in(kind: str, group: str) -> Listings:
         kind: The kind.
         group: Its entry-point group.
     """
-    try:
-        points = metadata.distribution(DISTRIBUTION).entry_points
-    except metadata.PackageNotFoundError:
-        return {}
-    return listings_of(kind, points.select(group=group))
+    return listings_of(kind, (each for each in points_of(DISTRIBUTION) or () if each.group == group))
 
 
 def chosen(same: list[Listing]) -> Listing:
@@ -167,29 +307,13 @@ def chosen(same: list[Listing]) -> Listing:
     return same[0]
 
 
-#: Each distribution, which thus keeps its identity, with its name and version, which are read from a file.
-_OWNERS: dict[int, tuple[metadata.Distribution | None, str, str]] = {}
-
-
-def listings_of(kind: str, points: Iterable[metadata.EntryPoint]) -> Listings:
+def listings_of(kind: str, points: Iterable[EntryPoint]) -> Listings:
     """Return the plugins of a kind that are registered by some entry points."""
     found: dict[str, list[Listing]] = {}
     for point in points:
-        if id(point.dist) not in _OWNERS:
-            _OWNERS[id(point.dist)] = point.dist, *_owner(point.dist)
-        listing = Listing(kind, point.name, point.value, *_OWNERS[id(point.dist)][1:], point)
+        listing = Listing(kind, point.name, point.value, point.package, point.version)
         same = found.setdefault(point.name, [])
         # A package that is on the path twice, such as a checkout and its installation, counts once.
         if all((each.package, each.target) != (listing.package, listing.target) for each in same):
             same.append(listing)
     return found
-
-
-def _owner(distribution: metadata.Distribution | None) -> tuple[str, str]:
-    """The name and version of a distribution."""
-    if distribution is None:
-        return "unknown", ""
-    # Only these lines are read: `metadata` of the distribution parses its whole description, too.
-    text = distribution.read_text("METADATA") or distribution.read_text("PKG-INFO") or ""
-    head = dict(line.partition(": ")[::2] for line in text.partition("\n\n")[0].splitlines())
-    return head.get("Name") or "unknown", head.get("Version") or ""

@@ -12,9 +12,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
 from functools import cache
-from typing import Any, NamedTuple
+
+TYPE_CHECKING = False  # as in `typing`, whose import takes longer than all the rest here
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import Any
 
 _LEVELS = {
     "x86-64-v2": "cx16 lahf_lm popcnt pni sse4_1 sse4_2 ssse3",
@@ -198,7 +201,7 @@ def numpy_kernels() -> list[str] | None:
         return None
 
 
-class Blas(NamedTuple):
+class Blas:
     """An OpenBLAS that was loaded.
 
     Attributes:
@@ -208,10 +211,11 @@ class Blas(NamedTuple):
         dynamic: Whether it chose its kernel by the processor; CasADi's was built for one, and is the same everywhere.
     """
 
-    kernel: str
-    version: str
-    threads: int
-    dynamic: bool = True
+    def __init__(self, kernel: str, version: str, threads: int, dynamic: bool = True) -> None:
+        self.kernel = kernel
+        self.version = version
+        self.threads = threads
+        self.dynamic = dynamic
 
     def __str__(self) -> str:
         return f"OpenBLAS {self.version} {self.kernel}, {self.threads} thread{'s' if self.threads != 1 else ''}"

@@ -1,12 +1,20 @@
-"""The command line: one module per verb, which parses arguments, calls the API, prints and exits."""
+"""The command line: one module per verb, which parses arguments, calls the API, prints and exits.
+
+What a verb imports: docs/decisions/0116-the-start.md
+"""
+
+from __future__ import annotations
 
 import errno
 import gc
 import io
 import os
 import sys
-import threading
-from typing import NoReturn
+
+TYPE_CHECKING = False  # as in `typing`, which `symaware --version` need not import
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import NoReturn
 
 
 def main() -> None:
@@ -19,7 +27,8 @@ def main() -> None:
         print(f"symaware {__version__}")
         return
     # Imported objects stay: searching them for garbage takes a tenth of the time that a verb needs to start.
-    gc.set_threshold(20_000, 50, 50)
+    gc.set_threshold(200_000, 50, 50)
+    gc.callbacks.append(_search_more_often)
     # A plugin of pydantic might change the meaning of a scenario; and the search for one reads all installed packages.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
@@ -27,7 +36,8 @@ def main() -> None:
 
         application()
     except SystemExit as end:
-        if threading.active_count() > 1 or "multiprocessing.process" in sys.modules:
+        threading = sys.modules.get("threading")
+        if (threading is not None and threading.active_count() > 1) or "multiprocessing.process" in sys.modules:
             from symaware_cli.cli.threads import do_not_wait
 
             do_not_wait(end.code)
@@ -37,6 +47,16 @@ def main() -> None:
     except KeyboardInterrupt:
         # At any time: even before the command has begun, or while it ends.
         raise SystemExit(130) from None
+    finally:
+        # The interpreter, which is about to end, need not search for garbage either.
+        gc.freeze()
+
+
+def _search_more_often(phase: str, _: Mapping[str, int]) -> None:
+    """Set the threshold for the garbage of the work, after the first search."""
+    if phase == "stop":
+        gc.set_threshold(20_000, 50, 50)
+        gc.callbacks.remove(_search_more_often)
 
 
 def open_streams() -> None:

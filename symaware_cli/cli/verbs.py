@@ -16,6 +16,7 @@ from typer.main import get_command
 
 from symaware_cli import entry_points
 from symaware_cli.cli.terminal import WRONG_INPUT, fail, is_plain
+from symaware_cli.cli.verb_summaries import SUMMARIES
 from symaware_cli.entry_points import Listing, Listings, PluginError
 from symaware_cli.help_place import HelpPlace, place_of
 
@@ -59,7 +60,7 @@ class Verbs:
 
     @cached_property
     def _installed(self) -> Listings:
-        return entry_points.listings_of(_KIND, entry_points.installed().select(group=GROUP))
+        return entry_points.listings_of(_KIND, entry_points.installed().get(GROUP, ()))
 
     @property
     def names(self) -> list[str]:
@@ -75,17 +76,29 @@ class Verbs:
             return UnusableVerb(name, error)
 
     def summaries(self) -> list[Summary]:
-        """All verbs for the help, in its order; each is imported, and those that cannot be used are the last."""
+        """All verbs for the help, in its order; those of plugins are imported, and the unusable ones are the last."""
         return sorted(
             self._summaries(),
             key=lambda each: (each.place is None, (each.place or HelpPlace()).rank, each.name),
         )
+
+    def imported_summaries(self) -> dict[str, tuple[str, str, int]]:
+        """What `verb_summaries` has to say: of each verb of this package, by its target, its help and its place."""
+        found = {}
+        for (listing,) in self._built_in.values():
+            verb = listing.load()
+            found[listing.target] = (_help_of(verb).partition("\n\n")[0], *place_of(verb))
+        return found
 
     def _summaries(self) -> Iterator[Summary]:
         for name in self.names:
             try:
                 listing = self._find(name)
                 if listing is None:
+                    continue
+                if listing.built_in and listing.target in SUMMARIES:
+                    text, group, order = SUMMARIES[listing.target]
+                    yield Summary(name, text, HelpPlace(group, order))
                     continue
                 if not listing.built_in:
                     # To find faults of its signature, too.
@@ -94,8 +107,7 @@ class Verbs:
             except PluginError as error:
                 yield Summary(name, _message(error), None)
                 continue
-            described = loaded.info.help if isinstance(loaded, typer.Typer) else inspect.getdoc(loaded)
-            yield Summary(name, str(described or ""), place_of(loaded))
+            yield Summary(name, _help_of(loaded), place_of(loaded))
         for name, same in self._installed.items():
             if name in self._built_in:
                 for listing in same:
@@ -110,6 +122,10 @@ class Verbs:
         """
         same = self._built_in.get(name) or self._installed.get(name)
         return entry_points.chosen(same) if same else None
+
+
+def _help_of(verb: Any) -> str:
+    return str((verb.info.help if isinstance(verb, typer.Typer) else inspect.getdoc(verb)) or "")
 
 
 class UnusableVerb(TyperCommand):

@@ -27,10 +27,10 @@ ComponentPattern = Annotated[Target, Field(description=COMPONENTS)]
 class AgentParameters(RootModel[AgentPattern]):
     """Parameters that are nothing but the name of agents."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
 
 
 class ComponentParameters(RootModel[ComponentPattern]):
     """Parameters that are nothing but the name of components."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)

@@ -24,7 +24,7 @@ _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "prism": 1, "mesh"
 
 
 class _Placed(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, defer_build=True)
 
     position: _Vector = (0.0, 0.0, 0.0)
     orientation: _Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -84,7 +84,7 @@ class Link(_Placed):
 class Articulation(BaseModel):
     """A tree of links, each listed after its parent; the first is the base, whose pose is that of the body."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, defer_build=True)
 
     name: str
     links: tuple[Link, ...] = Field(min_length=1)

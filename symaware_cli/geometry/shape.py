@@ -64,7 +64,7 @@ _TOLERANCE = 1e-9
 class StrictModel(BaseModel):
     """An immutable part of a scenario, checked when it is created."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class Circle(StrictModel):

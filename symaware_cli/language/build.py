@@ -22,23 +22,19 @@ from symaware_cli.language.changes import Changes
 from symaware_cli.language.compose import Composition, CompositionError, compose
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument, TopologyUse, document_of
-from symaware_cli.language.fault_builder import FaultBuilder
 from symaware_cli.language.free_places import FreeRoom, around
 from symaware_cli.language.group_builder import GroupBuilder, is_placed
 from symaware_cli.language.network_builder import NetworkBuilder
 from symaware_cli.language.own_plugins import with_own_plugins
 from symaware_cli.language.parts import check_omitted
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, topologies, words
-from symaware_cli.language.presence_builder import PresenceBuilder
 from symaware_cli.language.problem import Problem, ScenarioError, is_inside, quoted
 from symaware_cli.language.requirement import check_requirements
 from symaware_cli.language.resolved import resolved
-from symaware_cli.language.satisfiability_check import check_satisfiable
 from symaware_cli.language.scenario_check import ScenarioCheck, ScenarioFacts
 from symaware_cli.language.scenario_section import InitialAgents
 from symaware_cli.language.section_builder import SectionBuilder
 from symaware_cli.language.source import Path
-from symaware_cli.language.specifications import SpecificationBuilder, check_values
 from symaware_cli.language.timing_check import TimingCheck
 from symaware_cli.language.validation import validate
 
@@ -272,7 +268,10 @@ class _SimulationBuilder:
             check.check(is_initialised=False)
             self._diagnosis.raise_problems()
         simulation = self._simulation(document, environment, groups, component_entries)
-        check_values(options.specifications, self._diagnosis)
+        if options.specifications:
+            from symaware_cli.language.specifications import check_values
+
+            check_values(options.specifications, self._diagnosis)
         # A world in place of the scenario's is for a scenario that was built with its own before.
         check.check(is_initialised=self._world is None)
         if self._problems:
@@ -290,7 +289,10 @@ class _SimulationBuilder:
         def find_warnings() -> Sequence[Problem]:
             check.find_warnings()
             step = environment.time_step
-            check_satisfiable(options.specifications, options.instances, steps * step, step, self._diagnosis)
+            if options.specifications:
+                from symaware_cli.language.satisfiability_check import check_satisfiable
+
+                check_satisfiable(options.specifications, options.instances, steps * step, step, self._diagnosis)
             check_bodies(document, groups, self._diagnosis)
             return tuple(self._diagnosis.warnings)
 
@@ -358,17 +360,25 @@ class _SimulationBuilder:
         )
         if len(groups) < len(document.agents):
             return options
-        faults = FaultBuilder(check, environment, groups, component_entries, document, self._factory)
-        self._narrowed = any(each is not None and each.limits_bandwidth for each in faults.declared.values())
-        members = PresenceBuilder(check, environment, document.environment.use, component_entries, document.seed)
-        statements = SpecificationBuilder(check, environment, groups, component_entries)
-        return replace(
-            options,
-            faults=tuple(faults.build()),
-            presence=members.build(groups, document.agents),
-            specifications=statements.build(document),
-            instances=statements.triggers,
-        )
+        # What a scenario does not use is not imported.
+        if document.faults:
+            from symaware_cli.language.fault_builder import FaultBuilder
+
+            faults = FaultBuilder(check, environment, groups, component_entries, document, self._factory)
+            self._narrowed = any(each is not None and each.limits_bandwidth for each in faults.declared.values())
+            options = replace(options, faults=tuple(faults.build()))
+        if any(each.present is not None for each in document.agents.values()):
+            from symaware_cli.language.presence_builder import PresenceBuilder
+
+            members = PresenceBuilder(check, environment, document.environment.use, component_entries, document.seed)
+            options = replace(options, presence=members.build(groups, document.agents))
+        named_by = [each for each in component_entries if each.components[0].specifications is not None]
+        if document.specifications or document.regions or named_by:
+            from symaware_cli.language.specifications import SpecificationBuilder
+
+            statements = SpecificationBuilder(check, environment, groups, component_entries)
+            options = replace(options, specifications=statements.build(document), instances=statements.triggers)
+        return options
 
     def _network(
         self,

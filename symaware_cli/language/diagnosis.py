@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from symaware_cli.language.compose import Composition
 from symaware_cli.language.problem import Problem, ScenarioError, dotted, is_inside, listed, nearest, quoted
 from symaware_cli.language.source import Path
-from symaware_cli.specification import RESERVED, ExpressionError
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import ExpressionError
 
 _REFERENCES = {"bad-reference", "cyclic-parameter", "undefined-parameter"}
 
@@ -112,6 +114,8 @@ class Diagnosis:
             error: The error.
             expected: A description of a valid expression, used if the error lists no valid names.
         """
+        from symaware_cli.specification import RESERVED
+
         path = self._placed(path)
         problem = self.composition.problem(
             "bad-expression",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,10 @@ from symaware_cli.language.problem import quoted
 from symaware_cli.language.scenario_section import InitialAgents
 from symaware_cli.language.section import Section
 from symaware_cli.language.source import Path
-from symaware_cli.specification import PlacedRegion
 from symaware_cli.world import GroupChance, agent_numbers
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import PlacedRegion
 
 Array = NDArray[np.float64]
 #: The least and greatest of both coordinates [m]: [x, x, y, y].
@@ -173,6 +175,8 @@ class FreeRoom:
             raise PlacementError("it needs to be said where: `within: [x, x, y, y]`")
         if bounds[0] >= bounds[1] or bounds[2] >= bounds[3]:
             raise PlacementError(f"the region {quoted(str(placement.within))} is not in the map")
+        from symaware_cli.specification import PlacedRegion
+
         inside = [PlacedRegion(name, self._regions, _unanchored) for name in names]
         return bounds, inside, [PlacedRegion(name, self._regions, _unanchored) for name in placement.outside]
 

@@ -24,7 +24,6 @@ from symaware_cli.language.problem import dotted, nearest, quoted
 from symaware_cli.language.sampling import Sampler, contains
 from symaware_cli.language.scenario_section import InitialAgents
 from symaware_cli.language.source import Path
-from symaware_cli.specification import ExpressionError
 from symaware_cli.world import ParameterError
 
 Array = NDArray[np.float64]
@@ -94,6 +93,8 @@ class ComponentCheck:
             named = getattr(component.parameters, str(error.place[0]), None) if len(error.place) == 1 else None
             if error.is_consequence or (isinstance(named, str) and named in wrong):
                 return False
+            from symaware_cli.specification import ExpressionError
+
             if isinstance(error.__cause__, ExpressionError):
                 self._diagnosis.report_expression(str(error), where, error.__cause__)
             else:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import re
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
+
+from symaware_cli.entry_points import DISTRIBUTION, package_file
 
 #: The name under which logs and sweeps note it beside the versions.
 ORIGIN = "SymAware from"
@@ -23,7 +24,7 @@ def package_origin() -> str | None:
     It is ``git+URL@COMMIT``, ``commit COMMIT`` of a checkout, or ``FILE, SHA-256 HASH`` of a wheel.
     """
     try:
-        noted = metadata.distribution("symaware-cli").read_text("direct_url.json")
+        noted = package_file(DISTRIBUTION, "direct_url.json")
         content: Any = json.loads(noted or "{}")
         address = urlsplit(str(content.get("url", "")))
         if "vcs_info" in content:
@@ -34,7 +35,7 @@ def package_origin() -> str | None:
         name = Path(unquote(address.path)).name
         digest = content["archive_info"].get("hashes", {}).get("sha256")
         return f"{name}, SHA-256 {digest}" if digest else name or None
-    except (metadata.PackageNotFoundError, AttributeError, LookupError, OSError, TypeError, ValueError):
+    except (AttributeError, LookupError, OSError, TypeError, ValueError):
         return None
 
 

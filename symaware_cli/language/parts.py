@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from symaware_cli.awareness import MEASUREMENT
 from symaware_cli.core import PARTS, AgentGroup, Part, Quantity, Signal
 from symaware_cli.core.component import BaseComponent
-from symaware_cli.engine import AGENT_NAMES
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.problem import dotted, nearest, quoted
 from symaware_cli.language.source import Path
 from symaware_cli.log import FIELDS, KINDS, TABLES
-from symaware_cli.specification.columns import FUNCTIONS
 
-#: Names that have another meaning in logs, tables, expressions or messages.
-_TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "id"})
+
+@cache
+def _taken() -> frozenset[str]:
+    """Names that have another meaning in logs, tables, expressions or messages."""
+    from symaware_cli.engine import AGENT_NAMES
+    from symaware_cli.specification.columns import FUNCTIONS
+
+    return frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "id"})
 
 
 def declared_by(plugin: Any) -> Sequence[Part]:
@@ -57,7 +62,7 @@ def declared_parts(components: Iterable[tuple[BaseComponent[Any], str, Path]], d
                 diagnosis.report(
                     "unsuitable", message, path, key=True, expected="one of the two components, or another name"
                 )
-            elif part.name not in known and part.name in _TAKEN:
+            elif part.name not in known and part.name in _taken():
                 message = f"{quoted(use)} declares a part {quoted(part.name)}, a name that has another meaning"
                 diagnosis.report("broken-plugin", message, path, key=True)
             elif part.kind == "vector" and part.columns is None and part.name not in known:
@@ -90,7 +95,7 @@ def declared_signals(
             continue
         for signal in signals:
             field = signal.field(str(path[-1]))
-            if signal.name in _TAKEN - {MEASUREMENT}:
+            if signal.name != MEASUREMENT and signal.name in _taken():
                 message = f"{quoted(use)} declares a signal {quoted(signal.name)}, a name that has another meaning"
             elif signal.kind != "series" and signal.columns is None:
                 message = f"{quoted(use)} declares a signal {quoted(signal.name)}, a {signal.kind}, without columns"

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 from symaware_cli.core import seconds
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.problem import quoted
-from symaware_cli.specification import Specification, can_be_satisfied, weakened
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import Specification
 
 
 def check_satisfiable(
@@ -27,6 +30,8 @@ def check_satisfiable(
         time_step: The time between two instants, in nanoseconds.
         diagnosis: Takes the warnings.
     """
+    from symaware_cli.specification import can_be_satisfied, weakened
+
     for each in specifications:
         end = duration if each.end is None else min(each.end, duration)
         instants = end // time_step - -(-each.start // time_step) + 1

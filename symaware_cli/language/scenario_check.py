@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import AgentGroup, EntryView, Environment, Links, Plugin, ScenarioView
 from symaware_cli.core.component import BaseComponent
@@ -14,8 +14,10 @@ from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.plugin_factory import mapping, words
 from symaware_cli.language.problem import quoted
 from symaware_cli.language.source import Path
-from symaware_cli.specification import Specification
 from symaware_cli.world import ParameterError
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import Specification
 
 
 @dataclass(frozen=True)

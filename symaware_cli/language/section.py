@@ -15,7 +15,7 @@ Condition = Annotated[str, Field(max_length=500)]
 class Section(BaseModel):
     """Base of all sections of the document: no key but the ones described."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class Use(Section):

@@ -6,7 +6,7 @@ import fnmatch
 import pickle
 import re
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import (
     AgentGroup,
@@ -18,14 +18,16 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.component import BaseComponent, may_wait
 from symaware_cli.core.event import RECURRING, TURNS
-from symaware_cli.engine import ComponentEntry, ConditionScope, Timing, Trigger, world_names
+from symaware_cli.engine import ComponentEntry, Timing, Trigger
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ComponentUse, RunSection
 from symaware_cli.language.problem import nearest, quoted
 from symaware_cli.language.source import Path
-from symaware_cli.specification import Names
-from symaware_cli.specification.expression import Expression, ExpressionError
 from symaware_cli.world import duration_of
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import Names
+    from symaware_cli.specification.expression import Expression
 
 #: Events of the targets of faults.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})
@@ -76,6 +78,8 @@ class TimingCheck:
 
     def expression(self, text: str, path: Path, names: Names) -> Expression | None:
         """Parse an expression; None after a problem."""
+        from symaware_cli.specification.expression import Expression, ExpressionError
+
         try:
             return Expression(text, names)
         except ExpressionError as error:
@@ -89,6 +93,8 @@ class TimingCheck:
 
     def world_names(self, groups: Sequence[AgentGroup]) -> Names:
         """The names in expressions about the world."""
+        from symaware_cli.engine import world_names
+
         return world_names(groups, self._regions, self._entities, self.specifications)
 
     def timing(self, use: ComponentUse, group: AgentGroup, component: type[BaseComponent[Any]], path: Path) -> Timing:
@@ -121,6 +127,8 @@ class TimingCheck:
             self._wrong(path, "period", said, "a period above 0, or a `latency`")
         condition = None
         if use.condition is not None:
+            from symaware_cli.engine import ConditionScope
+
             names = ConditionScope(group).names(self.specifications)
             condition = self.expression(use.condition, (*path, "condition"), names)
         elif "when_off" in use.model_fields_set:

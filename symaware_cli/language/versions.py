@@ -8,11 +8,14 @@ import re
 import sys
 from collections.abc import Iterator
 from functools import cache
-from importlib import metadata
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from symaware_cli import processor
 from symaware_cli.language.package_origin import ORIGIN, package_origin
+
+if TYPE_CHECKING:
+    from importlib import metadata
 
 #: The name of the folder (or file) with the metadata of an installed distribution.
 _INFORMATION = re.compile(r"(?P<name>.+?)-(?P<version>[^-]+)(-py[\d.]+)?\.(dist|egg)-info")
@@ -54,6 +57,8 @@ def _in_folder(folder: str) -> Iterator[tuple[str, str]]:
     try:
         entries = sorted(os.listdir(folder))
     except OSError:  # such as a ZIP file
+        from importlib import metadata
+
         entries = []
         for each in metadata.distributions(path=[folder]):
             yield from _from_metadata(each)
@@ -63,6 +68,8 @@ def _in_folder(folder: str) -> Iterator[tuple[str, str]]:
             if match:
                 yield match["name"], match["version"]
             else:
+                from importlib import metadata
+
                 yield from _from_metadata(metadata.PathDistribution(Path(folder, entry)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,12 @@ from symaware_cli.log import wire
 from symaware_cli.log.fields import SIGNAL_MESSAGES, columns_metadata, signal_metadata, signal_topic
 from symaware_cli.log.json_text import as_json
 from symaware_cli.log.others_channel import OthersChannel
-from symaware_cli.log.sensor_channels import SensorChannels
 from symaware_cli.log.shared_channel import POSE, SHARED, shared_metadata
 from symaware_cli.log.writer import LogWriter
 from symaware_cli.world import motion_quantities
+
+if TYPE_CHECKING:
+    from symaware_cli.log.sensor_channels import SensorChannels
 
 
 class EntityChannels:
@@ -167,7 +169,7 @@ class GroupChannels:
             if "awareness" in self._channels
             else None
         )
-        self._sensors = SensorChannels(writer, group) if "sensors" not in self._omit else None
+        self._sensors: SensorChannels | None = None
         #: The columns of the parts of awareness whose channel is open.
         self._parts = [
             (self._channels[name], awareness.columns[name]) for name in awareness.parts if name in self._channels
@@ -215,7 +217,11 @@ class GroupChannels:
             updates += self._record_knowledge(now, channels["knowledge"])
         for channel, column in self._signals:
             updates += self._record_any(now, channel, column)
-        if self._sensors and awareness.readings:
+        if awareness.readings and "sensors" not in self._omit:
+            if self._sensors is None:
+                from symaware_cli.log.sensor_channels import SensorChannels
+
+                self._sensors = SensorChannels(self._writer, self._group)
             updates += self._sensors.record(now, self._rows.now)
         return updates
 

@@ -23,7 +23,7 @@ Time = Annotated[int, Field(ge=0, lt=2**63)]
 class _Entry(BaseModel):
     """A part of the manifest, as known to this version; later versions may add entries."""
 
-    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False, defer_build=True)
 
 
 class _Model(_Entry):

@@ -6,7 +6,7 @@ from array import array
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log.json_text import read_json
 from symaware_cli.log.names import INPUTS
 from symaware_cli.log.reader import Log
-from symaware_cli.specification import Outcome
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import Outcome
 
 #: An interval longer than the median interval of its channel by this factor is a gap.
 _GAP = 1.5

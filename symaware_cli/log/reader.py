@@ -43,12 +43,12 @@ from symaware_cli.log.series import (
     row_series,
 )
 from symaware_cli.log.specifications import LoggedSpecification, logged, outcome_in, specification_channels
-from symaware_cli.specification import Outcome
 
 if TYPE_CHECKING:
     import xarray
 
     from symaware_cli.log.data_frames import FrameLibrary
+    from symaware_cli.specification import Outcome
 
 __all__ = ["FIELDS", "Log", "LogMessage", "open_log"]
 
@@ -414,8 +414,12 @@ class Log(LogFile):
         They are those that the run reported at its end; of a log without its end, what the messages tell.
         """
         stated = (self.outcome or {}).get("specifications")
-        if stated is not None:
+        if stated:
+            from symaware_cli.specification import Outcome
+
             return tuple(map(Outcome.from_json, stated))
+        if stated is not None:
+            return ()
         if not self.specifications:
             return ()
         told = [event for event in self.events() if event.source.startswith("specifications.")]

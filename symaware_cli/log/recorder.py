@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,11 @@ from symaware_cli.log import wire
 from symaware_cli.log.group_channels import EntityChannels, GroupChannels, PostureChannels
 from symaware_cli.log.json_text import as_json
 from symaware_cli.log.names import INPUTS, KINDS
-from symaware_cli.log.specifications import SpecificationRecorder
 from symaware_cli.log.writer import LogWriter
-from symaware_cli.specification import SpecificationMonitor
+
+if TYPE_CHECKING:
+    from symaware_cli.log.specifications import SpecificationRecorder
+    from symaware_cli.specification import SpecificationMonitor
 
 #: Which events to record.
 EventKinds = Literal["all", "notable", "none"]
@@ -248,6 +250,8 @@ class Recorder:
 
     def specifications(self, monitors: Iterable[SpecificationMonitor]) -> SpecificationRecorder:
         """Open channels for specifications, and return their recorder."""
+        from symaware_cli.log.specifications import SpecificationRecorder
+
         return SpecificationRecorder(self.writer, monitors)
 
     def finish(self, now: int, steps: int, outcome: Mapping[str, Any]) -> None:

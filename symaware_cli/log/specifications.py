@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,9 @@ from symaware_cli.log.index import ChannelInfo
 from symaware_cli.log.logged_events import LoggedEvent
 from symaware_cli.log.wire import FLOAT, INDEX, TIME, packed
 from symaware_cli.log.writer import LogWriter
-from symaware_cli.specification import REJECTED, Decision, Outcome, SpecificationMonitor, outcome_of
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import Outcome, SpecificationMonitor
 
 #: The topic of a specification.
 TOPIC = "/specifications/{}"
@@ -227,6 +229,8 @@ def outcome_in(logged: LoggedSpecification, events: Iterable[LoggedEvent]) -> Ou
     Raises:
         ValueError: The data of an event are invalid.
     """
+    from symaware_cli.specification import REJECTED, Decision, outcome_of
+
     begun = np.flatnonzero(logged.begun)
     told = [event for event in events if event.source == f"specifications.{logged.name}"]
     outcome = outcome_of(

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib import metadata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 #: The largest file [bytes], and the greatest number of files: those that a scenario names, and those they import.
@@ -167,4 +166,6 @@ def is_local(folder: Path, name: str) -> bool:
 @cache
 def _installed(path: tuple[str, ...]) -> Set[str]:
     """The modules and packages of installed distributions; found once, as it takes a fifth of a second."""
+    from importlib import metadata
+
     return metadata.packages_distributions().keys()

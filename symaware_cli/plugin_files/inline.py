@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Iterable
-from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -57,8 +56,7 @@ def inline_plugins(names: Iterable[str], kinds: Iterable[PluginKind]) -> list[Li
         if kind is None:
             raise PluginFileError(f"<{name}>", "wrong-type", f"`{name}` is not a plugin: {_expected(known)}")
         target = f"{__name__}:OBJECTS.{_key(name)}"
-        point = metadata.EntryPoint(name, target, kind.group)
-        found.append(Listing(kind.name, name, target, place_of_definition(plugin), "", point))
+        found.append(Listing(kind.name, name, target, place_of_definition(plugin), ""))
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import PurePosixPath
 from types import ModuleType
 from typing import Any, TypeVar
@@ -82,7 +82,7 @@ def plugins_of(files: FileSet, kinds: Iterable[PluginKind], taken: Collection[st
                 raise PluginFileError(name, "shadowing", f"the name `{use}` is taken", "another name")
             target = f"{module_name}:{plugin.__qualname__}"
             digest = files.digests[name][:12]
-            found.append(Listing(kind.name, use, target, name, digest, metadata.EntryPoint(use, target, kind.group)))
+            found.append(Listing(kind.name, use, target, name, digest))
     return found
 
 

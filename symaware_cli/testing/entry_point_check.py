@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from importlib import metadata
 from typing import Any
 
-from symaware_cli.entry_points import DISTRIBUTION, Listing, PluginError, listings_of
+from symaware_cli.entry_points import Listing, PluginError, built_in, listings_of, points_of
 from symaware_cli.language import KINDS, Catalogue
 from symaware_cli.testing.conformance import ConformanceError
 from symaware_cli.world import PluginKind
@@ -27,13 +26,9 @@ def check_entry_points(package_name: str) -> None:
     Raises:
         ConformanceError: A line for each deviation.
     """
-    try:
-        distribution = metadata.distribution(package_name)
-    except metadata.PackageNotFoundError:
-        raise ConformanceError(
-            [f"{package_name} is not installed here; install it, such as with `pip install -e .`"]
-        ) from None
-    points = [each for each in distribution.entry_points if each.group.partition(".")[0] == "symaware"]
+    points = points_of(package_name)
+    if points is None:
+        raise ConformanceError([f"{package_name} is not installed here; install it, such as with `pip install -e .`"])
     problems = [] if points else [f"{package_name} has no entry points in groups like symaware.components; add them"]
     kinds = _kinds()
     unusable: set[str] = set()
@@ -60,8 +55,8 @@ def _kinds() -> dict[str, PluginKind]:
     catalogue = Catalogue()
     catalogue.add_sections()
     found = {each.group: each for each in (*KINDS, *catalogue.kinds.values())}
-    for point in metadata.distribution(DISTRIBUTION).entry_points.select(group="symaware.doors"):
-        door = point.load()
+    for (listing,) in built_in("door", "symaware.doors").values():
+        door = listing.load()
         found[door.group] = door
     return found
 

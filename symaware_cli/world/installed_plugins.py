@@ -5,11 +5,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator
 from functools import cached_property
-from importlib import metadata
 from typing import Any, Self
 
 from symaware_cli import entry_points
-from symaware_cli.entry_points import Listing, Listings, PluginError, PluginWarning, chosen, listings_of
+from symaware_cli.entry_points import EntryPoints, Listing, Listings, PluginError, PluginWarning, chosen, listings_of
 from symaware_cli.world.naming import nearest, quoted
 from symaware_cli.world.plugin_kind import PluginKind
 
@@ -40,13 +39,13 @@ class InstalledPlugins:
         return both
 
     @cached_property
-    def _points(self) -> metadata.EntryPoints:
+    def _points(self) -> EntryPoints:
         return entry_points.installed()
 
     def _entries(self, kind: str) -> Listings:
         """The plugins of a kind, by name."""
         if kind not in self._found:
-            self._found[kind] = listings_of(kind, self._points.select(group=self.kinds[kind].group))
+            self._found[kind] = listings_of(kind, self._points.get(self.kinds[kind].group, ()))
         return self._found[kind]
 
     def listings(self, kind: str) -> list[Listing]:

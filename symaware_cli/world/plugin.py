@@ -15,7 +15,7 @@ class Parameters(BaseModel):
     validated before anything runs, and the fields show in ``symaware show`` and in the editor's schema.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class ParameterError(ValueError):

@@ -322,7 +322,8 @@ def _check_weights(weights: Sequence[float], count: int) -> None:
 
 def always(value: Any) -> ProbabilityDistribution:
     """The distribution that always gives one value."""
-    return ProbabilityDistribution(choice=(value,))
+    # Without validation, whose model takes some milliseconds to build.
+    return ProbabilityDistribution.model_construct(choice=(value,))
 
 
 def _is_duration(distribution: ProbabilityDistribution) -> ProbabilityDistribution:

@@ -41,19 +41,29 @@ RUNNING = [
     "symaware_cli.engine.runtime.workers",
     "symaware_cli.engine.runtime.scheduler",
 ]
+UNUSED = [
+    "symaware_cli.specification",
+    "symaware_cli.language.fault_builder",
+    "symaware_cli.language.presence_builder",
+    "symaware_cli.engine.runtime.scope",
+    "symaware_cli.engine.runtime.replica",
+    "symaware_cli.log.sensor_channels",
+]
 HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybullet", "networkx", "rich"]
 
 
 @pytest.mark.parametrize(
     ("line", "unneeded"),
     [
-        (["--version"], [*LIGHT, "typer"]),
+        (["--version"], [*LIGHT, "typer", "typing", "re"]),
         (["--help"], LIGHT),
         (["validate", "hello.yaml"], [*HEAVY, *LOG, *RUNNING, "symaware_cli.engine.faults"]),
         (
             ["run", "hello.yaml", "--output", "hello.mcap"],
             [*HEAVY, "symaware_cli.log.reader", "symaware_cli.engine.faults"],
         ),
+        (["validate", "head-on.yaml"], UNUSED),
+        (["run", "head-on.yaml", "--output", "head-on.mcap"], [*UNUSED, "numpy.random"]),
         (
             ["validate", "errands.yaml"],
             [*LOG, *RUNNING, "symaware_cli.engine.faults.replace", "symaware_cli.engine.faults.blind"],
@@ -64,7 +74,7 @@ HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybulle
 def test_a_verb_imports_nothing_heavy_that_it_does_not_need(
     line: list[str], unneeded: list[str], scenarios: Path, tmp_path: Path
 ) -> None:
-    line = [str(scenarios / word) if word in ("hello.yaml", "errands.yaml") else word for word in line]
+    line = [str(scenarios / word) if word.endswith(".yaml") else word for word in line]
     code = (
         f"import sys; sys.argv = ['symaware', *{line!r}]\ntry:\n from symaware_cli.cli import main; main()\nfinally:\n"
     )

@@ -1,5 +1,7 @@
 """The verbs of the command: found among entry points, imported when used, and added by plugins."""
 
+import importlib
+import inspect
 import json
 import os
 import subprocess
@@ -9,11 +11,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+import typer
 from checkout import CHECKOUT
 from simulating import Command
 
 import symaware_cli
 from symaware_cli.cli.application import all_commands
+from symaware_cli.cli.verb_summaries import SUMMARIES
 from symaware_cli.help_place import GROUPS, place_of
 
 DECLARED: Mapping[str, str] = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["entry-points"][
@@ -265,16 +269,33 @@ def test_the_version_looks_at_no_package(sound: None, tmp_path: Path) -> None:
     assert not modules & {"importlib.metadata", "typer", "speedy", "symaware_cli.entry_points"}
 
 
+def test_what_the_help_says_of_verbs_without_importing_them_is_up_to_date() -> None:
+    stale = "run python schemas/verb_summaries.py"
+    assert set(SUMMARIES) == set(DECLARED.values()), stale
+    for target, (text, *place) in SUMMARIES.items():
+        module, _, name = target.partition(":")
+        verb = getattr(importlib.import_module(module), name)
+        described = verb.info.help if isinstance(verb, typer.Typer) else inspect.getdoc(verb)
+        assert described is not None
+        assert (text, *place) == (described.partition("\n\n")[0], *place_of(verb)), stale
+
+
+def test_the_help_imports_no_verb_of_this_package(sound: None, tmp_path: Path) -> None:
+    modules = imported(["--help"], tmp_path)
+    assert "speedy" in modules
+    assert not modules & ({target.partition(":")[0] for target in DECLARED.values()} | {"numpy", "pydantic"})
+
+
 def test_an_installation_without_entry_points_says_so(tmp_path: Path) -> None:
     (tmp_path / "code").mkdir()
     (tmp_path / "code" / "symaware_cli").symlink_to(CHECKOUT / "symaware_cli")
     found = [path for path in sys.path if path.endswith("site-packages")]
     hidden = f"import sys; sys.path = [p for p in sys.path if p not in {found!r}]\n"
     code = f"""{hidden}
-from importlib import metadata
+import os
 sys.path += {found!r}
-metadata.distributions = lambda **_: iter(())
-metadata.Distribution.discover = classmethod(lambda cls, *a, **k: iter(()))
+names = os.listdir
+os.listdir = lambda folder: [name for name in names(folder) if not name.endswith("-info")]
 sys.argv = ["symaware", "run"]
 from symaware_cli.cli import main
 main()

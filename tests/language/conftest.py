@@ -4,7 +4,6 @@ import copy
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +25,10 @@ def only(folders: Sequence[Path], names: Collection[str]) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for folder in folders:
             patch.syspath_prepend(folder)
-        points = metadata.EntryPoints(
-            point
-            for group in metadata.entry_points().groups
-            if group.startswith("symaware.")
-            for point in metadata.entry_points(group=group)
-            if point.dist and point.dist.name in names
-        )
+        points = {
+            group: [point for point in points if point.package in names]
+            for group, points in entry_points.installed().items()
+        }
         patch.setattr(entry_points, "installed", lambda: points)
         yield
     for name in [each for each in sys.modules if each.partition(".")[0].endswith("_plugins")]:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Iterator
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,11 @@ pytestmark = pytest.mark.usefixtures("broken_kinds")
 @pytest.fixture(scope="module")
 def broken_kinds(known_plugins: None) -> Iterator[None]:
     """Install the kinds that fail besides the other plugins, for these tests only: messages list all kinds."""
-    points = [*entry_points.installed(), *metadata.distribution("broken-kinds").entry_points]
+    points = {group: list(points) for group, points in entry_points.installed().items()}
+    for point in entry_points.points_of("broken-kinds") or ():
+        points.setdefault(point.group, []).append(point)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(entry_points, "installed", lambda: metadata.EntryPoints(points))
+        patch.setattr(entry_points, "installed", lambda: points)
         yield
 
 

@@ -17,14 +17,14 @@ from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
 from symaware_cli.engine.runtime.event_router import EventRouter
 from symaware_cli.engine.runtime.failure import RunError
 from symaware_cli.engine.runtime.run_summary import Observer
-from symaware_cli.engine.runtime.scope import ConditionScope, WorldScope
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.timing import Coast, Moment, PresenceInterval, Trigger, concerned
-from symaware_cli.specification.expression import EvaluationError, Expression, Lookup
 from symaware_cli.world import is_finite
 
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.scheduler import TurnScheduler
+    from symaware_cli.engine.runtime.scope import ConditionScope
+    from symaware_cli.specification.expression import Lookup
 
 
 class Membership:
@@ -62,8 +62,12 @@ class Membership:
         self._simulation = simulation
         self._schedulers = schedulers
         self._groups = {group.name: group for group in simulation.groups}
-        self._look_up = WorldScope(simulation, observer).look_up
-        self._scopes = {name: ConditionScope(self._groups[name]) for name in presence}
+        self._scopes: dict[str, ConditionScope] = {}
+        if presence:
+            from symaware_cli.engine.runtime.scope import ConditionScope, WorldScope
+
+            self._look_up = WorldScope(simulation, observer).look_up
+            self._scopes = {name: ConditionScope(self._groups[name]) for name in presence}
         #: The number of reasons for which each agent takes no part: absence, faults, and failures, which are permanent.
         self._reasons: Counter[tuple[str, int]] = Counter()
         #: The agents whose event to enter or leave has fired since the last step.
@@ -171,8 +175,10 @@ class Membership:
             return False
         if isinstance(moment, Trigger):
             return agent in self._triggered
-        if not isinstance(moment, Expression):
+        if isinstance(moment, int):
             return now >= moment
+        from symaware_cli.specification.expression import EvaluationError
+
         try:
             return moment.holds(look_up)
         except EvaluationError as error:

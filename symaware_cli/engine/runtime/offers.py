@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from symaware_cli.core import AgentGroup, Event, seconds
 from symaware_cli.core.verdict import OFFERS
 from symaware_cli.engine.runtime.event_router import EventRouter
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.timing import Trigger
-from symaware_cli.specification import SpecificationMonitor
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import SpecificationMonitor
 
 #: What agents are told of an offer: its formula and risk, when it begins, since and until when it is open [s], and what
 #: comes with it.

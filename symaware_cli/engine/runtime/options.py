@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from symaware_cli.specification.expression import Expression
-
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.fault import Fault
     from symaware_cli.engine.runtime.timing import PresenceInterval, Trigger
     from symaware_cli.specification import Specification
+    from symaware_cli.specification.expression import Expression
 
 
 @dataclass(frozen=True, slots=True)

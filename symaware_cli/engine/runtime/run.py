@@ -41,10 +41,10 @@ from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.simulation_hooks import SimulationHooks
 from symaware_cli.engine.runtime.specifications import Specifications
 from symaware_cli.engine.runtime.workers import Workers
-from symaware_cli.specification import SpecificationMonitor
 
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.asyncio_bridge import AsyncioBridge
+    from symaware_cli.specification import SpecificationMonitor
 
 
 def run(

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from symaware_cli.core import Contact, Environment, Event, Level, seconds
 from symaware_cli.engine.runtime.pacer import Pace
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.geometry import BodyOutlines
-from symaware_cli.specification import Outcome
+
+if TYPE_CHECKING:
+    from symaware_cli.specification import Outcome
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event, GroupComponent, Level, SubscriberError
 from symaware_cli.core.component import may_wait
@@ -17,14 +17,15 @@ from symaware_cli.engine.runtime.failure import describe
 from symaware_cli.engine.runtime.guard import Guard, Isolate
 from symaware_cli.engine.runtime.interruption import Interrupted, Interruption
 from symaware_cli.engine.runtime.queue import Phase, Queue
-from symaware_cli.engine.runtime.scope import ConditionScope
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.engine.runtime.supervision import Supervision
 from symaware_cli.engine.runtime.timing import Timetable, concerned
 from symaware_cli.engine.runtime.turn import TurnsInProgress, in_turn
 from symaware_cli.engine.runtime.workers import Workers
-from symaware_cli.specification.expression import EvaluationError
 from symaware_cli.world import key_of
+
+if TYPE_CHECKING:
+    from symaware_cli.engine.runtime.scope import ConditionScope
 
 
 class TurnScheduler:
@@ -87,7 +88,11 @@ class TurnScheduler:
         self._router = router
         self._interruption = interruption
         self._workers = workers
-        self._scope = ConditionScope(entry.group) if self._timing.condition else None
+        self._scope: ConditionScope | None = None
+        if self._timing.condition:
+            from symaware_cli.engine.runtime.scope import ConditionScope
+
+            self._scope = ConditionScope(entry.group)
         self._progress = TurnsInProgress()
         #: The number of postponed turns of each row, and the agents of the queued triggered turn.
         self._backlog: Counter[int] = Counter()
@@ -305,6 +310,8 @@ class TurnScheduler:
         scope, condition = self._scope, self._timing.condition
         if scope is None or condition is None:
             return True
+        from symaware_cli.specification.expression import EvaluationError
+
         suspended = self.supervision.suspended
         rows = [each for each in range(len(self._group)) if each not in suspended] if self._is_group else [row]
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Collection
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -19,15 +20,15 @@ from symaware_cli.engine.runtime.kernel import Kernel
 from symaware_cli.engine.runtime.membership import Membership
 from symaware_cli.engine.runtime.pacer import Pacer
 from symaware_cli.engine.runtime.run_summary import Observer
-from symaware_cli.engine.runtime.scope import WorldScope
 from symaware_cli.engine.runtime.shared import Sharing
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.specifications import Specifications
-from symaware_cli.specification.expression import EvaluationError, Expression
 
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.asyncio_bridge import AsyncioBridge
     from symaware_cli.engine.runtime.recording import RunRecording
+    from symaware_cli.engine.runtime.scope import WorldScope
+    from symaware_cli.specification.expression import Expression
 
 #: Wall time between two calls of the progress callback [s].
 _PROGRESS_INTERVAL = 0.1
@@ -86,7 +87,6 @@ class SimulationHooks:
         self._stepper = stepper
         self._observer = observer
         self._membership = membership
-        self._world = WorldScope(simulation, observer)
         self._interruption = interruption
         self._is_asynchronous = is_asynchronous
         self._until = until
@@ -201,7 +201,15 @@ class SimulationHooks:
             elif not np.array_equal(requested[rows], values[rows]):
                 group.control_input = np.where(rows[:, None], values, requested)
 
+    @cached_property
+    def _world(self) -> WorldScope:
+        from symaware_cli.engine.runtime.scope import WorldScope
+
+        return WorldScope(self._simulation, self._observer)
+
     def _is_over(self, until: Expression) -> bool:
+        from symaware_cli.specification.expression import EvaluationError
+
         try:
             return until.holds(self._world.look_up)
         except EvaluationError as error:

@@ -10,21 +10,13 @@ from symaware_cli.core import AgentGroup, Event, Level, SubscriberError
 from symaware_cli.engine.runtime.event_router import EventRouter
 from symaware_cli.engine.runtime.failure import RunError
 from symaware_cli.engine.runtime.offers import Offers
-from symaware_cli.engine.runtime.scope import WorldColumns, WorldScope
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.timing import Trigger, concerned
-from symaware_cli.specification import (
-    Decision,
-    MonitorStatuses,
-    Outcome,
-    Specification,
-    SpecificationError,
-    SpecificationMonitor,
-)
 
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.recording import RunRecording
     from symaware_cli.engine.runtime.run_summary import Observer
+    from symaware_cli.specification import Decision, MonitorStatuses, Outcome, Specification, SpecificationMonitor
 
 _LEVELS = {"continue": Level.INFO, "event": Level.WARNING, "end": Level.WARNING}
 
@@ -94,25 +86,30 @@ class Specifications:
         self.looked: int | None = None
         self.is_finished = False
         if not decides:
-            specifications = [each for each in specifications if not isinstance(each.scope, WorldColumns)]
             recorder = None
-        time_step = period or simulation.environment.time_step
-        self.monitors = {
-            each.name: SpecificationMonitor(each, time_step, begins=each.name not in triggers)
-            for each in specifications
-        }
+        self.monitors: dict[str, SpecificationMonitor] = {}
+        statuses: dict[str, MonitorStatuses] = {}
+        if specifications:
+            from symaware_cli.engine.runtime.scope import WorldColumns, WorldScope
+            from symaware_cli.specification import MonitorStatuses, SpecificationMonitor
+
+            time_step = period or simulation.environment.time_step
+            for each in specifications:
+                if isinstance(each.scope, WorldColumns):
+                    if not decides:
+                        continue
+                    each.scope.source = WorldScope(simulation, observer)
+                monitor = SpecificationMonitor(each, time_step, begins=each.name not in triggers)
+                self.monitors[each.name] = monitor
+                statuses[each.name] = MonitorStatuses(monitor, simulation.clock)
         #: Those whose first state is in the log.
         self._recorded: set[str] = set()
         self.recorder = recorder.specifications(self.monitors.values()) if recorder and self.monitors else None
-        for each in specifications:
-            if isinstance(each.scope, WorldColumns):
-                each.scope.source = WorldScope(simulation, observer)
         for name, trigger in triggers.items():
             if name not in self.monitors or self.monitors[name].specification.offer is not None:
                 continue
             router.connect(trigger.event, trigger.source, partial(self._begin, self.monitors[name], trigger))
         self.offers = Offers(simulation, self.monitors, triggers, router, takes_part)
-        statuses = {name: MonitorStatuses(monitor, simulation.clock) for name, monitor in self.monitors.items()}
         for group in simulation.groups:
             group.specifications = statuses
 
@@ -126,6 +123,10 @@ class Specifications:
         ending: str | None = None
         failure: Exception | None = None
         self.looked = now
+        if not self.monitors:
+            return None
+        from symaware_cli.specification import SpecificationError
+
         for name, monitor in self.monitors.items():
             if name in self._recorded and (monitor.is_over or now < monitor.specification.start):
                 continue

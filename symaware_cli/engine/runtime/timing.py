@@ -5,13 +5,15 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from symaware_cli.core import Contact, Event
-from symaware_cli.specification.expression import Expression
 from symaware_cli.world import ProbabilityDistribution, always, uniform
+
+if TYPE_CHECKING:
+    from symaware_cli.specification.expression import Expression
 
 Overrun = Literal["skip", "queue", "fail"]
 OnFailure = Literal["stop", "isolate", "restart"]
@@ -193,7 +195,7 @@ def _matching(pattern: str, group: str, rows: Mapping[str, int]) -> Collection[i
 
 
 #: An instant in nanoseconds, a condition, or an event.
-Moment = int | Expression | Trigger
+Moment: TypeAlias = "int | Expression | Trigger"
 
 
 @dataclass(frozen=True, slots=True)

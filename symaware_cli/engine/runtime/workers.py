@@ -7,14 +7,16 @@ import pickle
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
 from symaware_cli.core.stateful import StateError
-from symaware_cli.engine.runtime.replica import ComputationResult, EntryDescription, EntryTransfer
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.engine.runtime.state.transfer import packages
-from symaware_cli.world import PythonChild, Turn, how_it_ended, read, write
+from symaware_cli.world import Turn
+
+if TYPE_CHECKING:
+    from symaware_cli.engine.runtime.replica import ComputationResult
+    from symaware_cli.world import PythonChild
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +122,10 @@ class _RemoteEntry:
     """One entry as workers have it: its description, and the state that was sent."""
 
     def __init__(self, simulation: Simulation, entry: ComponentEntry, number: int) -> None:
+        # Runs without such components import nothing of their processes.
+        from symaware_cli.engine.runtime.replica import EntryDescription, EntryTransfer
+        from symaware_cli.engine.runtime.state.transfer import packages
+
         self.entry = entry
         self.number = number
         environment, first = simulation.environment, entry.components[0]
@@ -201,6 +207,8 @@ class _Worker:
 
     def start(self) -> None:
         """Start the process without waiting for it."""
+        from symaware_cli.world import PythonChild, write
+
         if self._child is None:
             self._child = PythonChild("symaware_cli.engine.runtime.worker:serve")
             self._known.clear()
@@ -216,6 +224,8 @@ class _Worker:
         Raises:
             EOFError: The process ended before.
         """
+        from symaware_cli.world import read
+
         if not self._is_ready:
             assert self._child is not None
             read(self._child.answers)
@@ -225,6 +235,8 @@ class _Worker:
         self, entry: _RemoteEntry, now: int, data: tuple[bytes, bytes], turns: Mapping[int, Turn]
     ) -> dict[int, WorkerError]:
         """Request computations, and return the errors of components that cannot be sent."""
+        from symaware_cli.world import write
+
         states, wrong = [], {}
         with suppress(BrokenPipeError):  # `receive_response` finds out how the process ended
             self.start()
@@ -242,6 +254,8 @@ class _Worker:
 
     def receive_response(self, entry: _RemoteEntry, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
         """Return the results, by row."""
+        from symaware_cli.world import how_it_ended, read
+
         assert self._child is not None
         try:
             self.wait_until_ready()
