@@ -68,6 +68,7 @@ class Monitor:
         self._clock = Clock(rows, boolean=self._truth, single=single)
         self._stream = stream(formula, self._clock, 0)
         self._robustness_clock = Clock(rows, boolean=False, single=single)
+        self._least, self._greatest = self._clock.full(1, False)[0], self._clock.full(1, True)[0]
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False
         self._samples: list[list[Any]] = []
@@ -192,8 +193,8 @@ class Monitor:
             below, above = self._stream.known(0, 0, 1), self._stream.known(1, 0, 1)
             if below is None and above is None:
                 return
-            lower = self._clock.full(1, False)[0] if below is None else below[0]
-            upper = self._clock.full(1, True)[0] if above is None else above[0]
+            lower = self._least if below is None else below[0]
+            upper = self._greatest if above is None else above[0]
         if self._truth:
             holds, fails = lower, np.logical_not(upper)
         else:

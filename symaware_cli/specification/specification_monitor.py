@@ -44,19 +44,27 @@ class Cohort:
         monitor: Their monitor.
         start: Their first instant, in nanoseconds.
         told: Their verdicts as last reported; shape (k,).
+        count: The number of rows of the specification.
     """
 
     def __init__(
-        self, rows: NDArray[np.intp], monitor: Monitor | AutomatonMonitor, start: int, told: NDArray[np.int8]
+        self, rows: NDArray[np.intp], monitor: Monitor | AutomatonMonitor, start: int, told: NDArray[np.int8], count: int
     ) -> None:
         self.rows = rows
+        self.count = count
         self.monitor = monitor
         self.start = start
         self.told = told
 
+    @property
+    def place(self) -> NDArray[np.intp] | slice:
+        """The rows as an index: usually they are all, and a slice is several times as fast as their numbers."""
+        return slice(None) if len(self.rows) == self.count else self.rows
+
     def select(self, chosen: NDArray[np.bool_]) -> Cohort:
         """Return some of the rows, with their history."""
-        return Cohort(self.rows[chosen], self.monitor.select(np.flatnonzero(chosen)), self.start, self.told[chosen])
+        monitor = self.monitor.select(np.flatnonzero(chosen))
+        return Cohort(self.rows[chosen], monitor, self.start, self.told[chosen], self.count)
 
 
 class Worst:
@@ -68,11 +76,11 @@ class Worst:
 
     def add(self, cohort: Cohort, interval: bool) -> None:
         """Include the instances of a cohort."""
-        rows, monitor = cohort.rows, cohort.monitor
-        self.verdicts[rows] = np.minimum(self.verdicts[rows], monitor.verdict)
+        place, monitor = cohort.place, cohort.monitor
+        self.verdicts[place] = np.minimum(self.verdicts[place], monitor.verdict)
         if interval:
-            self.lower[rows] = np.minimum(self.lower[rows], plain(monitor.lower))
-            self.upper[rows] = np.minimum(self.upper[rows], plain(monitor.upper))
+            self.lower[place] = np.minimum(self.lower[place], plain(monitor.lower))
+            self.upper[place] = np.minimum(self.upper[place], plain(monitor.upper))
 
     def copy(self) -> Worst:
         """Return a copy."""
@@ -172,8 +180,8 @@ class SpecificationMonitor:
                 if agents := specification.scope.momentary_agents:
                     self._momentary_agents[now] = agents
             for cohort in open_cohorts:
-                whole = len(cohort.rows) == specification.scope.rows
-                cohort.monitor.update(values if whole else [each[cohort.rows] for each in values])
+                place = cohort.place
+                cohort.monitor.update([each[place] for each in values])
             if self._is_regrouped or self._is_offered or any(each.monitor.is_changed for each in self.cohorts):
                 for cohort in self.cohorts:
                     self._take(cohort, decisions)
@@ -312,7 +320,7 @@ class SpecificationMonitor:
     def _arrive(self, present: NDArray[np.bool_] | None, now: int) -> None:
         """Begin the evaluation of rows that are due and present."""
         specification = self.specification
-        if self.begins and not self.begun.all():
+        if self.begins and np.count_nonzero(self.begun) < len(self.begun):
             self._due.append(np.flatnonzero(~self.begun))
         if present is not None and self._away.any():
             returned = self._away & present
@@ -331,7 +339,7 @@ class SpecificationMonitor:
             self.settled[rows] = np.nan
             monitor = specification.monitor(len(rows), self.is_continued)
             self._is_regrouped = True
-            self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
+            self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8), len(self.begun)))
 
     def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
         """End the evaluation of rows that are no longer present."""
@@ -374,7 +382,7 @@ class SpecificationMonitor:
         changed = verdicts != cohort.told
         if self._is_offered:
             changed &= self.begun[rows]
-        if changed.any():
+        if np.count_nonzero(changed):  # several times as fast as `any` for few rows
             if self.specification.explains:
                 found = self._decisions(cohort, np.flatnonzero(changed))
                 decisions += found
@@ -393,10 +401,12 @@ class SpecificationMonitor:
         outcome = self._ended.copy()
         for cohort in self.cohorts:
             outcome.add(cohort, interval)
-        self.verdicts = np.where(self.begun, outcome.verdicts, 0).astype(np.int8)
+        if np.count_nonzero(self.begun) < len(self.begun):
+            outcome.verdicts[~self.begun] = 0
+            outcome.lower[~self.begun], outcome.upper[~self.begun] = -np.inf, np.inf
+        self.verdicts = outcome.verdicts
         if interval:
-            self.lower = np.where(self.begun, outcome.lower, -np.inf)
-            self.upper = np.where(self.begun, outcome.upper, np.inf)
+            self.lower, self.upper = outcome.lower, outcome.upper
 
     def _is_complete(self, cohort: Cohort) -> bool:
         """Whether the verdicts of an offered cohort, and their robustness, are known."""
