@@ -166,7 +166,7 @@ class Proximity:
             self._cut = np.inf
             if self._present is None:
                 own = np.concatenate([first, second]).argsort(kind="stable") % max(1, len(first))
-                self._own = own.reshape(runs.shape[1], -1)
+                self._own = own.reshape(runs.shape[1], max(0, runs.shape[1] - 1))
             else:
                 both = self._present[self._first] & self._present[self._second]
                 self._first, self._second = self._first[both], self._second[both]

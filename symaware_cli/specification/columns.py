@@ -475,6 +475,9 @@ def _margin(node: Comparison, functions: Functions | None = None) -> Evaluate:
     """Compile a comparison into its robustness, for vectors element by element; of a chain, the least."""
     operands = [values(each, functions) for each in node.operands]
     calls = [COMPARISONS[sign] for sign in node.operators]
+    if len(calls) == 1:
+        (compare,), (one, other) = calls, operands
+        return lambda lookup: compare(one(lookup), other(lookup))
 
     def margin(lookup: Lookup) -> Any:
         compared = [operand(lookup) for operand in operands]

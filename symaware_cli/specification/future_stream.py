@@ -191,7 +191,7 @@ class ToTheEndStream(Stream):
         starts = self._begun(begin, end)
         if found is None and not goes_on:
             if len(starts) == end - begin and pending > last:
-                return starts.copy()
+                return starts
             if not len(starts) and not self.clock.ended:
                 return None
         result = self.clock.full(end - begin, not self._greatest)

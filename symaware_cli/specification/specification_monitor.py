@@ -57,9 +57,9 @@ class Cohort:
         self.told = told
 
     @property
-    def place(self) -> NDArray[np.intp] | slice:
-        """The rows as an index: usually they are all, and a slice is several times as fast as their numbers."""
-        return slice(None) if len(self.rows) == self.count else self.rows
+    def is_whole(self) -> bool:
+        """Whether these are all rows of the specification."""
+        return len(self.rows) == self.count
 
     def select(self, chosen: NDArray[np.bool_]) -> Cohort:
         """Return some of the rows, with their history."""
@@ -68,25 +68,47 @@ class Cohort:
 
 
 class Worst:
-    """Verdicts and intervals of rows, each the worst over several instances."""
+    """Verdicts and intervals of rows, each the worst over several instances; arrays that were read never change.
 
-    def __init__(self, count: int) -> None:
-        self.verdicts = np.ones(count, np.int8)
-        self.lower, self.upper = np.full(count, np.inf), np.full(count, np.inf)
+    Attributes:
+        verdicts: The verdicts; shape (rows,).
+        lower: Lower bounds of the robustness; shape (rows,).
+        upper: Upper bounds of the robustness; shape (rows,).
+    """
 
-    def add(self, cohort: Cohort, interval: bool) -> None:
-        """Include the instances of a cohort."""
-        place, monitor = cohort.place, cohort.monitor
-        self.verdicts[place] = np.minimum(self.verdicts[place], monitor.verdict)
-        if interval:
-            self.lower[place] = np.minimum(self.lower[place], plain(monitor.lower))
-            self.upper[place] = np.minimum(self.upper[place], plain(monitor.upper))
+    def __init__(self, verdicts: NDArray[np.int8], lower: Array, upper: Array, is_empty: bool = False) -> None:
+        self.verdicts, self.lower, self.upper = verdicts, lower, upper
+        self._is_empty = is_empty
+
+    @classmethod
+    def of_none(cls, count: int) -> Worst:
+        """Return what counts if there are no instances."""
+        bound = np.full(count, np.inf)
+        return cls(np.ones(count, np.int8), bound, bound, is_empty=True)
 
     def copy(self) -> Worst:
         """Return a copy."""
-        other = Worst(0)
-        other.verdicts, other.lower, other.upper = self.verdicts.copy(), self.lower.copy(), self.upper.copy()
-        return other
+        return Worst(self.verdicts, self.lower, self.upper, self._is_empty)
+
+    def add(self, cohorts: Sequence[Cohort], interval: bool) -> None:
+        """Include the instances of cohorts."""
+        if not cohorts:
+            return
+        if self._is_empty and len(cohorts) == 1 and cohorts[0].is_whole:
+            # By far the most frequent case. Monitors replace their arrays, and never write to them.
+            monitor = cohorts[0].monitor
+            self.verdicts = monitor.verdict
+            if interval:
+                self.lower, self.upper = plain(monitor.lower), plain(monitor.upper)
+        else:
+            self.verdicts, self.lower, self.upper = self.verdicts.copy(), self.lower.copy(), self.upper.copy()
+            for cohort in cohorts:
+                rows, monitor = cohort.rows, cohort.monitor
+                self.verdicts[rows] = np.minimum(self.verdicts[rows], monitor.verdict)
+                if interval:
+                    self.lower[rows] = np.minimum(self.lower[rows], plain(monitor.lower))
+                    self.upper[rows] = np.minimum(self.upper[rows], plain(monitor.upper))
+        self._is_empty = False
 
 
 class SpecificationMonitor:
@@ -149,7 +171,7 @@ class SpecificationMonitor:
         #: Which rows have left the world, and begin an instance if they return.
         self._away = np.zeros(count, bool)
         self.cohorts: list[Cohort] = []
-        self._ended = Worst(count)
+        self._ended = Worst.of_none(count)
         self._exact: list[Exact] = []
         self._momentary_agents: dict[int, tuple[str, ...]] = {}
         self.decisions: list[Decision] = []
@@ -180,8 +202,7 @@ class SpecificationMonitor:
                 if agents := specification.scope.momentary_agents:
                     self._momentary_agents[now] = agents
             for cohort in open_cohorts:
-                place = cohort.place
-                cohort.monitor.update([each[place] for each in values])
+                cohort.monitor.update(values if cohort.is_whole else [each[cohort.rows] for each in values])
             if self._is_regrouped or self._is_offered or any(each.monitor.is_changed for each in self.cohorts):
                 for cohort in self.cohorts:
                     self._take(cohort, decisions)
@@ -399,14 +420,14 @@ class SpecificationMonitor:
                     self._close(cohort)
             self.cohorts = [cohort for cohort in self.cohorts if not cohort.told.all()]
         outcome = self._ended.copy()
-        for cohort in self.cohorts:
-            outcome.add(cohort, interval)
+        outcome.add(self.cohorts, interval)
+        verdicts, lower, upper = outcome.verdicts, outcome.lower, outcome.upper
         if np.count_nonzero(self.begun) < len(self.begun):
-            outcome.verdicts[~self.begun] = 0
-            outcome.lower[~self.begun], outcome.upper[~self.begun] = -np.inf, np.inf
-        self.verdicts = outcome.verdicts
+            verdicts = np.where(self.begun, verdicts, np.int8(0))
+            lower, upper = np.where(self.begun, lower, -np.inf), np.where(self.begun, upper, np.inf)
+        self.verdicts = verdicts
         if interval:
-            self.lower, self.upper = outcome.lower, outcome.upper
+            self.lower, self.upper = lower, upper
 
     def _is_complete(self, cohort: Cohort) -> bool:
         """Whether the verdicts of an offered cohort, and their robustness, are known."""
@@ -414,7 +435,7 @@ class SpecificationMonitor:
 
     def _close(self, cohort: Cohort) -> None:
         """Keep the results of a cohort that is no longer evaluated."""
-        self._ended.add(cohort, self.specification.interval)
+        self._ended.add([cohort], self.specification.interval)
         if self.specification.explains:
             every = np.arange(len(cohort.rows))
             for row, bound, decision in self._bounds(cohort, every):
