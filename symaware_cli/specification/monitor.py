@@ -68,6 +68,7 @@ class Monitor:
         self._clock = Clock(rows, boolean=self._truth, single=single)
         self._stream = stream(formula, self._clock, 0)
         self._robustness_clock = Clock(rows, boolean=False, single=single)
+        #: The bounds of which nothing is known.
         self._least, self._greatest = self._clock.full(1, False)[0], self._clock.full(1, True)[0]
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False

@@ -48,7 +48,12 @@ class Cohort:
     """
 
     def __init__(
-        self, rows: NDArray[np.intp], monitor: Monitor | AutomatonMonitor, start: int, told: NDArray[np.int8], count: int
+        self,
+        rows: NDArray[np.intp],
+        monitor: Monitor | AutomatonMonitor,
+        start: int,
+        told: NDArray[np.int8],
+        count: int,
     ) -> None:
         self.rows = rows
         self.count = count
