@@ -163,7 +163,7 @@ class ToTheEndStream(Stream):
     def _exceeds(self, value: Values, known: Values) -> bool:
         """Whether a value changes one of the extrema so far."""
         # Several times as fast as `any` for few rows.
-        return np.count_nonzero(value > known if self._greatest else value < known) > 0
+        return bool(np.count_nonzero(value > known if self._greatest else value < known))
 
     def _begun(self, begin: int, end: int) -> Values:
         """Return the extrema so far for the starts in a range that have been pushed [instants, rows]."""
