@@ -63,6 +63,8 @@ class Proximity:
         self._directed: tuple[Indices, Indices, Indices] | None = None
         #: The bodies at each place of the runs, if pairs are in blocks; shape (n, runs).
         self._blocks: Indices | None = None
+        #: The numbers of the pairs of the body at each place of a run, if those are all pairs; shape (n, n - 1).
+        self._own: Indices = np.empty((0, 0), np.intp)
         self._pairs = Pairs(self._first, self._second, np.empty(0))
 
     @property
@@ -162,7 +164,10 @@ class Proximity:
             self._blocks = blocks if self.has_blocks else None
             self._first, self._second = blocks[first].ravel(), blocks[second].ravel()
             self._cut = np.inf
-            if self._present is not None:
+            if self._present is None:
+                own = np.concatenate([first, second]).argsort(kind="stable") % max(1, len(first))
+                self._own = own.reshape(runs.shape[1], max(0, runs.shape[1] - 1))
+            else:
                 both = self._present[self._first] & self._present[self._second]
                 self._first, self._second = self._first[both], self._second[both]
         else:
@@ -213,6 +218,25 @@ class Proximity:
 
         distances: Array = np.asarray(cKDTree(positions).query(positions, k=2)[0])
         return float(distances[:, 1].min())
+
+    def nearest_to_each(self, positions: Array) -> Array:
+        """Return the distance from each body to the nearest other [m]; infinite if there is none, or it is absent.
+
+        Args:
+            positions: As for `pairs`.
+        """
+        count = len(positions) if self.runs is None else self.runs.shape[1]
+        if count > _ALL_PAIRS or self._present is not None:
+            return nearest_distances(positions, self.runs)
+        pairs = self.pairs(positions, 0.0)
+        least: Array
+        if self._blocks is None:
+            least = np.fmin.reduce(pairs.distance.take(self._own), axis=1, initial=np.inf)
+        else:
+            least = np.empty(len(positions))
+            of_pairs = pairs.distance.reshape(-1, pairs.runs)
+            least[self._blocks] = np.fmin.reduce(of_pairs.take(self._own, 0), axis=1, initial=np.inf)
+        return least
 
 
 def _distances_in_blocks(positions: Array, blocks: Indices) -> Array:

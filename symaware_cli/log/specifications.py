@@ -25,8 +25,9 @@ TOPIC = "/specifications/{}"
 #: Maximum number of robustness values in a message.
 _MOST = 8_192
 
-#: The codes of verdicts, and of undecided verdicts of linear temporal logic with a presumption.
-_CODES = {0: 0, 1: 1, -1: 2}
+#: The codes of the verdicts 0, 1 and -1, which counts from the end, and of undecided verdicts of linear temporal logic
+#: with a presumption.
+_CODES = np.array([0, 1, 2], np.uint8)
 _PRESUMED_CODES = {1: 4, -1: 5}
 #: The code of a row that has not begun.
 _NOT_BEGUN = 3
@@ -82,13 +83,12 @@ class SpecificationRecorder:
         state: tuple[NDArray[Any], ...] = _codes(monitor), monitor.lower, monitor.upper
         if is_repeated:
             state = *state, monitor.settled.copy()
-        if last is None:
-            changed = np.ones(len(state[0]), bool)
-        else:
-            changed = np.zeros(len(state[0]), bool)
-            for mine, its in zip(state, last, strict=True):
-                changed |= (mine != its) & ~(np.isnan(mine) & np.isnan(its))
-        if changed.any():
+        changed = np.full(len(state[0]), last is None)
+        for mine, its in zip(state, last or (), strict=False):
+            differing = mine != its
+            if np.count_nonzero(differing):  # several times as fast as `any` for few rows
+                changed |= differing & ~(np.isnan(mine) & np.isnan(its))
+        if np.count_nonzero(changed):
             self._last[name] = state
             rows = None if changed.all() else np.flatnonzero(changed)
             codes, lower, upper, *settled = (each if rows is None else each[rows] for each in state)
@@ -110,9 +110,9 @@ class SpecificationRecorder:
 
 def _codes(monitor: SpecificationMonitor) -> NDArray[np.uint8]:
     """The code of each row's verdict."""
-    codes = np.full(len(monitor.verdicts), _NOT_BEGUN, np.uint8)
-    for verdict, code in _CODES.items():
-        codes[monitor.begun & (monitor.verdicts == verdict)] = code
+    codes = _CODES.take(monitor.verdicts, mode="wrap")
+    if np.count_nonzero(monitor.begun) < len(codes):
+        codes[~monitor.begun] = _NOT_BEGUN
     presumptions = monitor.presumptions
     if presumptions is not None:
         for verdict, code in _PRESUMED_CODES.items():

@@ -413,7 +413,7 @@ TAKEN: frozenset[str] = RESERVED.union(FUNCTIONS)
 def _divided(call: Callable[[Any, Any], Any], one: Any, other: Any) -> Any:
     """Divide; a division by zero gives NaN, never infinity."""
     is_zero = np.equal(other, 0.0)
-    if not is_zero.any():
+    if not np.count_nonzero(is_zero):  # several times as fast as `any` for few rows
         return call(one, other)
     if np.geterr()["divide"] == "raise":
         raise ZeroDivisionError("division by zero")
@@ -456,7 +456,7 @@ def _encoded(margin: Any, is_zero: Any, holds_at_zero: bool) -> Any:
     """Encode a robustness as `formula.encoded` does, given where it is 0."""
     zero = ZERO if holds_at_zero else -ZERO
     if isinstance(is_zero, np.ndarray):
-        return np.where(is_zero, zero, margin) if is_zero.any() else margin
+        return np.where(is_zero, zero, margin) if np.count_nonzero(is_zero) else margin
     return zero if is_zero else margin
 
 
@@ -475,6 +475,9 @@ def _margin(node: Comparison, functions: Functions | None = None) -> Evaluate:
     """Compile a comparison into its robustness, for vectors element by element; of a chain, the least."""
     operands = [values(each, functions) for each in node.operands]
     calls = [COMPARISONS[sign] for sign in node.operators]
+    if len(calls) == 1:
+        (compare,), (one, other) = calls, operands
+        return lambda lookup: compare(one(lookup), other(lookup))
 
     def margin(lookup: Lookup) -> Any:
         compared = [operand(lookup) for operand in operands]

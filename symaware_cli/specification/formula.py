@@ -264,5 +264,6 @@ def encoded(robustness: Array, holds_at_zero: bool) -> Array:
 
 
 def plain(robustness: Array) -> Array:
-    """Decode robustness; the inverse of `encoded`."""
-    return np.where(np.abs(robustness) == ZERO, 0.0, robustness)
+    """Decode robustness; the inverse of `encoded`. Without a robustness of 0 it is the same array."""
+    is_zero = np.abs(robustness) == ZERO
+    return np.where(is_zero, 0.0, robustness) if np.count_nonzero(is_zero) else robustness

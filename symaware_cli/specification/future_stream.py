@@ -162,7 +162,8 @@ class ToTheEndStream(Stream):
 
     def _exceeds(self, value: Values, known: Values) -> bool:
         """Whether a value changes one of the extrema so far."""
-        return bool((value > known if self._greatest else value < known).any())
+        # Several times as fast as `any` for few rows.
+        return bool(np.count_nonzero(value > known if self._greatest else value < known))
 
     def _begun(self, begin: int, end: int) -> Values:
         """Return the extrema so far for the starts in a range that have been pushed [instants, rows]."""
@@ -188,8 +189,11 @@ class ToTheEndStream(Stream):
         pending = max(begin, self._operand.exact + 1)
         found = self._operand.bound(side, pending, last + 1) if pending <= last else None
         starts = self._begun(begin, end)
-        if found is None and not len(starts) and not goes_on and not self.clock.ended:
-            return None
+        if found is None and not goes_on:
+            if len(starts) == end - begin and pending > last:
+                return starts
+            if not len(starts) and not self.clock.ended:
+                return None
         result = self.clock.full(end - begin, not self._greatest)
         if found is not None:
             within = np.arange(begin, end if goes_on else min(end, last + 1))

@@ -68,6 +68,8 @@ class Monitor:
         self._clock = Clock(rows, boolean=self._truth, single=single)
         self._stream = stream(formula, self._clock, 0)
         self._robustness_clock = Clock(rows, boolean=False, single=single)
+        #: The bounds of which nothing is known.
+        self._least, self._greatest = self._clock.full(1, False)[0], self._clock.full(1, True)[0]
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False
         self._samples: list[list[Any]] = []
@@ -192,17 +194,18 @@ class Monitor:
             below, above = self._stream.known(0, 0, 1), self._stream.known(1, 0, 1)
             if below is None and above is None:
                 return
-            lower = self._clock.full(1, False)[0] if below is None else below[0]
-            upper = self._clock.full(1, True)[0] if above is None else above[0]
+            # Copies, as streams go on with their arrays.
+            lower = self._least if below is None else below[0].copy()
+            upper = self._greatest if above is None else above[0].copy()
         if self._truth:
             holds, fails = lower, np.logical_not(upper)
         else:
             if self.interval:
-                self.lower, self.upper = lower.copy(), upper.copy()
+                self.lower, self.upper = lower, upper
             if self._clock.single and lower[0] < 0.0 < upper[0]:
                 return
             holds, fails = lower > 0.0, upper < 0.0
-        self.verdict = np.subtract(holds, fails, dtype=np.int8)
+        self.verdict = holds.view(np.int8) - fails.view(np.int8)
         self._settled = exact is not None or (not self.interval and bool(self.verdict.all()))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, EntityGroup, Model, Snapshot, seconds
-from symaware_cli.geometry import Proximity, Region, lengths, nearest_distances
+from symaware_cli.geometry import Proximity, Region, lengths
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.parser import Keys, Names
 from symaware_cli.specification.region import PlacedRegion
@@ -269,7 +269,7 @@ class AgentScope(Scope):
         """Return the distance of each agent to the nearest other [m], between centres; infinity if there is none."""
         snapshot = self._world.snapshot()
         start = snapshot.roster.start(self.group.name)
-        return nearest_distances(snapshot.positions, snapshot.roster.runs)[start : start + self.rows]
+        return self._world.proximity.nearest_to_each(snapshot.positions)[start : start + self.rows]
 
 
 class BeliefScope(AgentScope):

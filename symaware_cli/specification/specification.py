@@ -13,7 +13,7 @@ from symaware_cli.specification.absence import AbsentError
 from symaware_cli.specification.automaton import Automaton, AutomatonMonitor
 from symaware_cli.specification.columns import NO_VALUE, Lookup
 from symaware_cli.specification.formula import Array
-from symaware_cli.specification.formulation import Formulation
+from symaware_cli.specification.formulation import Atom, Formulation
 from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.scope import Scope
@@ -101,7 +101,6 @@ class Specification:
         Raises:
             SpecificationError: A predicate has no value.
         """
-        agents = self.scope.agents if agents is None else agents
         memory: dict[str, Any] = {}
 
         def remembered(name: str) -> Any:
@@ -121,16 +120,29 @@ class Specification:
                 except NO_VALUE as error:
                     raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
                 wrong = np.isnan(column)
-                if present is not None:
-                    wrong &= present
-                if wrong.any() and (lacking := self.scope.lacking) is not None:
-                    column = np.where(wrong & lacking, -np.inf, column)
-                    wrong &= ~lacking
-                if wrong.any():
-                    who = " and ".join(agents(int(wrong.argmax())))
-                    raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
+                if np.count_nonzero(wrong):  # several times as fast as `any` for few rows
+                    column = self._without_gaps(atom, column, wrong, present, agents)
                 values.append(column)
         return values
+
+    def _without_gaps(
+        self,
+        atom: Atom,
+        column: Array,
+        wrong: NDArray[np.bool_],
+        present: NDArray[np.bool_] | None,
+        agents: Callable[[int], Sequence[str]] | None,
+    ) -> Array:
+        """Return the robustness of a predicate that is NaN in some rows, where these need none; see `values`."""
+        if present is not None:
+            wrong &= present
+        if wrong.any() and (lacking := self.scope.lacking) is not None:
+            column = np.where(wrong & lacking, -np.inf, column)
+            wrong &= ~lacking
+        if wrong.any():
+            who = " and ".join((agents or self.scope.agents)(int(wrong.argmax())))
+            raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
+        return column
 
     @property
     def text(self) -> str:

@@ -43,6 +43,7 @@ class Roster:
     __slots__ = (
         "_models",
         "_numbers",
+        "_order",
         "_places",
         "_tables",
         "counts",
@@ -72,6 +73,7 @@ class Roster:
         self._models = dict(models or {})
         self.dimensions = max((len(model.position) for model in self._models.values()), default=2)
         self.groups = tuple(sorted(members))
+        self._order = {group: number for number, group in enumerate(self.groups)}
         self.counts = tuple(len(members[group]) for group in self.groups)
         self.ids = tuple(id for group in self.groups for id in members[group])
         self.indices = {id: index for index, id in enumerate(self.ids)}
@@ -157,7 +159,7 @@ class Roster:
         if pattern in self:
             return [self.index(pattern)]
         if pattern in self.groups:
-            number = self.groups.index(pattern)
+            number = self.number(pattern)
             return list(range(self.starts[number], self.starts[number] + self.counts[number]))
         found = [index for index, id in enumerate(self.ids) if fnmatch.fnmatchcase(id, pattern)]
         if not found:
@@ -166,7 +168,11 @@ class Roster:
 
     def start(self, group: str) -> int:
         """Return the index of the first agent of a group."""
-        return self.starts[self.groups.index(group)]
+        return self.starts[self._order[group]]
+
+    def number(self, group: str) -> int:
+        """Return the number of a group in `groups`."""
+        return self._order[group]
 
     def __contains__(self, id: object) -> bool:
         return id in self._places

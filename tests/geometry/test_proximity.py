@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from symaware_cli.geometry.proximity import Proximity
+from symaware_cli.geometry.proximity import Proximity, nearest_distances
 
 
 def near(positions: NDArray[np.float64], reach: float) -> set[tuple[int, int]]:
@@ -109,3 +109,24 @@ def test_pairs_of_several_runs_are_those_of_each_run_to_the_bit(count: int) -> N
             assert bodies[first].tolist() == one[directed].tolist()
             assert bodies[second].tolist() == other[directed].tolist()
             assert apart.tobytes() == distance[directed].tobytes()
+
+
+@pytest.mark.parametrize("runs", [None, 3])
+@pytest.mark.parametrize("count", [1, 2, 64, 65])
+def test_the_nearest_to_each_is_that_of_all_pairs_to_the_bit(count: int, runs: int | None) -> None:
+    random, proximity = np.random.default_rng(count), Proximity()
+    total = count * (runs or 1)
+    if runs is not None:
+        proximity.runs = random.permutation(total).reshape(runs, count)
+        proximity.runs.sort(axis=1)
+    for share in (1.0, 0.5, 1.0):  # all are present, some, and all again
+        positions = random.uniform(-3.0, 3.0, (total, 2))
+        present = random.random(total) < share
+        positions[~present] = np.nan
+        proximity.present = None if share == 1.0 else present
+        expected = nearest_distances(positions, proximity.runs)
+        assert proximity.nearest_to_each(positions).tobytes() == expected.tobytes()
+
+
+def test_nobody_is_near_to_none() -> None:
+    assert Proximity().nearest_to_each(np.empty((0, 2))).shape == (0,)

@@ -103,7 +103,7 @@ class RangePerception(GroupComponent):
         """Look up the group in the world's roster."""
         super().initialise_component(group)
         parameters, environment = self.parameters, self.environment
-        self._number = environment.roster.groups.index(group.name)
+        self._number = environment.roster.number(group.name)
         self._start = environment.roster.start(group.name)
         self._state_deviation = np.broadcast_to(np.asarray(parameters.self_noise, float), len(group.model.state))
         self._delay = round(parameters.delay * 1e9 / environment.time_step) * environment.time_step

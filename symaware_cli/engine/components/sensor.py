@@ -37,7 +37,7 @@ class Sensor(GroupComponent):
     def initialise_component(self, group: AgentGroup) -> None:
         """Start without measurements."""
         super().initialise_component(group)
-        self._number = self.environment.roster.groups.index(group.name)
+        self._number = self.environment.roster.number(group.name)
         self._start = self.environment.roster.start(group.name)
         self._delay = nanoseconds(self.parameters.delay)
         self._pending: deque[tuple[int, Any]] = deque()

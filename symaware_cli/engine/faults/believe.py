@@ -232,7 +232,7 @@ def _correct_own(group: AgentGroup, snapshot: Snapshot, rows: NDArray[np.intp]) 
     if not len(rows):
         return
     awareness = group.awareness
-    true = snapshot.states[snapshot.roster.groups.index(group.name)]
+    true = snapshot.states[snapshot.roster.number(group.name)]
     if not np.array_equal(awareness.state[rows], true[rows]):
         states = awareness.state.copy()
         states[rows] = true[rows]
