@@ -8,9 +8,10 @@ from functools import cached_property
 from typing import Any, NoReturn
 
 from symaware_cli.language.compose import Composition
-from symaware_cli.language.problem import Problem, ScenarioError, dotted, is_inside, listed, nearest, quoted
+from symaware_cli.language.problem import Problem, ScenarioError, dotted, is_inside, nearest, quoted
 from symaware_cli.language.source import Path
 from symaware_cli.specification import RESERVED, ExpressionError
+from symaware_cli.world import listed
 
 _REFERENCES = {"bad-reference", "cyclic-parameter", "undefined-parameter"}
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from symaware_cli.core import Model, Quantity
 from symaware_cli.engine.models.noise import NoisyModel
-from symaware_cli.geometry import Array
+from symaware_cli.geometry import Array, wrapped
 from symaware_cli.world import columns
 
 
@@ -114,7 +114,7 @@ class HeadingModel(NoisyModel):
         """
         x, y = columns(velocity[:, :2])
         speed = np.sqrt(x * x + y * y)
-        error = np.remainder(np.arctan2(y, x) - state[:, self.heading] + np.pi, 2 * np.pi) - np.pi
+        error = wrapped(np.arctan2(y, x) - state[:, self.heading])
         return speed, np.where(speed > 1e-9, error, 0.0)
 
 

@@ -288,7 +288,7 @@ class Replica:
         """Let agents enter and leave the world as in the run; all are present in a new world."""
         for name, flags in present.items():
             group = self._groups[name]
-            before = np.ones(len(group), bool) if group.present is None else group.present
+            before = group.in_world
             group.present = flags
             if self._description.world is not None:
                 for move, rows in ((self._world.dismiss, before & ~flags), (self._world.admit, flags & ~before)):

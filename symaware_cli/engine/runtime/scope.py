@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -293,7 +294,7 @@ class WorldScope:
                     lambda pose: np.array(pose.position),
                 )
             case "present":
-                return _ByName(self._rows, simulation, _presence, counts_absent=True)
+                return _ByName(self._rows, simulation, attrgetter("in_world"), counts_absent=True)
             case "state":
                 return _ByName(
                     self._rows,
@@ -361,10 +362,6 @@ class _LinksOfOne(LinkPositions):
     def __getitem__(self, link: str) -> Array:
         found: Array = super().__getitem__(link)[0]
         return found
-
-
-def _presence(group: AgentGroup) -> NDArray[np.bool_]:
-    return np.ones(len(group), bool) if group.present is None else group.present
 
 
 def _part_of(name: str, group: AgentGroup) -> Array:

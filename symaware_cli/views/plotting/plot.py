@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry import wrapped
 from symaware_cli.log import Log, LogError, whole_file
 from symaware_cli.views.plotting.content import gather
 from symaware_cli.views.plotting.curves import PlottedCurves
@@ -165,7 +166,7 @@ def _elements(one: Log, other: Log) -> Iterator[PlottedCurves]:
             there[curves.times > theirs[name].times[-1]] = np.nan
             difference = np.abs(there - curves.values[:, rows])
             if curves.unit == "rad":
-                difference = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
+                difference = np.abs(wrapped(difference))
             if np.isfinite(difference).any():
                 lines = tuple(curves.lines[number] for number in rows)
                 yield PlottedCurves(f"difference of {name}", curves.unit, curves.times, difference, lines)

@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import AgentGroup
-from symaware_cli.engine.components.control.free_direction import DirectionCosts, free_directions, turned
+from symaware_cli.engine.components.control.free_direction import DirectionCosts, free_directions
 from symaware_cli.engine.components.control.scan_steering import ScanSteering
 from symaware_cli.engine.components.scan_surfaces import BelievedPose, NearReturns, believed_pose
-from symaware_cli.geometry import Array, Pieces
+from symaware_cli.geometry import Array, Pieces, wrapped
 
 #: The positions of an arc at which distances are measured.
 _SAMPLES = 8
@@ -111,7 +111,7 @@ class DynamicWindow(ScanSteering):
         distance = np.take_along_axis(distance, nearest, axis=2)[..., 0]
         progress = (_length(goal) - distance) / (given.speed * given.arc)
         # Where the arc is nearest to the target; there is no heading towards a target that is reached.
-        error = np.take_along_axis(turned(np.arctan2(rest[..., 1], rest[..., 0]), headings), nearest, axis=2)[..., 0]
+        error = np.take_along_axis(wrapped(np.arctan2(rest[..., 1], rest[..., 0]) - headings), nearest, axis=2)[..., 0]
         error = np.where(distance <= given.tolerance, 0.0, error)
         clear = np.minimum(spare.min(axis=2), given.range) / given.range
         score = (
