@@ -30,7 +30,16 @@ LATER = {
         "engine/runtime/held_rows.py",
     ),
     "MuJoCo": (
-        *("plugins/symaware-mujoco", "assets/mjcf.py", "assets/convexity.py", "worlds/hull_check.py"),
+        *(
+            "plugins/symaware-mujoco",
+            "assets/mjcf.py",
+            "assets/mjcf_defaults.py",
+            "assets/mjcf_inclusion.py",
+            "assets/mjcf_looks.py",
+            "assets/mjcf_pose.py",
+            "assets/convexity.py",
+            "worlds/hull_check.py",
+        ),
         *("worlds/vehicles.py", "worlds/bullet_vehicles.py", "worlds/colours.py", "worlds/ground.py"),
         "language/capable_worlds.py",
     ),
