@@ -126,7 +126,7 @@ def explain(
 
 
 def _announce(plan: ExplanationPlan) -> None:
-    """Say what it will cost, on the standard error, since the time differs from machine to machine."""
+    """Print the expected cost to the standard error, because the time differs from machine to machine."""
     size = f"{counted(plan.candidates, 'candidate')}, {counted(len(plan.instants), 'instant')}"
     terminal.say(
         f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time ({size}, {plan.futures} futures)",

@@ -34,7 +34,7 @@ def plot(log: Log, path: str | os.PathLike[str], request: PlotRequest | None = N
         The content that was drawn.
 
     Raises:
-        LogError: There is nothing to plot, the log does not have what was requested, or matplotlib is not installed.
+        LogError: There is nothing to plot, the log lacks requested data, or matplotlib is not installed.
         OutputError: The file cannot be written.
     """
     path, request = Path(path), request or PlotRequest()
