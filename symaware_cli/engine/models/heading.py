@@ -106,7 +106,7 @@ class HeadingModel(NoisyModel):
 
         Args:
             state: The states; shape (n, nx).
-            velocity: The desired velocities [m/s]; shape (n, d), of which the components in the plane count.
+            velocity: The desired velocities [m/s]; shape (n, d); only the components in the plane count.
 
         Returns:
             The desired speed in the plane [m/s], and the angle from the heading to the desired direction, in

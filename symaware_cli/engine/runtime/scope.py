@@ -1,4 +1,4 @@
-"""What expressions in a scenario may refer to: an agent what it is aware of and knows, a run how the world is."""
+"""Names in the expressions of a scenario: for agents, awareness and knowledge; for runs, the state of the world."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ class ConditionScope:
         }
 
     def look_up(self, row: int, name: str) -> Any:
-        """What a name stands for, for one agent."""
+        """The value of a name for one agent."""
         group = self._group
         element = self._elements.get(name)
         if element is not None:
@@ -260,7 +260,7 @@ class WorldScope:
         return self._simulation.groups[0].specifications
 
     def look_up(self, name: str) -> Any:
-        """What a name stands for."""
+        """The value of a name."""
         simulation = self._simulation
         if name in self._parts:
             return _ByName(self._rows, simulation, partial(_part_of, name))
@@ -308,7 +308,7 @@ class WorldScope:
 
 
 class _ByName:
-    """What is so of each agent by its id, of each group by its name, and of each other body by its name."""
+    """A property of each agent by its id, of each group by its name, and of each other body by its name."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The dynamic window approach: the speed and turn rate of the best arc that keeps clear of what is seen.
+"""The dynamic window approach: the speed and turn rate of the best arc that keeps clear of seen surfaces.
 
 Reasons: docs/decisions/0087-sensing.md
 """
@@ -36,15 +36,15 @@ class DynamicWindow(ScanSteering):
     stop. The best maximises the weighted sum of the approach to the target, of the heading towards it where the arc is
     nearest to it, of the clearance and of the speed. If none is admissible the agent stops, and goes on turning.
 
-    Alone the method stops in front of what is in the way to the target. So the target is turned into the free direction
-    of the scan that differs least from it, as `VectorFieldHistogram` finds it.
+    Alone the method stops in front of obstacles in the way to the target. So the target is turned into the free
+    direction of the scan that differs least from it, as `VectorFieldHistogram` finds it.
 
     With the `footprint` of a rectangle, distances from returns are those of the rectangle around the body as it turns,
     so that a long body passes through gaps that the circle around it does not fit into.
     """
 
     class Parameters(ScanSteering.Parameters):
-        """The window, the arcs and what they are worth."""
+        """The window, the arcs and their weights."""
 
         window: float = Field(0.25, gt=0, description="Within which time a speed has to be attained [s].")
         arc: float = Field(1.5, gt=0, description="How long the arcs are [s].")
@@ -159,7 +159,7 @@ class DynamicWindow(ScanSteering):
         Args:
             places: Positions relative to the agents [m]; shape (n, c, s, 2).
             headings: Headings there [rad]; shape (n, c, s).
-            near: What is seen.
+            near: The returns of the lidar.
         """
         is_disc = self.parameters.footprint == "disc"
         chosen = np.argsort(near.distances, axis=1, kind="stable")[:, : self.parameters.returns]

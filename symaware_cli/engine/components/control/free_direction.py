@@ -57,8 +57,8 @@ def free_directions(
         ahead: The direction of the target [rad]; shape (n,).
         previous: The direction chosen before [rad], NaN for none; shape (n,).
         pose: The poses of the agents.
-        near: What they see.
-        keep: The distance to keep from it [m].
+        near: The returns of their lidars.
+        keep: The distance to keep from these [m].
         sectors: How many directions are compared, besides that of the target.
         costs: The costs.
     """

@@ -26,11 +26,11 @@ class VectorFieldHistogram(ScanSteering):
     obstacle avoidance for fast mobile robots", ICRA 1998; directions are blocked by single returns here, not by the
     density of a grid). Differences to the left count a tenth more, so that two that meet pass each other on the right.
 
-    The speed is such that the distance to each surface, along the straight line to it, would take at least `headway`
-    to use up. So an agent stops in front of what does not give way, and two of them if the headway is at least twice
-    the time between two scans. If all directions are blocked, it stands still.
+    The speed is such that the distance to each surface, along the straight line to it, would take at least `headway` to
+    use up. So an agent stops in front of obstacles that do not give way, and two of them if the headway is at least
+    twice the time between two scans. If all directions are blocked, it stands still.
 
-    The model follows the velocity as well as it can; `margin` has to cover what it cannot follow.
+    The model follows the velocity as well as it can; `margin` has to cover the difference.
     """
 
     class Parameters(ScanSteering.Parameters):
