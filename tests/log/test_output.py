@@ -86,9 +86,7 @@ def test_what_was_begun_is_taken_away_whatever_goes_wrong(
     ("place", "sentence"),
     [("missing/out", "its folder does not exist"), ("file/out", "part of its path is not a folder")],
 )
-def test_a_place_that_cannot_be_written_to_is_told(
-    tmp_path: Path, write: Callable[..., Any], place: str, sentence: str
-) -> None:
+def test_an_unwritable_place_is_reported(tmp_path: Path, write: Callable[..., Any], place: str, sentence: str) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError) as caught:
         write(tmp_path / place)

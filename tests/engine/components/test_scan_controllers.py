@@ -42,7 +42,7 @@ def document(steer: str, *more: tuple[str, Any], model: str = "unicycle", **opti
 
 
 @pytest.mark.parametrize(("steer", "model"), [(VFH, "unicycle"), (VFH, "single-integrator"), (WINDOW, "unicycle")])
-def test_robots_reach_their_goals_past_what_they_see(steer: str, model: str) -> None:
+def test_robots_reach_their_goals_past_seen_obstacles(steer: str, model: str) -> None:
     summary = scenario(document(steer, model=model, deviation=0.01)).run(record=False).summary
     assert summary.goals_reached == ("robot.0", "robot.1")
     assert summary.contacts == 0
@@ -69,7 +69,7 @@ def test_waypoints_are_followed_and_may_lead_away_from_the_goal(steer: str) -> N
     assert summary.simulated_time > 11.0  # each way is 12 m long
 
 
-def test_who_counts_the_unseen_as_occupied_does_not_start_without_a_scan() -> None:
+def test_an_agent_that_counts_the_unseen_as_occupied_does_not_start_without_a_scan() -> None:
     content = document(VFH, unseen="occupied")
     content["agents"]["robot"]["components"]["lidar"]["with"]["dropout"] = 1.0
     assert not scenario(content).run(record=False, duration=15.0).summary.goals_reached

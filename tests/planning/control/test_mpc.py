@@ -139,7 +139,7 @@ def test_an_obstacle_on_its_way_is_dodged_before_it_is_there() -> None:
     assert summary.goals_reached
 
 
-def test_who_is_not_perceived_is_not_avoided() -> None:
+def test_an_unperceived_agent_is_not_avoided() -> None:
     pair = team(MODELS["single integrator"], [[-3.0, 0.0], [3.0, 0.0]], [[3.0, 0.0], [-3.0, 0.0]], sense=SelfPerception)
     assert travel({"robot": pair}, 120)[0].contacts > 0
 
