@@ -1,4 +1,4 @@
-"""`symaware doctor`: what is installed, what of it works, and what to do about the rest."""
+"""`symaware doctor`: the parts of the installation, whether they work, and how to repair those that do not."""
 
 import json
 import os
