@@ -186,9 +186,7 @@ def patched(base: Any, patch: Any) -> Any:
 
 
 @given(st.lists(st.dictionaries(st.sampled_from("abc"), trees, max_size=3), min_size=1, max_size=4))
-def test_templates_are_merged_in_the_order_of_like(
-    tmp_path_factory: pytest.TempPathFactory, layers: list[Any]
-) -> None:
+def test_templates_are_merged_in_the_order_of_like(tmp_path_factory: pytest.TempPathFactory, layers: list[Any]) -> None:
     folder = tmp_path_factory.mktemp("alike")
     *templates, own = [{"knowledge": each} for each in layers]
     document = {
